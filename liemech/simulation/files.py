@@ -283,11 +283,9 @@ def replace(path: Path, data: bytes) -> None:
         if not os.access(target, os.W_OK):
             raise PermissionError(13, os.strerror(13), str(path))
     _sweep(target)
-    unfinished = target.with_name(
-        f".{target.name}.{os.getpid()}-{_HOST}-{secrets.token_hex(4)}.part"
-    )
+    beside = unfinished(target)
     handle = os.open(
-        unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666
+        beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666
     )
     try:
         with os.fdopen(handle, "wb") as file:
@@ -295,12 +293,12 @@ def replace(path: Path, data: bytes) -> None:
             file.flush()
             if mode is not None:
                 with contextlib.suppress(OSError):  # not every disk has modes
-                    os.chmod(unfinished, mode)
+                    os.chmod(beside, mode)
             os.fsync(file.fileno())
-        os.replace(unfinished, target)
+        os.replace(beside, target)
     except BaseException:
         with contextlib.suppress(OSError):
-            os.unlink(unfinished)
+            os.unlink(beside)
         raise
     with contextlib.suppress(OSError):  # not every system opens folders
         folder = os.open(target.parent, os.O_RDONLY)
@@ -308,6 +306,11 @@ def replace(path: Path, data: bytes) -> None:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+
+def unfinished(target: Path) -> Path:
+    """A name beside a file under which this process writes it."""
+    return target.with_name(f".{target.name}.{os.getpid()}-{_HOST}-{secrets.token_hex(4)}.part")
 
 
 def _sweep(target: Path) -> None:

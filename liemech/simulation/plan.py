@@ -268,10 +268,18 @@ class Plan:
             run = self._short_run(start, steps, t0)
             if run is not None:
                 return run
+        if checkpoint is None:
+            return self._run(start, steps, t_end, t0, t_eval, None)
+        with self._kept(checkpoint, checkpoint_every) as kept:
+            return self._run(start, steps, t_end, t0, t_eval, kept)
+
+    def _run(
+        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
+        """A run of any kind."""
         if self.events:
             arguments.events(self.events)  # whose attributes may have changed
         start, t0 = self._started(start), arguments.real(t0, "t0")
-        kept = None if checkpoint is None else self._kept(checkpoint, checkpoint_every)
         one_by_one = apart(self, start, t_end, t_eval)
         if one_by_one and (self.fictive or self.adaptive):
             return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
@@ -370,21 +378,18 @@ class Plan:
             arguments.allowed(self.system, start)
         return start
 
-    def _kept(self, path: Any, seconds: Any) -> Checkpoint | None:
-        """Where the run is saved, if it is; what cannot be saved is refused now, and not after a
-        minute.
-        """
-        kept = arguments.checkpoint(path, seconds)
-        if kept is not None:
-            from .encoding import encoded
+    def _kept(self, path: Any, seconds: Any) -> Checkpoint:
+        """Where the run is saved; what cannot be saved is refused now, and not after a minute."""
+        from .encoding import encoded
 
-            for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
-                try:
-                    encoded(value)
-                except InvalidInput as error:
-                    raise InvalidInput(
-                        f"integrate: checkpoint: the {name} cannot be saved. {error}"
-                    ) from None
+        kept = arguments.checkpoint(path, seconds)
+        for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
+            try:
+                encoded(value)
+            except InvalidInput as error:
+                raise InvalidInput(
+                    f"integrate: checkpoint: the {name} cannot be saved. {error}"
+                ) from None
         return kept
 
     def _needed(self, system: Any, start: Any) -> Any:
@@ -421,7 +426,15 @@ class Plan:
         Raises InvalidInput if the run was of another system, method or step, which it names, or if
         it was interrupted.
         """
-        kept = self._kept(checkpoint, checkpoint_every)
+        if checkpoint is None:
+            return self._gone_on(run, steps, t_end, t_eval, None)
+        with self._kept(checkpoint, checkpoint_every) as kept:
+            return self._gone_on(run, steps, t_end, t_eval, kept)
+
+    def _gone_on(
+        self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
+        """What comes after a run of any kind."""
         if isinstance(run, Stepper):
             carry = run.carry
             self._require_mine(carry, "resume")

@@ -242,6 +242,43 @@ def test_where_a_checkpoint_may_lie(tmp_path: Path) -> None:
         plan.run(START, steps=3, checkpoint=tmp_path / "run.npz", checkpoint_every=-1.0)
 
 
+def test_files_are_like_other_files(tmp_path: Path) -> None:
+    """New ones obey the umask, old ones keep their mode, links stay; what was left is swept."""
+    run, path = CASES["body"][0].run(START, steps=3), tmp_path / "run.npz"
+    before = os.umask(0o027)
+    try:
+        run.save(path)
+        assert path.stat().st_mode & 0o777 == 0o640
+        path.chmod(0o604)
+        run.save(path)
+        assert path.stat().st_mode & 0o777 == 0o604
+        link = tmp_path / "elsewhere" / "link.npz"
+        link.parent.mkdir()
+        for target in (Path("..") / "run.npz", Path("..") / "new.npz"):
+            link.unlink(missing_ok=True)
+            link.symlink_to(target)
+            run.save(link)
+            assert link.is_symlink() and lm.Trajectory.load(link.parent / target) == run
+        assert os.listdir(link.parent) == ["link.npz"]
+    finally:
+        os.umask(before)
+    program = (  # killed while it writes
+        "import os, sys, liemech as lm\nfrom liemech.simulation import files\n"
+        "os.fsync = lambda handle: os.kill(os.getpid(), 9)\n"
+        f"lm.Trajectory.load({str(path)!r}).save({str(path)!r})"
+    )
+    for _ in range(2):
+        subprocess.run([sys.executable, "-c", program], check=False)
+        assert len([x for x in os.listdir(tmp_path) if x.endswith(".part")]) == 1
+    mine = tmp_path / files.unfinished(path).name  # of a process that is alive
+    mine.write_text("")
+    others = tmp_path / ".run.npz.notes.part"
+    others.write_text("")
+    run.save(path)
+    assert {*os.listdir(tmp_path)} == {"run.npz", "new.npz", "elsewhere", mine.name, others.name}
+    assert lm.Trajectory.load(path) == run
+
+
 PROGRAM = """
 import sys, numpy as np, liemech as lm
 from liemech.simulation import checkpoint
