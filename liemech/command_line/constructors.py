@@ -244,8 +244,8 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
     signature = inspect.signature(cls)
     allowed = list(signature.parameters)
     for key, value in [*zip(allowed, values, strict=False), *options.items()]:
-        size = type(value) is int and getattr(signature.parameters.get(key), "annotation", 0)
-        if size in (int, "int") and abs(value) > LARGEST:
+        annotation = getattr(signature.parameters.get(key), "annotation", None)
+        if annotation in (int, "int") and type(value) is int and abs(value) > LARGEST:
             raise lm.errors.InvalidInput(
                 f"{where}: {cls.__name__}: {key} = {value} is larger than {LARGEST}, and no size here"
             )

@@ -365,7 +365,8 @@ class AdaptiveRun:
             raise
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
-                f"integrate: interrupted at t = {self.clock[TIME]:g}; the samples are in `.trajectory`"
+                f"integrate: interrupted at t = {self.clock[TIME]:g}, after {int(self.clock[TAKEN])} "
+                "steps; the samples are in `.trajectory`"
             )
             raise self._ended(stopped) from None
         if self.kept and len(self.rows) > self.filled:
@@ -701,7 +702,8 @@ class AdaptiveRun:
         error: Any = next((e for e in told if is_mistake(e)), told[0] if told else None)
         if is_mistake(error):
             error.add_note(
-                f"[integrate: in a step from t = {t:g}; the samples before it are in `.trajectory`]"
+                f"[integrate: in step {int(self.clock[TAKEN]) + 1}, from t = {t:g}; the samples before "
+                "it are in `.trajectory`]"
             )
             return self._ended(error)
         why = str(error)

@@ -80,10 +80,15 @@ class Carry:
     def stopped(self) -> Stopped:
         """The bodies of an ensemble that go no further."""
         taken = np.atleast_1d(self.numbers[-1])
+        h = np.broadcast_to(self.h, taken.shape)
         steps = {int(i): max(0, int(taken[i])) for i in np.flatnonzero(taken < self.step)}
         return Stopped(
             steps,
-            lambda i: failure(self.failures.get(i), f"body {i}", f"step {int(taken[i]) + 1}"),
+            lambda i: failure(
+                self.failures.get(i),
+                f"body {i}",
+                f"step {int(taken[i]) + 1}, t = {self.t0 + taken[i] * h[i]:g}",
+            ),
         )
 
     def keep(self) -> None:

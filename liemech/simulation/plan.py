@@ -6,12 +6,12 @@ import functools
 import inspect
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import timedelta
 from typing import Any
 
 from ..compiler.kernel import Several
-from ..errors import InvalidInput, InvalidType, StepWarning, warn
+from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
 from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
 from ..integrators.method import Method
@@ -264,14 +264,29 @@ class Plan:
             if checkpoint is not None:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
-        if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
-            run = self._short_run(start, steps, t0)
-            if run is not None:
-                return run
-        if checkpoint is None:
-            return self._run(start, steps, t_end, t0, t_eval, None)
-        with self._kept(checkpoint, checkpoint_every) as kept:
-            return self._run(start, steps, t_end, t0, t_eval, kept)
+        try:
+            if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
+                run = self._short_run(start, steps, t0)
+                if run is not None:
+                    return run
+            if checkpoint is None:
+                return self._run(start, steps, t_end, t0, t_eval, None)
+            with self._kept(checkpoint, checkpoint_every) as kept:
+                return self._run(start, steps, t_end, t0, t_eval, kept)
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:
+            end = {"t_end": t0} if self.adaptive else {"steps": 0}
+            raise self._not_begun(lambda plan: plan.run(start, t0=t0, **end)) from None
+
+    def _not_begun(self, standing: Callable[[Plan], Trajectory]) -> IntegrationInterrupted:
+        """Ctrl-C outside of the steps of a run.  standing : of a plan the run of no step."""
+        stopped = IntegrationInterrupted(
+            "integrate: interrupted before the steps, as while native code is made; where they were to "
+            "begin is in `.trajectory`"
+        )
+        stopped.trajectory = standing(self.replace(compiled=False, progress=False))
+        return stopped
 
     def _run(
         self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None
@@ -426,10 +441,16 @@ class Plan:
         Raises InvalidInput if the run was of another system, method or step, which it names, or if
         it was interrupted.
         """
-        if checkpoint is None:
-            return self._gone_on(run, steps, t_end, t_eval, None)
-        with self._kept(checkpoint, checkpoint_every) as kept:
-            return self._gone_on(run, steps, t_end, t_eval, kept)
+        try:
+            if checkpoint is None:
+                return self._gone_on(run, steps, t_end, t_eval, None)
+            with self._kept(checkpoint, checkpoint_every) as kept:
+                return self._gone_on(run, steps, t_end, t_eval, kept)
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:
+            end: Any = {"t_end": run.carry.t} if self.adaptive else {"steps": 0}
+            raise self._not_begun(lambda plan: plan.resume(run, **end)) from None
 
     def _gone_on(
         self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None

@@ -14,6 +14,7 @@ import pytest
 
 import liemech as lm
 from liemech import errors
+from liemech.compiler import kernel
 from liemech.simulation import recorded, watched
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
@@ -233,6 +234,39 @@ def test_a_checkpoint_that_cannot_be_written(
         assert ("up to step" if kept else "nothing is there of it") in last
         assert path.exists() == bool(kept)
     assert lm.Trajectory.load(path).steps == asked[0]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("bodies", [False, True])
+@pytest.mark.parametrize("kind", DISKS)
+def test_an_interrupt_while_native_code_is_made(
+    kind: str, bodies: bool, monkeypatch: pytest.MonkeyPatch
+):
+    """Is one of the run, and it goes on from where it was to begin."""
+    system, method, given, how = DISKS[kind]
+    start = MANY if bodies else START
+    if kind == "fictive":
+        start = lm.Kepler().pericentre(0.3)
+        if bodies:
+            start = system.state(q=[start.q] * 3, p=[start.p] * 3)
+    plain = lm.Plan(system, method, compiled=False, **given)
+    how = {name: x for name, x in how.items() if name != "t_eval"}
+    whole = plain.run(start, **how)
+
+    def pressed(*call: Any, **options: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(kernel, "kernel", pressed)
+    monkeypatch.setattr(kernel, "known", lambda *call, **options: None)
+    plan = lm.Plan(system, method, compiled=True, **given)
+    with pytest.raises(lm.errors.IntegrationInterrupted, match="interrupted") as stop:
+        plan.run(start, **how)
+    begun = stop.value.trajectory
+    assert begun.steps == 0 and begun.t[-1].max() == 0.0
+    assert plain.resume(begun, **how).t[-1].max() == whole.t[-1].max()
+    with pytest.raises(lm.errors.IntegrationInterrupted, match="interrupted") as stop:
+        plan.resume(begun, **how)
+    assert stop.value.trajectory.steps == 0
 
 
 def test_a_disk_that_has_room_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
