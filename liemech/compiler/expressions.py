@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType, NotCompilable
+from ..formulas.dual import Dual
 from ..formulas.numbers import ByValue
 from ..formulas.pytree import is_any_number
+from ..formulas.series import Series
 from ..formulas.vectors import Entries, Equal, Mat, Unequal, Vec
 from . import large
 from .advice import instead_of_syntax
@@ -71,6 +73,8 @@ class Expressions(Loops):
     def truth(self, value: Any) -> Any:
         if isinstance(value, Num):
             return value if value.kind == "b" else value != 0
+        if isinstance(value, (Dual, Series)):
+            return self.truth(value != 0.0)
         if isinstance(value, ByValue):
             return self.truth(value.value)
         if isinstance(value, Entries):

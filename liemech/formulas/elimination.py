@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InvalidType
 from .complex_numbers import Complex
+from .dual import constant
 from .double_double import DoubleDouble, is_long
 from .pytree import plain
 from .sums import abs2
@@ -121,7 +122,7 @@ def _reciprocal(x: Any) -> Any:
     """1/x, infinite for zero."""
     if isinstance(x, Complex):
         return x.conjugate() * _reciprocal(abs2(x))
-    return 1.0 / x if x != 0.0 else INFINITE + 0.0 * x
+    return 1.0 / x if constant(x) != 0.0 else INFINITE + 0.0 * x
 
 
 def unit(m: Mat) -> Mat:

@@ -287,7 +287,9 @@ _NO_TRUTH = (
 def _numbers(components: Iterable[Any]) -> None:
     """Raise InvalidType if a component is a vector or a matrix itself."""
     for x in components:
-        if isinstance(x, _NESTED) and not (isinstance(x, np.ndarray) and not x.ndim):
+        if isinstance(x, np.ndarray) and x.ndim:
+            raise InvalidType("a NumPy array where a number belongs, write liemech.vec")
+        if isinstance(x, _NESTED) and not isinstance(x, np.ndarray):
             raise InvalidType(
                 f"a Vec holds numbers; got {type(x).__name__} among them: liemech.mat(u, v) is the "
                 "matrix with rows u, v, liemech.vec(*u, *v) has them one after the other"
