@@ -399,7 +399,7 @@ def _translation(
         from llvmlite import ir
 
         from . import llvm
-        from .buffers import Array, arguments, entrance
+        from .buffers import Array, arguments, entrance, unchanged
         from .ir_numbers import F64, I64, Emitter
         from .outlined import Builder, Names, drop_unused
         from .reads import Reads
@@ -441,7 +441,8 @@ def _translation(
     interpreter = Interpreter(emitter, reads)
     interpreter.intrinsics |= {
         driver.read: lambda array, at, layout: array.read(at, interpreter.outliner.fitting(layout)),
-        driver.write: lambda array, at, value, layout=None: array.write(at, value),
+        driver.write: lambda array, at, value, layout: array.write(at, value, layout),
+        driver.unchanged: unchanged,
         driver.attempt: interpreter.attempt,
         driver.accepted: interpreter.accepted,
         driver.any_body: emitter.any,
