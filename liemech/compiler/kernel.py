@@ -27,7 +27,7 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, gatherer, layout_of, leaves
-from . import driver
+from . import driver, guard
 from .uncollected import uncollected
 
 Kind = Layout | str | tuple[str, Layout]
@@ -178,7 +178,14 @@ class Kernel:
         integers, the arrays.
         """
         words = bodies, begin, end, *integers, *map(address, arrays)
-        self.call(struct.pack(f"{len(words)}q", *words) + numbers)
+        self.on_memory(struct.pack(f"{len(words)}q", *words) + numbers, arrays)
+
+    def on_memory(self, block: bytes, buffers: Sequence[guard.Buffer]) -> None:
+        """Run on one block, which holds the addresses of these buffers."""
+        if guard.ON:
+            guard.checked(self, block, buffers)
+        else:
+            self.call(block)
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""

@@ -265,7 +265,8 @@ class Shape(Prepared):
         """`fixed_steps` of one body.  native : its code.  states, out : the addresses of the
         arrays.
         """
-        native.call(self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h))
+        block = self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h)
+        native.on_memory(block, ((states, self.carried), (out, samples * self.sampled)))
 
     def beginning(self, steps: Steps) -> Execution:
         """Who runs `begin`."""
