@@ -26,9 +26,6 @@ PLACES = 6
 CLOSE = 256.0
 """Roundings per dimension of entries and their derivatives."""
 
-NO_RANK = 1e-9
-"""Singular values below this part of the largest one are zero."""
-
 POISSON: list[Law] = []
 
 
@@ -171,7 +168,7 @@ def coordinate_flow(B: Any, at: AtPoint) -> Iterator[Same]:
     "B has one rank almost everywhere, even, the one named; Casimirs are no more than what is left",
 )
 def rank(B: Any, at: AtPoint) -> Iterator[Same]:
-    found = _rank(at.matrix)
+    found = B.rank_at(at.y)
     yield Entry(
         found, at.generic, entries=f"the point: B has rank {found} here, {at.generic} elsewhere"
     )
@@ -184,11 +181,6 @@ def rank(B: Any, at: AtPoint) -> Iterator[Same]:
         at.dim - at.generic,
         entries=f"`casimirs`, which are {number}",
     )
-
-
-def _rank(b: np.ndarray) -> int:
-    sizes = np.linalg.svd(b, compute_uv=False)
-    return int((sizes > NO_RANK * sizes[0]).sum()) if sizes.size and sizes[0] > 0.0 else 0
 
 
 def _polynomial(n: int, seed: int) -> Any:
@@ -259,7 +251,7 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
     ranks = []
     for _, y in found:
         try:
-            ranks.append(_rank(np.array(structure.matrix(y), dtype=float)))
+            ranks.append(structure.rank_at(y))
         except Exception:  # for the laws to tell
             ranks.append(0)
     return [AtPoint(name, structure, y, max(ranks)) for name, y in found]

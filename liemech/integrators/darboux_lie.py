@@ -12,12 +12,10 @@ import numpy as np
 from ..errors import InvalidInput, OutsideChart
 from ..formulas import Mat, Record, Vec, dot, outer, record, vec
 from ..groups.matrix_group import whole_number
+from ..groups.skew_matrices import pairs
 from ..systems.darboux import DarbouxChart
 from ..tableaus import BY_ORDER
 from .rkmk import combination
-
-NO_RANK = 1e-9
-"""A structure this small, relative to its largest entry, is zero."""
 
 
 @record
@@ -68,20 +66,19 @@ class DarbouxLieChart(DarbouxChart):
                 f"{self.structure.dim} components; got {self.centre!r}"
             )
         B = np.array(self.structure.matrix(self.centre), dtype=float)
-        whole = np.abs(B).max(initial=0.0)
-        if not np.isfinite(B).all() or not whole > 0.0:
+        conjugate = pairs(B, self.structure.terms(self.centre)) if np.isfinite(B).all() else []
+        if not conjugate:
             here = list(self.centre)
             raise InvalidInput(
                 "DarbouxLieChart: the structure has rank zero or no "
                 f"value at {here}; take another centre"
             )
         found: list[Level] = []
-        y = np.array(self.centre)
-        while len(B) > 1 and np.abs(B).max() > NO_RANK * whole:
-            i, j = np.unravel_index(int(np.abs(B).argmax()), B.shape)
-            a, b = np.eye(len(B))[j], np.eye(len(B))[i]
+        left, y = np.arange(len(B)), np.array(self.centre)
+        for i, j in conjugate:
+            a, b = (left == j).astype(float), (left == i).astype(float)
             a = a / (b @ B @ a)  # {q, p} is one at the centre by itself
-            basis = np.eye(len(B))[:, [k for k in range(len(B)) if k not in (i, j)]]
+            basis = np.eye(len(B))[:, (left != i) & (left != j)]
             found.append(
                 Level(
                     Vec.of(y), Vec.of(a), Vec.of(b), Mat.of(basis.tolist()) if basis.size else None
@@ -91,6 +88,7 @@ class DarbouxLieChart(DarbouxChart):
                 basis.T @ np.asarray(_restricted(Mat.of(B.tolist()), found[-1])) @ basis,
                 basis.T @ y,
             )
+            left = left[(left != i) & (left != j)]
         object.__setattr__(self, "levels", tuple(found))
 
     @property
