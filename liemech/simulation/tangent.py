@@ -33,6 +33,7 @@ from ..systems.system import State
 from .dense import evaluated, flat, told, unpacked
 from .fictive import Origin
 from .fixed_run import FixedRun
+from .jumps import cuts
 from .prepared import Steps
 from .systems import Methods, Systems
 from .trajectory import TangentTrajectory, Trajectory
@@ -195,7 +196,14 @@ def tangent_run(
     plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
     """So many steps of one length from a start, with their derivative by what is named."""
-    method = with_step(plan.method, plan.h, t0) if "h" in names else plan.method
+    method = plan.method
+    if "h" in names:
+        if plan.way is not plan.method and cuts(plan.way, plan.one):
+            raise IncompatibleSystem(
+                f"Plan.tangent: steps of {method!r} end where an input jumps, whatever h is, and "
+                "have no derivative by it; by the start and by parameters of the system they have one"
+            )
+        method = with_step(method, plan.h, t0)
     found = Directions.of(plan.one, method, start, names)
     made, values, tangent = carried_along(plan, start, steps, t0, found)
     return TangentTrajectory(
