@@ -388,6 +388,10 @@ class Reads:
             self._alive.append(copy)
             self._origins[id(copy)] = self._origins[id(value)]
             self._given[id(copy)] = self._given.get(id(value), value)
+        self.made_again(copy, value)
+
+    def made_again(self, copy: Any, value: Any) -> None:
+        """A record like one that may have had parts exchanged."""
         if id(value) in self._before and id(copy) not in self._before:
             self.exchanged(copy, self._before[id(value)])
 
