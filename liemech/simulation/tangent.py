@@ -29,6 +29,7 @@ from ..formulas.pytree import (
 from ..integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..integrators.method import Method
+from ..systems.clocked import Clocked
 from ..systems.system import State
 from .dense import evaluated, flat, told, unpacked
 from .fictive import Origin
@@ -319,7 +320,7 @@ def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
     found = []
     for name, directions in frames.items():
         part = start.parts[name]
-        group = getattr(system, "configurations", system.group) if name == "g" else None
+        group = group_of(system) if name == "g" else None
         for i, unit in enumerate(directions(np.asarray(part)[None])[0]):
 
             def moved(x: float, name: str = name, part: Any = part, group: Any = group,
@@ -445,7 +446,7 @@ def frame(system: Any, name: str, part: Any) -> Any:
     """The directions in which a part of the state can move, as a function of the part, (n, ...) to
     (n, components, ...).
     """
-    group = getattr(system, "configurations", system.group) if name == "g" else None
+    group = group_of(system) if name == "g" else None
     size = layout_of(part).width
     if group is None:
         basis = np.eye(size).reshape(size, *np.shape(part))
@@ -465,6 +466,12 @@ def frame(system: Any, name: str, part: Any) -> Any:
         [derivative(group.exp, Vec(*[0.0] * group.dim), list(unit)) for unit in np.eye(group.dim)]
     )
     return lambda points: points[:, None] @ algebra
+
+
+def group_of(system: Any) -> Any:
+    """The group of the elements in the states of a system, which may have a clock."""
+    inner = system.system if isinstance(system, Clocked) else system
+    return inner.configurations if hasattr(inner, "configurations") else inner.group
 
 
 def translated(group: Any, g: Any) -> list[Any]:
