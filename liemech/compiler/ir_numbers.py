@@ -478,6 +478,10 @@ class Num(StandIn):
     def is_integer(self) -> bool:
         return self.kind == "i"
 
+    @property
+    def is_truth(self) -> bool:
+        return self.kind == "b"
+
     def settled(self, what: str) -> Num:
         if self.mixed:
             raise NotCompilable(what)

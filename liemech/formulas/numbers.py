@@ -33,6 +33,11 @@ class StandIn:
         """Does it take the place of an int?"""
         return False
 
+    @property
+    def is_truth(self) -> bool:
+        """Does it take the place of a bool?"""
+        return False
+
     def settled(self, what: str) -> Any:
         """The number, which is a float on every way to this place."""
         return self

@@ -136,6 +136,12 @@ class Series(Operand):
             return NotImplemented
         return _integral(Series(base ** self[0]), lambda power: f.log(base) * power, self)
 
+    def __mod__(self, other: Any) -> Any:
+        """What is left over beyond whole multiples of a number: the first term only changes."""
+        if isinstance(other, Series):
+            return NotImplemented
+        return _made(lambda k: self.term(k) if k else self[0] % other, self)
+
     def __neg__(self) -> Series:
         return _made(lambda k: _each(lambda c: -c, self.term(k)), self)
 
