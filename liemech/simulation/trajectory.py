@@ -488,8 +488,10 @@ class TransformedTrajectory(Trajectory):
         self._recorded("scale", self.origin.start.arrays if needed is None else needed)
         return np.array(
             [
-                self.sigma.value(
-                    self.system, small_state(kind, {n: x[k] for n, x in self.states.items()})
+                self.sigma.value_at(
+                    self.system,
+                    float(self.t[k]),
+                    small_state(kind, {n: x[k] for n, x in self.states.items()}),
                 )
                 for k in range(len(self))
             ]
