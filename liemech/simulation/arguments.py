@@ -376,7 +376,7 @@ def checkpoint(path: Any, every: Any) -> Checkpoint | None:
             f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}"
         )
     if isinstance(every, str):
-        found = re.fullmatch(r"\s*([0-9_]+)\s*steps?\s*", every)
+        found = re.fullmatch(r"\s*([0-9]+(?:_[0-9]+)*)[\s_]*steps?\s*", every)
         if found is None:
             raise InvalidInput(
                 "integrate: checkpoint_every is a number of seconds, or a text such as "
