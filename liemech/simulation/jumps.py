@@ -8,7 +8,7 @@ from ..formulas import record, where
 from ..formulas.pytree import fields_of
 from ..formulas.tables import Table, entry
 from ..integrators.method import Method
-from ..systems.tabulated import NEAR, during, inputs, jump_ahead, reached
+from ..systems.tabulated import NEAR, during, has_inputs, inputs, jump_ahead, reached
 
 MARGIN = 4
 """Units in the last place by which steps keep away from a jump of the velocity that a user has
@@ -20,7 +20,7 @@ ULP = 2.0**-52
 
 def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
     """The method as drivers get it: itself where nothing is known to jump."""
-    if method.fictive or not (breaks or inputs(system)):
+    if method.fictive or not (breaks or has_inputs(system)):
         return method
     own = any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))
     table = Table(breaks or (0.0,))
@@ -31,11 +31,10 @@ def jumps_between(
     method: Any, system: Any, breaks: tuple[float, ...], t0: float, t_end: float
 ) -> tuple[float, ...]:
     """The times from t0 to t_end at which an input is known to jump, rising, for adaptive steps."""
-    tables = inputs(system)
-    if not tables:
+    if not has_inputs(system):
         return breaks
     low, high, every = min(t0, t_end), max(t0, t_end), sees_powers(method)
-    times = {*breaks, *[t for table in tables for t in table.jump_times(low, high, every)]}
+    times = {*breaks, *[t for table in inputs(system) for t in table.jump_times(low, high, every)]}
     apart: list[float] = []
     for t in sorted(times):
         if not apart or t - apart[-1] > 4 * MARGIN * ULP * abs(t):
