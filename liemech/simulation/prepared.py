@@ -17,6 +17,7 @@ from ..compiler import kernel
 from ..formulas.pytree import (
     Layout,
     build,
+    carried_layout,
     compensated,
     double_double,
     fitted,
@@ -180,7 +181,7 @@ class Shape(Prepared):
     ) -> None:
         method, system = steps.way, steps.system
         self.given, self.started, self.example = given, started, example
-        self.layout, self.shown = layout_of(first), layout_of(example)
+        self.layout, self.shown = carried_layout(first), layout_of(example)
         native = steps.compiled is not False and side and kernel.available() is None
         self.lanes = side if native else 1
         self.own: list[np.ndarray] = []
@@ -285,7 +286,8 @@ class Shape(Prepared):
         """`fixed_steps` of one body.  native : its code.  states, out : the addresses of the
         arrays.
         """
-        native.call(self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h))
+        block = self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h)
+        native.on_memory(block, ((states, self.carried), (out, samples * self.sampled)))
 
     def beginning(self, steps: Steps) -> Execution:
         """Who runs `begin`."""

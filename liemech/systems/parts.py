@@ -177,7 +177,11 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
             structure.coordinate_flow(points[0], int(felt[0]), 0.5)
             return OfCoordinate(part, int(felt[0]))
         rates = np.array(jacobian(velocity, points[0]), dtype=float)
-        if polynomial and _everywhere(rates, velocity, points[1:]):
+        # as it is written, it may be of a degree that shows only in other units
+        others = (
+            [] if max(map(degree, speeds)) <= 1 else _where_defined(velocity, _far(structure))[0]
+        )
+        if polynomial and _everywhere(rates, velocity, [*points[1:], *others]):
             return Affine(part, rates)
     except NotDefined as missing:
         return f"{missing}, and so no motion of the energy {part!r} of one coordinate"
@@ -250,6 +254,13 @@ def _points(structure: PoissonStructure) -> list[Any]:
     for size in (3.0, 0.05, 10.0, 100.0, 1e4):
         x, signs = size * rng.uniform(0.5, 1.0, size=(2, n)), rng.choice([-1.0, 1.0], size=n)
         drawn += [x[0], signs * x[1], -signs * x[1]]
+    return [SmallVector.of(y.tolist()) for y in drawn]
+
+
+def _far(structure: PoissonStructure) -> list[Any]:
+    """Points with each coordinate in a unit of its own."""
+    rng, shape = np.random.default_rng(10), (16, structure.dim)
+    drawn = rng.choice([-1.0, 1.0], shape) * 10.0 ** rng.uniform(-40.0, 40.0, shape)
     return [SmallVector.of(y.tolist()) for y in drawn]
 
 
