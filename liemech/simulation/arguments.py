@@ -19,6 +19,7 @@ from ..formulas import check_finite, real_array
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .checkpoint import Checkpoint
+from .jumps import apart
 
 MOST = 2**53
 """Counts up to this are exact as floating-point numbers, and so are the times t0 + n h up to
@@ -131,7 +132,7 @@ def jumps(breaks: Any) -> tuple[float, ...]:
             f"integrate: breaks has shape {array.shape}; it is a list of times, (n,)"
         )
     check_finite(array, "integrate: breaks")
-    return tuple(sorted(array.tolist()))
+    return apart(array.tolist())
 
 
 def names(record: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from ..formulas import record, where
@@ -27,6 +28,15 @@ def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
     return EndingAtJumps(method, table, float(len(breaks)), own, sees_powers(method))
 
 
+def apart(times: Iterable[float]) -> tuple[float, ...]:
+    """Times in order, of those that differ by rounding only the first one."""
+    found: list[float] = []
+    for t in sorted(times):
+        if not found or t - found[-1] > 4 * MARGIN * ULP * abs(t):
+            found.append(t)
+    return tuple(found)
+
+
 def jumps_between(
     method: Any, system: Any, breaks: tuple[float, ...], t0: float, t_end: float
 ) -> tuple[float, ...]:
@@ -34,12 +44,8 @@ def jumps_between(
     if not has_inputs(system):
         return breaks
     low, high, every = min(t0, t_end), max(t0, t_end), sees_powers(method)
-    times = {*breaks, *[t for table in inputs(system) for t in table.jump_times(low, high, every)]}
-    apart: list[float] = []
-    for t in sorted(times):
-        if not apart or t - apart[-1] > 4 * MARGIN * ULP * abs(t):
-            apart.append(t)
-    return tuple(apart)
+    of_tables = [t for table in inputs(system) for t in table.jump_times(low, high, every)]
+    return apart({*breaks, *of_tables})
 
 
 def cuts(way: EndingAtJumps, system: Any) -> bool:
