@@ -17,6 +17,7 @@ from ..compiler.driver import accepted, itself
 from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, is_mistake
 from ..formulas.pytree import build, layout_of
 from ..systems.system import State
+from ..systems.tabulated import has_inputs
 from . import arguments
 from .adaptive import (
     ANEW,
@@ -276,10 +277,9 @@ class AdaptiveEnsemble(OneByOne):
                 self._take_up(i, self.begun(i))
         self.rows_at = self.t0.copy()  # when the last row of each was
         self.left: dict[int, list[tuple[float, float]]] = {}  # where each is to go on, last ones first
-        jumps = [self._jumps(i) for i in range(count)]
-        if any(jumps):
+        if self.plan._steps.breaks or has_inputs(self._of_body(0)[0]):
             for i in range(count):
-                start, ways = stretches(jumps[i], self.t0[i], self.ends[i])
+                start, ways = stretches(self._jumps(i), self.t0[i], self.ends[i])
                 self.left[i] = ways[::-1]
                 if ways:
                     self.goals[0, i] = ways[0][0]

@@ -623,6 +623,7 @@ class AdaptiveRun:
             rejected=int(self.clock[REJECTED]),
             dense=kept,
             events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
+            ended=self.watch.ended if self.watch else None,
             stopped={},
             observed=() if self.recorder is None else tuple(self.recorder.quantities),
         )

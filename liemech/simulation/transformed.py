@@ -535,6 +535,7 @@ class March:
         more: dict[str, Any] = {"steps": steps, "compiled": self.execution.native is not None}
         if self.watch is not None:
             more["events"] = self.watch.shown(self.first, layout_of(self.first))
+            more["ended"] = self.watch.ended
         if self.fine and self.times is None:
             whole = np.rint(tau / run.h)
             kept = (whole % run.plan.every == 0) & (whole * run.h == tau)

@@ -266,6 +266,7 @@ class WatchedRun:
             events=self.watch.shown(self.shape.example, self.shape.shown) if self.watch else (),
             carry=carry,
             breaks=self.plan.breaks,
+            ended=self.watch.ended if self.watch else None,
         )
 
     def _ended(self, error: Any) -> Any:
