@@ -33,7 +33,8 @@ def poisson_defect(method: Method, system: System, state: State, h: float) -> fl
 
     Raises IncompatibleSystem for other systems, and what the method refuses; InvalidInput for
     ensembles.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1; the slides,
+    (2.20).
     """
     if not isinstance(method, Method):
         raise InvalidType(

@@ -47,7 +47,8 @@ class ReversibleController(Method):
 
     Raises InvalidInput if the method is not symmetric, InvalidTimeScale in a step where sigma or z
     is not positive.
-    Source: Hairer and Soderlind, SIAM J. Sci. Comput. 26 (2005); Hairer, Lubich, Wanner, VIII.3.2.
+    Source: Hairer and Soderlind, SIAM J. Sci. Comput. 26 (2005); Hairer, Lubich, Wanner, VIII.3.2;
+    the slides, (3.7) and (3.8), with G(y_n+1) in the last line.
     """
 
     symmetric: ClassVar[bool] = True

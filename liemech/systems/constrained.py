@@ -118,7 +118,7 @@ class ConstrainedSystem(CanonicalSystem):
             lambda = (G H_pp G^T)^-1 (d/dq(G H_p) H_p - G H_pp H_q)
 
         Raises InconsistentState where the constraints are dependent.
-        Source: Hairer, Lubich, Wanner, VII.1.2, (1.9).
+        Source: Hairer, Lubich, Wanner, VII.1.2; the slides, (1.9).
         """
         n, v, f = len(q), self.velocity(q, p), self.force(q, p)
         change = derivative(lambda y: self._hidden(y, n), vec(*q, *p), vec(*v, *f))
@@ -224,7 +224,7 @@ class ConstrainedSystem(CanonicalSystem):
     def rate(self, t: float, state: CanonicalState) -> Vec:
         """(q', p') with the multipliers put in: the equation of lower index.
 
-        Source: Hairer, Lubich, Wanner, VII.1.2, (1.6) and (1.9).
+        Source: Hairer, Lubich, Wanner, VII.1.2; the slides, (1.8) and (1.9).
         """
         q, p = state.q, state.p
         return vec(*self.velocity(q, p), *(self.force(q, p) + self.constraint_force(q, p)))
@@ -482,7 +482,7 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
             ( M  G^T ) ( v'     )   ( f          )
             ( G  0   ) ( lambda ) = ( -g''(v, v) ),      f = -(d/dq(M v)) v + d/dq(v . M v)/2 - dU/dq
 
-        Source: Hairer, Lubich, Wanner, VII.1.1, (1.3).
+        Source: Hairer, Lubich, Wanner, VII.1.1; the slides, (1.3) and (1.5).
         """
         n, G = len(q), self.constraint_jacobian(q)
         changing = derivative(lambda x: self.mass(x) @ v, q, v)

@@ -91,8 +91,8 @@ class TimeTransformed(ExtendedSystem):
     AdaptiveVerlet() and its compositions are for T(p) + V(q) and sigma(q), HamiltonJacobi(order=4)
     and the methods of Gauss, RKMK(tableau=tableaus.gauss(2)), for any of them.  `integrate` takes a
     start of the system itself and h in fictive time.
-    Source: Hairer, Lubich, Wanner, VIII.2; Hairer, Appl. Numer. Math. 25 (1997), 219; Reich, SIAM
-    J. Numer. Anal. 36 (1999), 1549.
+    Source: Hairer, Lubich, Wanner, VIII.2; the slides, (3.2) and (3.3); Hairer, Appl. Numer. Math.
+    25 (1997), 219; Reich, SIAM J. Numer. Anal. 36 (1999), 1549.
     """
 
     alternatives: ClassVar[str] = (

@@ -149,6 +149,36 @@ def test_symmetric(method: lm.Method) -> None:
         assert abs(a - b) < 2e-13 * max(1.0, abs(b))
 
 
+def test_reversible_where_sigma_does_not_tell_the_direction() -> None:
+    """Forth, velocities turned back, forth again, turned once more: at the start, with z, if
+    sigma(rho y) = sigma(y); not for a sigma that tells p from -p.
+    """
+
+    def turned(state: Any) -> Any:
+        return type(state)(state.q, -state.p, state.time, state.z)
+
+    for sigma, exact in (
+        (lm.DistancePower(1.5), True),
+        (lm.EqualArc(), True),
+        (lambda p: 1.0 / (1.0 + lm.dot(p, p)), True),
+        (lambda p: 1.0 / (2.0 + lm.formulas.tanh(p[0] + p[1])), False),
+    ):
+        method = verlet(sigma)
+        whole = Clocked(KEPLER, method.sigma)
+        start = whole.extended(ORBIT, 0.0)
+        there = start
+        for _ in range(2):
+            memory = method.start(whole, there, 0.1)
+            for _ in range(20):
+                memory = method.step(whole, 0.0, memory, 0.1)
+            there = turned(method.observe(memory))
+        away = [*(there.q - start.q), *(there.p - start.p), there.z - start.z]
+        if exact:
+            assert max(abs(x) for x in away) < 1e-12
+        else:
+            assert max(abs(x) for x in away) > 1e-3
+
+
 def test_energy_does_not_drift_and_z_follows_sigma() -> None:
     run = lm.integrate(
         KEPLER, verlet(), KEPLER.pericentre(0.9), h=8.4 / 500, steps=20_000, every=20
