@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         check_group,
         check_method,
         check_poisson,
+        check_poisson_field,
         check_retraction,
         check_system,
         poisson_defect,
@@ -168,6 +169,7 @@ if TYPE_CHECKING:
         Surface,
     )
     from .systems.constrained_body import ConstrainedBody, NonholonomicBody
+    from .systems.constrained_parts import ConstrainedPart, SplitConstrainedSystem
     from .systems.constraint import Constraint, VelocityConstraint
     from .systems.darboux import (
         Andoyer,
@@ -193,6 +195,7 @@ if TYPE_CHECKING:
     from .systems.tabulated import PiecewisePolynomial
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
     from .systems.time_transformed import LogarithmicHamiltonian, TimeTransformed
+    from .systems.vector_field import SplitField, VectorField
     from .tableaus.tableau import ButcherTableau
 
 _LATER = {
@@ -202,6 +205,7 @@ _LATER = {
             "check_group",
             "check_method",
             "check_poisson",
+            "check_poisson_field",
             "check_retraction",
             "check_system",
         ),
@@ -320,6 +324,7 @@ _LATER = {
         "Surface",
     ),
     "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
+    "systems.constrained_parts": ("ConstrainedPart", "SplitConstrainedSystem"),
     "systems.constraint": ("Constraint", "VelocityConstraint"),
     "systems.darboux": (
         "Andoyer",
@@ -345,6 +350,7 @@ _LATER = {
     "systems.tabulated": ("PiecewisePolynomial",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
     "systems.time_transformed": ("LogarithmicHamiltonian", "TimeTransformed"),
+    "systems.vector_field": ("SplitField", "VectorField"),
     "tableaus": ("tableaus",),
     "tableaus.tableau": ("ButcherTableau",),
     "viewer": ("viewer",),
@@ -435,6 +441,7 @@ __all__ = [
     "ConstrainedLagrangianSystem",
     "ConstrainedSystem",
     "ConstrainedBody",
+    "ConstrainedPart",
     "Constraint",
     "CovariantVariational",
     "CrouchGrossman",
@@ -551,6 +558,8 @@ __all__ = [
     "SphereAction",
     "SphericalMidpoint",
     "SphericalPendulum",
+    "SplitConstrainedSystem",
+    "SplitField",
     "SplitHamiltonian",
     "Splitting",
     "State",
@@ -576,6 +585,7 @@ __all__ = [
     "UnitQuaternions",
     "UniversalJoint",
     "Vec",
+    "VectorField",
     "VectorSpace",
     "VelocityConstraint",
     "chain",
@@ -583,6 +593,7 @@ __all__ = [
     "check_group",
     "check_method",
     "check_poisson",
+    "check_poisson_field",
     "check_retraction",
     "check_system",
     "coadjoint",

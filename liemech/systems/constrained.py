@@ -142,12 +142,17 @@ class ConstrainedSystem(CanonicalSystem):
         the force f gives over s, where a = sum_i |(H_pp G^T)_ik f_i|: so a body at rest may move by
         rounding.
         """
+        G, v = self.constraint_jacobian(q), self.velocity(q, p)
+        sizes, speeds = self._terms(q, p)
+        pairs = zip((*self.constraint(q), *(G @ v)), (*sizes, *speeds))
+        return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
+
+    def _terms(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
+        """What g(q) and G H_p are compared with, (m,) each: s, and the speeds."""
         G, v, f = self.constraint_jacobian(q), self.velocity(q, p), self.force(q, p)
         sizes = vec(*[dot(abs(row), abs(q)) for row in G])
         gained = [sqrt(s * dot(abs(row), abs(f))) for s, row in zip(sizes, self.normals(q, p))]
-        speeds = [dot(abs(row), abs(v)) + gain for row, gain in zip(G, gained)]
-        pairs = zip((*self.constraint(q), *(G @ v)), (*sizes, *speeds))
-        return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
+        return sizes, vec(*[dot(abs(row), abs(v)) + gain for row, gain in zip(G, gained)])
 
     @final
     def across(self, q: Vec, p: Vec, along: Vec) -> Vec:
@@ -273,7 +278,12 @@ class ConstrainedSystem(CanonicalSystem):
                 f"{where}: the start{member} is not consistent: {'; '.join(told)} (at most "
                 f"{CONSISTENT:.0e}). Use `consistent(q, p)`, which gives the nearest state that is"
             )
+        for i in range(len(q)):
+            self._check_motion(f"{where}: the start{'' if one else f' of member {i}'}", q[i], p[i])
         return self._canonical_state(both, members)
+
+    def _check_motion(self, who: str, q: np.ndarray, p: np.ndarray) -> None:
+        """Raise InvalidInput for a consistent state whose motion a subclass does not allow."""
 
     @final
     def consistent(self, q: Any, p: Any) -> CanonicalState:
