@@ -242,7 +242,7 @@ def test_what_is_refused() -> None:
             lm.Splitting(order=2).require(lm.SplitField((Shear(0, 1.0), part)))
     with pytest.raises(IncompatibleSystem, match="quadratic=False"):
         lm.Splitting(tableau=lm.tableaus.SPLITTINGS["Blanes-Moan 6"]).require(ABC)
-    with pytest.raises(IncompatibleSystem, match="is no|needs a SeparableSystem|RKMK"):
+    with pytest.raises(IncompatibleSystem, match="needs a SeparableSystem"):
         lm.StormerVerlet().require(Unknown())
     with pytest.raises(InvalidInput, match=r"of dimensions \[3, 2\]"):
         lm.SplitField((Growth(), Plane()))
@@ -270,6 +270,7 @@ def energy(y: Any) -> Any:
 
 
 SO3 = lm.coadjoint(lm.SO3()).poisson_structure
+FLAT = lm.ConstantStructure([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 
 
@@ -284,7 +285,7 @@ FIELDS: dict[str, tuple[Callable[[Any], Any], lm.PoissonStructure, set[str]]] = 
     "Euler": (euler, SO3, set()),
     "damped": (lambda y: euler(y) - 0.1 * y, SO3, {"flow of Poisson maps", "leaves", "Casimirs"}),
     "on the sphere": (lambda y: (1.0 + y[0] ** 2) * euler(y), SO3, {"flow of Poisson maps"}),
-    "across": (lambda y: lm.vec(0.0, 0.0, 1.0), lm.ConstantStructure([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), {"leaves", "Casimirs"}),
+    "across": (lambda y: lm.vec(0.0, 0.0, 1.0), FLAT, {"leaves", "Casimirs"}),
     "Lotka": (lm.LotkaVolterra().velocity, lm.LotkaVolterra().structure, set()),
 }  # fmt: skip
 
