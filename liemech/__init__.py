@@ -192,6 +192,7 @@ if TYPE_CHECKING:
     from .systems.poisson import PoissonState, PoissonSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
+    from .systems.sundman import SundmanTransformed
     from .systems.tabulated import PiecewisePolynomial
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
     from .systems.time_transformed import LogarithmicHamiltonian, TimeTransformed
@@ -347,6 +348,7 @@ _LATER = {
     "systems.poisson": ("PoissonState", "PoissonSystem"),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
+    "systems.sundman": ("SundmanTransformed",),
     "systems.tabulated": ("PiecewisePolynomial",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
     "systems.time_transformed": ("LogarithmicHamiltonian", "TimeTransformed"),
@@ -566,6 +568,7 @@ __all__ = [
     "StormerVerlet",
     "Straight",
     "Surface",
+    "SundmanTransformed",
     "Suslov",
     "SymplecticEuler",
     "System",
