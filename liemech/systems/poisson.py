@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Any, ClassVar, final
+from typing import ClassVar, final
 
 import numpy as np
 

@@ -330,3 +330,31 @@ def test_which_options_a_run_takes() -> None:
     with pytest.raises(StepTooSmall, match="5 steps led to") as failed:
         lm.integrate(KEPLER, verlet(), ORBIT, h=0.1, t_end=3.0, steps=5)
     assert failed.value.trajectory.steps == 5
+
+
+def test_gauss_methods_on_vector_spaces_and_not_on_groups() -> None:
+    """(3.8) for any symmetric Phi: those of Gauss are symmetric on R^n, of one stage everywhere."""
+    gauss = lm.tableaus.gauss
+    for stages in (1, 2):
+        method = lm.ReversibleController(lm.RKMK(tableau=gauss(stages)), lm.DistancePower(1.5))
+        whole = Clocked(KEPLER, method.sigma)
+        start = whole.extended(ORBIT, 0.0)
+        state = start
+        for h in (0.1, -0.1):
+            memory = method.start(whole, state, h)
+            for _ in range(10):
+                memory = method.step(whole, 0.0, memory, h)
+            state = method.observe(memory)
+        assert max(abs(x) for x in (*(state.q - start.q), state.z - start.z)) < 1e-12
+        exact = KEPLER.exact(ORBIT, 2.0).q
+        errors = []
+        for h in (0.2, 0.1):
+            run = lm.integrate(
+                KEPLER, method, ORBIT, h=h, t_end=2.0, compiled=False, progress=False
+            )
+            errors.append(np.abs(run.q[-1] - exact).max())
+        assert math.log2(errors[0] / errors[1]) == pytest.approx(2 * stages, abs=0.3)
+    sigma = lm.EqualArc()
+    lm.ReversibleController(lm.RKMK(tableau=gauss(1)), sigma).require(TOP)
+    with pytest.raises(IncompatibleSystem, match="its chart stands at the start of the step"):
+        lm.ReversibleController(lm.RKMK(tableau=gauss(2)), sigma).require(TOP)
