@@ -161,6 +161,7 @@ if TYPE_CHECKING:
     from .models.surfaces import ParticleOnEllipsoid
     from .models.toda import TodaLattice
     from .systems.canonical import CanonicalState, HamiltonianSystem
+    from .systems.canonical_transformation import CanonicalTransformation
     from .systems.constrained import (
         Constrained,
         ConstrainedLagrangianSystem,
@@ -317,6 +318,7 @@ _LATER = {
     "models.toda": ("TodaLattice",),
     "plots": ("plots",),
     "systems.canonical": ("CanonicalState", "HamiltonianSystem"),
+    "systems.canonical_transformation": ("CanonicalTransformation",),
     "systems.constrained": (
         "Constrained",
         "ConstrainedLagrangianSystem",
@@ -428,6 +430,7 @@ __all__ = [
     "ButcherTableau",
     "Canonical",
     "CanonicalState",
+    "CanonicalTransformation",
     "Cayley",
     "CayleyAdjoint",
     "CayleySquare",
