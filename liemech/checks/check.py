@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
+from ..formulas import check_finite
 from ..formulas.broadcasting import small
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
@@ -77,6 +78,8 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
     some = [action.random(rng) for _ in where] if points is None else list(points)
     if not some:
         raise InvalidInput("check_action: points is empty; give at least one point of the space")
+    for point in some if points is not None else ():
+        check_finite(np.asarray(point), "check_action: points")
     where = [
         dataclasses.replace(at, point=small(np.asarray(some[i % len(some)])))
         for i, at in enumerate(where)

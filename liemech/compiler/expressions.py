@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NotCompilable
+from ..errors import InvalidType, NotCompilable
+from ..formulas.dual import Dual
 from ..formulas.numbers import ByValue
 from ..formulas.pytree import is_any_number
-from ..formulas.vectors import Mat, Vec
+from ..formulas.series import Series
+from ..formulas.vectors import Entries, Equal, Mat, Unequal, Vec
 from . import large
 from .advice import instead_of_syntax
 from .ir_numbers import Num
@@ -71,13 +73,24 @@ class Expressions(Loops):
     def truth(self, value: Any) -> Any:
         if isinstance(value, Num):
             return value if value.kind == "b" else value != 0
+        if isinstance(value, (Dual, Series)):
+            return self.truth(value != 0.0)
         if isinstance(value, ByValue):
             return self.truth(value.value)
+        if isinstance(value, Entries):
+            value = value.together
+        if isinstance(value, (Equal, Unequal)):
+            return self.call(all if isinstance(value, Equal) else any, value)
         if hasattr(type(value), "__bool__") or hasattr(type(value), "__len__"):
             self.reads.settled(value)
-        return bool(value)
+        try:
+            return bool(value)
+        except InvalidType as error:  # of a vector
+            raise NotCompilable(str(error)) from None
 
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
+        if isinstance(condition, (Vec, Mat, Entries)):
+            raise NotCompilable(f"where: one condition; got a {type(condition).__name__}")
         condition = self.truth(condition)
         if isinstance(condition, bool):
             return yes if condition else no
@@ -562,6 +575,8 @@ def _known(test: Any) -> bool:
 
 def in_words(error: TypeError) -> str:
     """What Python says of operands of which one is a number of the run, and what to do."""
+    if isinstance(error, InvalidType):
+        return str(error)
     said = str(error).replace("'Num'", "a number known only at run time")
     return (
         f"{said}; native code has floats, integers, liemech.Vec, Mat and formulas.Complex: write "

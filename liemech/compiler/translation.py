@@ -31,14 +31,17 @@ from ..formulas.pytree import (
     PAIRS,
     compensated,
     double_double,
+    exchanged,
     fill,
     fitted,
+    inside,
     is_any_number,
     layout_of,
     leaves,
     paired,
     plain,
     rounded,
+    with_fields,
 )
 from ..formulas.records import Record
 from ..formulas.series import Series
@@ -87,6 +90,8 @@ class Interpreter(Statements):
             getattr: self.named,
             dataclasses.replace: self.replaced,
             **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
+            **{f: f for f in (inside, with_fields)},
+            exchanged: lambda *x: exchanged(*x, self.reads.exchanged),
             tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
             sums.antisymmetric_map: lambda *x: large.sums(emitter, sums.antisymmetric_map, *x),

@@ -13,7 +13,7 @@ from . import of_numpy  # noqa: F401 (NumPy's functions become formulas)
 from .broadcasting import check_finite, real_array
 from .complex_numbers import Complex
 from .derivatives import derivative, gradient, jacobian
-from .dual import Dual
+from .dual import Dual, constant
 from .elimination import determinant, inverse, solve, solve3
 from .functions import (
     acos,
@@ -89,6 +89,7 @@ __all__ = [
     "atanh",
     "cbrt",
     "check_finite",
+    "constant",
     "copysign",
     "cos",
     "cosh",

@@ -114,8 +114,20 @@ class RKMK(Method):
 
     @property
     def name(self) -> str:
-        """RKMK and the order."""
-        return f"RKMK{self.order}"
+        """RKMK and the order, and where it is another one than that of `RKMK(order)`: its tableau,
+        its retraction, and where the series is cut.
+        """
+        chosen = self.tableau == BY_ORDER.get(self.order)
+        series = isinstance(self.retraction, Exponential)
+        told = [] if chosen else [self.tableau.name]
+        if not series:
+            told.append(type(self.retraction).__name__)
+        elif self.truncation == "closed":
+            told.append("closed")
+        elif self.truncation != max(self.order - 2, 0):
+            told.append(f"ad^{self.truncation}")
+        name = f"RKMK{self.order}" if chosen else "RKMK"
+        return f"{name} ({', '.join(told)})" if told else name
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""

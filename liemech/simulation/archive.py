@@ -60,6 +60,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     about |= {"steps": run.steps, "bodies": run.bodies}
     about |= {"method": _of_each(run.method), "system": _of_each(run.system)}
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
+    about["breaks"] = list(run.breaks)
     about["stopped"] = {
         str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()
     }
@@ -252,6 +253,7 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
         "events": tuple(events),
         "carry": carry,
         "observed": tuple(about.get("observed", ())),
+        "breaks": tuple(about.get("breaks", ())),
     }
 
 

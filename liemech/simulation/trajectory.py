@@ -16,6 +16,7 @@ from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
 from .fictive import Origin
+from .jumps import ending_at_jumps
 from .stopped import NONE, Stop
 from .systems import OfBodies, Systems, of_body
 
@@ -40,7 +41,7 @@ class Trajectory:
     events : for every event function the times, and the states then.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
     observed : names in `states` that are no parts of the state but functions of it, which `record`
-    asked for.
+    asked for.  breaks : times at which steps of one length had to end.
     stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took
     and the `error` that ended it.
     """
@@ -59,6 +60,7 @@ class Trajectory:
     events: tuple[tuple[np.ndarray, State], ...] = ()
     carry: Any = field(default_factory=lambda: None)
     observed: tuple[str, ...] = ()
+    breaks: tuple[float, ...] = ()
 
     @classmethod
     def promised(cls, rest: Any, **known: Any) -> Trajectory:
@@ -267,7 +269,8 @@ class Trajectory:
             )
         system: Any = self.system
         example = system.state(**{name: x[0] for name, x in self.states.items()})
-        return ShortSteps(self.system, self.method, example, self.t, flat(self.states, len(self.t)))
+        method = ending_at_jumps(self.method, self.system, self.breaks)
+        return ShortSteps(system, method, example, self.t, flat(self.states, len(self.t)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum;

@@ -103,16 +103,7 @@ def march(
     steps, since, last, n, ended = mark.steps, mark.since, h, 0, 0.0
     most, time, still = steps + most, system.clock(sample(method, carry)), mark.still
     while n < room - 1 and steps < most and ended == 0.0:
-        trial = attempt(
-            stepped,
-            method,
-            system,
-            steps * h,
-            carry,
-            h,
-            layout,
-            failures is not None and steps == 0.0,
-        )
+        trial = attempt(stepped, method, system, steps * h, carry, h, layout)
         if not accepted(trial, observed, shown):
             ended = 2.0
             if failures is not None:

@@ -12,6 +12,7 @@ from ..formulas import (
     Record,
     Vec,
     derivative,
+    constant,
     dot,
     gradient,
     jacobian,
@@ -610,19 +611,19 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     """
     n = len(rhs)
     if n == 1:
-        return vec(rhs[0] / m[0, 0] if m[0, 0] != 0.0 else rhs[0]), vec(m[0, 0])
+        return vec(rhs[0] / m[0, 0] if constant(m[0, 0]) != 0.0 else rhs[0]), vec(m[0, 0])
     if n == 2:  # by Cramer's rule: one division before the solution
         volume = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
-        scale = 1.0 / volume if volume != 0.0 else 1.0
+        scale = 1.0 / volume if constant(volume) != 0.0 else 1.0
         both = vec(
             scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]),
             scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]),
         )
-        return both, vec(m[0, 0], volume / m[0, 0] if m[0, 0] != 0.0 else volume)
+        return both, vec(m[0, 0], volume / m[0, 0] if constant(m[0, 0]) != 0.0 else volume)
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []
     for k in range(n):
-        inverse = [*inverse, 1.0 / where(rows[k][k] != 0.0, rows[k][k], 1.0)]
+        inverse = [*inverse, 1.0 / where(constant(rows[k][k]) != 0.0, rows[k][k], 1.0)]
         for i in range(k + 1, n):
             rows[i] = rows[i] - (rows[i][k] * inverse[k]) * rows[k]
     x = [0.0 for _ in range(n)]

@@ -271,7 +271,11 @@ def affine(velocity: Any, speeds: Any, points: list[Any]) -> np.ndarray | None:
     if max(map(degree, speeds)) == inf:
         return None
     rates = np.array(jacobian(velocity, points[0]), dtype=float)
-    return rates if _everywhere(rates, velocity, points[1:]) else None
+    # as it is written, it may be of a degree that shows only in other units
+    others = (
+        [] if max(map(degree, speeds)) <= 1 else where_defined(velocity, _far(len(points[0])))[0]
+    )
+    return rates if _everywhere(rates, velocity, [*points[1:], *others]) else None
 
 
 def _moves(speed: Any) -> bool:
@@ -294,6 +298,13 @@ def special_nowhere(n: int) -> list[Any]:
     for size in (3.0, 0.05, 10.0, 100.0, 1e4):
         x, signs = size * rng.uniform(0.5, 1.0, size=(2, n)), rng.choice([-1.0, 1.0], size=n)
         drawn += [x[0], signs * x[1], -signs * x[1]]
+    return [SmallVector.of(y.tolist()) for y in drawn]
+
+
+def _far(n: int) -> list[Any]:
+    """Points with each coordinate in a unit of its own."""
+    rng, shape = np.random.default_rng(10), (16, n)
+    drawn = rng.choice([-1.0, 1.0], shape) * 10.0 ** rng.uniform(-40.0, 40.0, shape)
     return [SmallVector.of(y.tolist()) for y in drawn]
 
 

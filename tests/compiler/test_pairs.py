@@ -220,7 +220,7 @@ def test_complex_matrices_as_arrays() -> None:
 
 def _squares(array: Any, layout: Any, out: Any) -> None:
     m = read(array, 0, layout)
-    write(out, 0, m @ m - (2.0 * m).T)
+    write(out, 0, m @ m - (2.0 * m).T, layout)
 
 
 @pytest.mark.compiled

@@ -66,6 +66,13 @@ def test_the_construction_of_darboux_and_lie(structure: Any, y: list[float], deg
     assert np.allclose(structure.casimirs(leaf), structure.casimirs(near), rtol=1e-10, atol=1e-12)
 
 
+def test_no_chart_where_the_rank_falls() -> None:
+    """Around a wrench without force orbits have four dimensions, at it two."""
+    motions = lm.coadjoint(lm.SE3()).poisson_structure
+    with pytest.raises(lm.errors.InvalidInput, match="is 2, beside it 4"):
+        lm.DarbouxLieChart(motions, [0.3, 0.4, 0.5, 0.0, 0.0, 0.0])
+
+
 @pytest.mark.slow
 def test_the_construction_where_a_level_is_inside_another() -> None:
     """Rank 4 with derivatives of the field in it, and rank 4 of 6."""
