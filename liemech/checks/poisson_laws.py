@@ -251,8 +251,8 @@ def check_poisson(
     Returns a Report, which prints as a table.  Raises LawViolation: the first law broken, the
     entries, where and by how much.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2, the identity
-    (2.10).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2; the slides,
+    (2.9) and (2.10).
     """
     given: Any = structure
     if not isinstance(given, PoissonStructure):
