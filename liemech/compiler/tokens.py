@@ -157,7 +157,7 @@ _SETTLED = {"builtins", "enum", "fractions", "decimal", "numpy"}
 
 _HARMLESS = {
     f"__{name}__"
-    for name in (
+    for name in (  # noqa: SIM905
         "module qualname doc dict weakref slots annotations annotate annotate_func annotations_cache "
         "static_attributes firstlineno classdictcell classcell orig_bases parameters match_args type_params "
         "abstractmethods subclasshook init_subclass class_getitem dataclass_fields dataclass_params "
