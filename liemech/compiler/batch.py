@@ -28,7 +28,7 @@ import numpy as np
 from ..errors import InvalidInput, NotCompilable, NotCompiledWarning, warn
 from ..formulas.broadcasting import MEMBERSHIP, Batch, row_of
 from ..formulas.complex_numbers import Complex
-from ..formulas.pytree import Layout, is_any_number, layout_of, leaves
+from ..formulas.pytree import NUMBER, Layout, is_any_number, layout_of, leaves, vector_layout
 from ..formulas.sums import total as total_of
 from ..formulas.vectors import Mat, Vec, vec
 from . import kernel
@@ -222,13 +222,13 @@ class Job:
     def kept(self, batch: Batch) -> Job:
         """The same without what belongs to this batch: its owner, group and values may go."""
         static = {k: None if k in batch.rest else default for k, default in self.static.items()}
-        *_, plan, _, widths = self.arguments
-        return dataclasses.replace(self, arguments=(plan, (), widths), static=static)
+        *_, plan, _, results = self.arguments
+        return dataclasses.replace(self, arguments=(plan, (), results), static=static)
 
     def of(self, batch: Batch) -> Job:
         """The same for another batch of this form, whose numbers may be others."""
         static = self.static | batch.rest
-        *_, plan, _, widths = self.arguments
+        *_, plan, _, results = self.arguments
         arguments = (
             batch.formula,
             batch.owner,
@@ -236,7 +236,7 @@ class Job:
             MEMBERSHIP,
             plan,
             tuple(static.values()),
-            widths,
+            results,
         )
         return Job(arguments, self.example, self.parts, self.layouts, self.rows, static)
 
@@ -263,7 +263,7 @@ def _job(batch: Batch, example: Any) -> Job | None:
         else:
             plan.append((len(static), None, False))
             static[name] = value
-    widths = tuple([layout.width for layout in layouts])
+    results = tuple([vector_layout(layout.width) for layout in layouts])
     arguments = (
         batch.formula,
         batch.owner,
@@ -271,9 +271,9 @@ def _job(batch: Batch, example: Any) -> Job | None:
         MEMBERSHIP,
         tuple(plan),
         tuple(static.values()),
-        widths,
+        results,
     )
-    one = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(widths))]
+    one = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(results))]
     job = Job(arguments, example, parts, layouts, one, static)
     return None if job.key in _refused else job
 
@@ -409,24 +409,25 @@ def _each(
     tolerance: Any,
     plan: Any,
     static: Any,
-    widths: Any,
+    results: Any,
     suspect: Any,
     *rows: Any,
 ) -> None:
     arguments: list[Any] = []
     for at, layout, _ in plan:
         arguments = [*arguments, static[at] if layout is None else read(rows[at], 0, layout)]
-    value, total = attempt(_guarded, formula, owner, space, tolerance, plan, widths, arguments)
+    value, total = attempt(_guarded, formula, owner, space, tolerance, plan, results, arguments)
     start = 0
-    for k in range(len(widths)):
-        write(rows[len(rows) - len(widths) + k], 0, vec(*value[start : start + widths[k]]))
-        start = start + widths[k]
+    for k in range(len(results)):
+        end = start + results[k].width
+        write(rows[len(rows) - len(results) + k], 0, vec(*value[start:end]), results[k])
+        start = end
     if any_body(not accepted(total, itself)):
-        write(suspect, 0, vec(1.0))
+        write(suspect, 0, 1.0, NUMBER)
 
 
 def _guarded(
-    formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, widths: Any, arguments: Any
+    formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, results: Any, arguments: Any
 ) -> tuple[Vec, float]:
     """The numbers of the result and their sum, finite only if they are; raises where plain Python
     must look at the arguments.
@@ -443,7 +444,7 @@ def _guarded(
     if not sound:
         raise InvalidInput("not finite, or no element")
     value = numbers(formula(owner, *arguments))
-    if len(value) != sum(widths):
+    if len(value) != sum([layout.width for layout in results]):
         raise NotCompilable("the result has another form than in plain Python")
     return value, total_of([*value])
 

@@ -56,6 +56,7 @@ class Record(Broadcasting):
         if cls not in _complete:
             _require_dataclass(cls)
             _require_methods_in_sight(cls)
+            _require_final_methods(cls)
             _complete.add(cls)
         return super().__new__(cls)
 
@@ -173,6 +174,20 @@ def _require_methods_in_sight(cls: Any) -> None:
                     f"{base.__name__}.{field.name} is a method or a property, and {field.name} is a "
                     f"field: one would hide the other; give the field its value, {cls.__name__}(..., "
                     f"{field.name}=...), or name the method otherwise"
+                )
+
+
+def _require_final_methods(cls: Any) -> None:
+    """A method that follows from the others is the base's: what else is written counts on it."""
+    for derived in cls.__mro__:
+        for name in vars(derived):
+            base = next((b for b in derived.__mro__[1:] if name in vars(b)), None)
+            if base is not None and getattr(vars(base)[name], "__final__", False):
+                says = (vars(base)[name].__doc__ or "").strip().split("\n")[0].split(". ")[0]
+                raise InvalidType(
+                    f"{derived.__name__} replaces {base.__name__}.{name}{says and f' ({says})'}, "
+                    "which follows from what a subclass writes, and on which other formulas count; "
+                    "give yours another name, or write what it follows from"
                 )
 
 

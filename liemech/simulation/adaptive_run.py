@@ -46,6 +46,7 @@ from .dense import DenseOutput, unpacked
 from .events import Event, Watch, name_of
 from .execution import LOOK, Execution, numbers_of
 from .first_piece import FirstPiece, first_piece
+from .jumps import MARGIN, jumps_between
 from .prepared import Prepared
 from .progress import Bar
 from .sampled import SAMPLES, at_start, between, sampled_steps
@@ -56,10 +57,6 @@ ROOM = 512
 
 LARGE = 2**20
 """Numbers of rows that are moved where they are, if they must be, and not copied."""
-
-MARGIN = 4
-"""Units in the last place by which steps keep away from a jump of the velocity, on both sides."""
-
 
 class Laid(Prepared):
     """How adaptive steps are laid out, of one body, by a `Shape`, or of many."""
@@ -126,12 +123,17 @@ class AdaptiveSteps:
         """The first step, signed; zero if it is to be found."""
         return 0.0 if self.h is None else math.copysign(self.h, t_end - t0)
 
+    def jumps(self, t0: float, t_end: float) -> tuple[float, ...]:
+        """The times at which the velocity jumps: those that a user has named, and those of tables."""
+        return jumps_between(self.method, self.system, self.breaks, t0, t_end)
+
     def begun(self, t: np.ndarray) -> np.ndarray:
         """The times at which the steps to t[1:] begin: where the velocity jumps, beyond that."""
         begun = t[:-1].copy()
-        for b in self.breaks:
-            away = math.copysign(MARGIN, t[-1] - t[0]) * float(np.spacing(abs(b)))
-            begun[(begun == b - away) | (begun == b)] = b + away
+        t0, t_end = float(t[0]), float(t[-1])
+        start, ways = stretches(self.jumps(t0, t_end), t0, t_end)
+        for end, beyond in ((t0, start), *ways):
+            begun[begun == end] = beyond
         return begun
 
     def run(
@@ -158,7 +160,7 @@ class AdaptiveSteps:
                 "integrate: dense=True keeps the states; record no functions of them"
             )
         first = None
-        if not (events or self.breaks or kept or recorder or self.progress) and (
+        if not (events or self.jumps(t0, t_end) or kept or recorder or self.progress) and (
             times is None or not self.dense
         ):
             first = first_piece(self, start, t0, t_end, times, limit)
@@ -215,15 +217,17 @@ def stretches(
     """
     if t0 == t_end:
         return t0, []
+    sign = math.copysign(MARGIN, t_end - t0)
     jumps = [b for b in breaks if min(t0, t_end) <= b <= max(t0, t_end) and b != t0]
-    margin = {b: math.copysign(MARGIN, t_end - t0) * float(np.spacing(abs(b))) for b in (*jumps, t0)}
-    ways = [
-        (b - margin[b], t_end if b == t_end else b + margin[b])
-        for b in (jumps if t_end > t0 else jumps[::-1])
-    ]
+    ways, before = [], t0
+    for b in jumps if t_end > t0 else jumps[::-1]:
+        # times of stages are rounded as those of the step are
+        ahead = sign * float(np.spacing(max(abs(b), abs(before))))
+        ways.append((b - ahead, t_end if b == t_end else b + sign * float(np.spacing(abs(b)))))
+        before = b
     if t_end not in jumps:
         ways.append((t_end, t_end))
-    return t0 + margin[t0] if t0 in breaks else t0, ways
+    return t0 + sign * float(np.spacing(abs(t0))) if t0 in breaks else t0, ways
 
 
 def cut(row: np.ndarray, begun: float, at: float, numbers: np.ndarray, dim: int) -> None:
@@ -351,7 +355,9 @@ class AdaptiveRun:
             if not self.kept:
                 self._sample(1 if self.recorder is None or self.t_eval is not None else 0)
             with Bar(self.plan.progress, 1000, "") as bar:
-                start, ways = stretches(self.plan.breaks, self.t0, self.t_end)
+                start, ways = stretches(
+                    self.plan.jumps(self.t0, self.t_end), self.t0, self.t_end
+                )
                 if start != self.t0:
                     go_on(self.clock, start)
                 for end, beyond in ways:
@@ -617,6 +623,7 @@ class AdaptiveRun:
             rejected=int(self.clock[REJECTED]),
             dense=kept,
             events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
+            ended=self.watch.ended if self.watch else None,
             stopped={},
             observed=() if self.recorder is None else tuple(self.recorder.quantities),
         )

@@ -45,6 +45,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     about |= {"steps": run.steps, "bodies": run.bodies}
     about |= {"method": _of_each(run.method), "system": _of_each(run.system)}
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
+    about |= {"breaks": list(run.breaks), "ended": run.ended}
     about["stopped"] = {
         str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()
     }
@@ -286,6 +287,8 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         "events": tuple(events),
         "carry": carry,
         "observed": tuple(about.get("observed", ())),
+        "breaks": tuple(about.get("breaks", ())),
+        "ended": about.get("ended"),
     }
 
 

@@ -128,7 +128,7 @@ class FixedRun:
         """
         for i in range(self.count):
             start = fitted(self._member(i), started) if i else one
-            own = self.plan.method_of(i), self.plan.of(i), start, self.plan.h_of(i)
+            own = self.plan.way_of(i), self.plan.of(i), start, self.plan.h_of(i)
             trial = attempt(begun, *own)
             if not isinstance(trial, Rejected):
                 carry, example = trial
@@ -468,6 +468,7 @@ class FixedRun:
             SimpleNamespace(t=lambda: made()[0], states=lambda: made()[1]),
             system=self.plan.system,
             method=self.plan.method,
+            breaks=self.plan.breaks,
             h=shown_step(self.plan.h),
             bodies=self.bodies,
             steps=steps,

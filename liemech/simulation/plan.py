@@ -52,8 +52,9 @@ class Plan:
     Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
     rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one;
     (bodies,) gives every body its own.
-    breaks : times at which the velocity jumps, such as the ends of a pulse; no step goes across.
 
+    breaks, for both : times at which the velocity jumps, such as the ends of a pulse; no step goes
+    across one.  Those of tables in the fields of the system are known.
     record, events, compiled, progress, workers : as for `integrate`.
 
     A plan does not change; `replace` makes another one.  What formulas read from outside counts as
@@ -145,10 +146,10 @@ class Plan:
                 progress,
                 workers,
             )
-        elif h is None or not (rtol is atol is max_step is None) or len(breaks):
+        elif h is None or not (rtol is atol is max_step is None):
             from .adaptive_run import AdaptiveSteps
 
-            asked = {"rtol": rtol, "atol": atol, "max_step": max_step, "breaks": breaks}
+            asked = {"rtol": rtol, "atol": atol, "max_step": max_step}
             arguments.only_adaptive(first("method"), every, h, **asked)
             if precision != "double":
                 raise InvalidInput(
@@ -180,6 +181,7 @@ class Plan:
                 compiled,
                 progress,
                 workers,
+                breaks=breaks,
             )
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
         self._plain = (  # is there nothing to do but to step, with one length, and for one system?
@@ -807,15 +809,14 @@ class Plan:
                 f"Plan.{what}: the carry is of steps of h = "
                 f"{inner.h!r}, the plan has {self._steps.h!r}"
             )
-        theirs: Any = None
+        theirs, way = None, self.method  # type: Any, Any
         if isinstance(carry, FictiveCarry):
             theirs = carry.origin.given, carry.origin.method
         elif inner.shape is not None:
             method, system, *_ = inner.shape.arguments
             theirs = tuple([x.values if isinstance(x, Several) else x for x in (system, method)])
-        mine = tuple(
-            [x.members if isinstance(x, OfBodies) else x for x in (self.system, self.method)]
-        )
+            way = self._steps.way
+        mine = tuple([x.members if isinstance(x, OfBodies) else x for x in (self.system, way)])
         if theirs is not None and exact(theirs) != exact(mine):
             raise InvalidInput(
                 f"Plan.{what}: the carry is of another system or method; begin anew there, with "

@@ -170,7 +170,7 @@ def _end(running: set[Any], unless: str) -> None:
     """Tell the workers of these futures that nobody waits for them; the file goes with the last."""
     if not running:
         return
-    with contextlib.suppress(OSError), open(unless, "x"):  # without it they come to their ends
+    with contextlib.suppress(OSError), open(unless, "x"):  # else they come to their ends
         pass
 
     def ended(future: Any) -> None:

@@ -103,16 +103,7 @@ def march(
     steps, since, last, n, ended = mark.steps, mark.since, h, 0, 0.0
     most, time, still = steps + most, system.clock(sample(method, carry)), mark.still
     while n < room - 1 and steps < most and ended == 0.0:
-        trial = attempt(
-            stepped,
-            method,
-            system,
-            steps * h,
-            carry,
-            h,
-            layout,
-            failures is not None and steps == 0.0,
-        )
+        trial = attempt(stepped, method, system, steps * h, carry, h, layout)
         if not accepted(trial, observed, shown):
             ended = 2.0
             if failures is not None:
@@ -544,6 +535,7 @@ class March:
         more: dict[str, Any] = {"steps": steps, "compiled": self.execution.native is not None}
         if self.watch is not None:
             more["events"] = self.watch.shown(self.first, layout_of(self.first))
+            more["ended"] = self.watch.ended
         if self.fine and self.times is None:
             whole = np.rint(tau / run.h)
             kept = (whole % run.plan.every == 0) & (whole * run.h == tau)

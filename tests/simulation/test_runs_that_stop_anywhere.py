@@ -81,6 +81,37 @@ def test_a_run_without_samples_stands_where_it_came_to(system, method, start, ho
     assert same(plan.resume(nothing, t_end=3.0), plan.resume(rest, t_end=3.0))
 
 
+@pytest.mark.parametrize("t_eval", [None, (0.0, 0.25, 0.5, 1.5), ()], ids=["steps", "times", "none"])
+@pytest.mark.parametrize("how", ["fixed", "adaptive", "fictive"])
+def test_the_last_state_is_that_of_the_event_that_ended_the_run(how, t_eval, tmp_path: Path):
+    def late(t, state):
+        return t - 0.733
+
+    late.terminal = True
+    orbit, body = lm.Kepler(), lm.RigidBody([1.0, 1.5, 2.0])
+    begin = body.state(mu=[0.5, 0.0, 0.8])
+    system, method, start, options = {
+        "fixed": (body, lm.RKMK(order=4), begin, {"h": 0.1, "steps": 20}),
+        "adaptive": (body, lm.RKMK(order=5), begin, {"t_end": 2.0}),
+        "fictive": (
+            orbit,
+            lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5)),
+            orbit.state(q=[1.0, 0.0], p=[0.0, 1.0]),
+            {"h": 0.05, "t_end": 2.0},
+        ),
+    }[how]
+    run = lm.integrate(
+        system, method, start, events=[late], t_eval=t_eval, compiled=False, **options
+    )
+    run.save(tmp_path / "run.npz")
+    for one in (run, lm.Trajectory.load(tmp_path / "run.npz")):
+        assert one.ended == 0
+        for name, values in one.events[0][1].arrays.items():
+            assert np.array_equal(one.last.arrays[name], values[-1])
+    beyond = lm.integrate(system, method, start, t_eval=t_eval, compiled=False, **options)
+    assert beyond.ended is None
+
+
 def test_a_sample_at_a_last_time_where_the_velocity_jumps():
     plan, start = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-8, breaks=[0.3, 1.0]), BODY.state(START.mu)
     whole = plan.run(start, t_end=1.0)
