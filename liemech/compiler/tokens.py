@@ -157,13 +157,7 @@ _SETTLED = {"builtins", "enum", "fractions", "decimal", "numpy"}
 
 _HARMLESS = {
     f"__{name}__"
-    for name in (
-        "module qualname doc dict weakref slots annotations annotate annotate_func annotations_cache "
-        "static_attributes firstlineno classdictcell classcell orig_bases parameters match_args type_params "
-        "abstractmethods subclasshook init_subclass class_getitem dataclass_fields dataclass_params "
-        "new init post_init replace del set_name setattr delattr copy deepcopy reduce reduce_ex getstate setstate "
-        "getnewargs getnewargs_ex missing sizeof dir protocol_attrs non_callable_proto_members_ final override"
-    ).split()
+    for name in ["module", "qualname", "doc", "dict", "weakref", "slots", "annotations", "annotate", "annotate_func", "annotations_cache", "static_attributes", "firstlineno", "classdictcell", "classcell", "orig_bases", "parameters", "match_args", "type_params", "abstractmethods", "subclasshook", "init_subclass", "class_getitem", "dataclass_fields", "dataclass_params", "new", "init", "post_init", "replace", "del", "set_name", "setattr", "delattr", "copy", "deepcopy", "reduce", "reduce_ex", "getstate", "setstate", "getnewargs", "getnewargs_ex", "missing", "sizeof", "dir", "protocol_attrs", "non_callable_proto_members_", "final", "override"]
 }
 """Names with two underscores of a class that no operator, function or loop of Python's asks for, or
 that the compiler asks about itself (`__missing__`).

@@ -222,7 +222,7 @@ class Dual(ByValue):
     def __bool__(self) -> bool:
         return bool(self != 0.0)
 
-    __hash__ = None  # type: ignore[assignment]
+    __hash__ = None
 
     def __float__(self) -> float:
         raise TypeError(
