@@ -82,7 +82,7 @@ class Expressions(Loops):
             value = value.together
         if isinstance(value, (Equal, Unequal)):
             return self.call(all if isinstance(value, Equal) else any, value)
-        if any([self.reads.of_class(value, name) for name in ("__bool__", "__len__")]):
+        if any(self.reads.of_class(value, name) for name in ("__bool__", "__len__")):
             self.reads.settled(value)
         try:
             return bool(value)
