@@ -92,7 +92,7 @@ class Interpreter(Statements):
             dataclasses.replace: self.replaced,
             **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
             **{f: f for f in (inside, with_fields)},
-            exchanged: lambda *x: exchanged(*x, self.reads.exchanged),
+            exchanged: lambda x, kind, new: exchanged(x, kind, new, self.reads.exchanged),
             tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
             sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
             sums.antisymmetric_map: lambda *x: large.sums(emitter, sums.antisymmetric_map, *x),
