@@ -125,7 +125,7 @@ class Smooth(Guarded):
 )
 def test_runs_say_what_to_write(method: Any, steps: Any, compiled: bool) -> None:
     for q, p in ([0.0], [0.5]), ([[0.3], [0.0]], [[0.0], [0.5]]):
-        with pytest.raises((InvalidInput, NotCompilable), match="liemech.formulas"):
+        with pytest.raises((InvalidInput, NotCompilable), match=r"liemech\.formulas"):
             system = Guarded()
             lm.integrate(system, method, system.state(q=q, p=p), **steps, compiled=compiled, progress=False)
 
