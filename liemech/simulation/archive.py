@@ -29,6 +29,7 @@ from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
+from ..integrators.ending_at_jumps import ending_at_jumps
 from .arrival import FictiveMotion
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .dense import DenseOutput
@@ -190,7 +191,7 @@ def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> dict[str,
             example = origin.whole.extended(origin.start, 0.0)
             points, kind = (arrays["dense.t"], arrays["dense.points"]), type(origin.start)
             dense = FictiveMotion(
-                method,
+                ending_at_jumps(method, origin.whole, ()),
                 origin.whole,
                 kind,
                 example,
