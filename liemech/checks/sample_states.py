@@ -19,6 +19,7 @@ from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
+from ..systems.vector_field import VectorField
 from .sample_points import STENCIL, STEP, flat, size
 
 PLACES = 5
@@ -143,8 +144,8 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
         return _consistent(system, rng)
     if isinstance(system, HamiltonianSystem):
         return CanonicalState(*(small(x) for x in rng.normal(size=(2, system.degrees))))
-    if isinstance(system, PoissonSystem):
-        y = rng.normal(size=system.structure.dim)
+    if isinstance(system, VectorField):
+        y = rng.normal(size=system.dim)
         try:
             return PoissonState(small(np.asarray(system.state(y).y)))
         except InvalidInput:

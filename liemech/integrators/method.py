@@ -44,6 +44,12 @@ class Method(Record):
                     f"Cayley() or one of yours; got {given!r}"
                 )
 
+    def symmetric_on(self, system: Any) -> bool:
+        """Is the method symmetric on a system, or on some system if that is None?  As it claims by
+        default.
+        """
+        return self.symmetric
+
     @property
     def error_order(self) -> int:
         """The order of the error estimate plus one, by which adaptive steps are chosen; 0 if there

@@ -308,7 +308,9 @@ class AdaptiveEnsemble(OneByOne):
     def _take_up(self, i: int, begun: Any) -> None:
         """A body where another run left it."""
         if isinstance(begun, AdaptiveCarry):
-            self.numbers[:, i], self.clocks[:, i] = begun.taken_up(float(self.t_end[i]))
+            self.numbers[:, i], self.clocks[:, i] = begun.taken_up(
+                float(self.t_end[i]), len(self.numbers)
+            )
             return
         lanes: Any = self.lanes
         self.numbers[: lanes.state.width, i] = packed(begun.state)

@@ -364,14 +364,12 @@ def digits(precision: Any, compensated: Any) -> None:
         )
 
 
-def checkpoint(path: Any, every: Any) -> Checkpoint | None:
-    """Where and how often a run is saved, if it is."""
-    if path is None:
-        return None
+def checkpoint(path: Any, every: Any) -> Checkpoint:
+    """Where and how often a run is saved."""
     if (
         not isinstance(path, (str, os.PathLike))
         or not os.path.isdir(os.path.dirname(os.fspath(path)) or ".")
-        or (os.path.isdir(path))
+        or (os.path.exists(path) and not os.path.isfile(path))
     ):
         raise InvalidInput(
             f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}"

@@ -296,11 +296,9 @@ def fictive_tangent_run(
     found = Directions(frames_of(whole, now), moves, method, systems, methods, columns)
     made, values, tangent = carried_along(origin.steps(plan), now, steps, 0.0, found)
     t, states, _ = whole.apart(unpacked(layout_of(now), values))
-    if plan.one.fictive:  # the time is the last of the positions, minus the energy of the momenta
-        n = tangent.shape[1] // 2
-        rows = [*range(n - 1), *range(n, 2 * n - 1), n - 1]
-    else:
-        rows = [*range(tangent.shape[1] - 1)]  # z is not shown
+    size = tangent.shape[1]
+    # z is not shown
+    rows = whole.of_tangent(size) if plan.one.fictive else [*range(size - 1)]
     return TangentTrajectory(
         inner, plan.method, plan.h, t, states, None, steps, made.compiled,
         tangent=found.named(tangent[:, rows]), tau=made.t,

@@ -291,17 +291,21 @@ class Trajectory:
         save(self, path)
 
     @staticmethod
-    def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> Trajectory:
+    def load(
+        path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: bool = False
+    ) -> Trajectory:
         """A run that was saved, with its system and its method, which `Plan.resume` goes on with.
 
         modules : names of modules to import for classes of your own, unless they are imported
-        already.
+        already.  trusted : import whatever modules the file names, which runs their code; only for
+        files whose origin you know.
         Raises InvalidInput if the file is damaged or was not written by `save`, or if a class is
-        not there.  No code of it is run.
+        not there.  Without `trusted` a file chooses among the records of the library and of your
+        program; it names nothing that is called, and nothing of it is imported or evaluated.
         """
         from .archive import load
 
-        kept = load(path, modules)
+        kept = load(path, modules, trusted)
         if "tangent" in kept:
             return TangentTrajectory(**kept)
         return TransformedTrajectory(**kept) if "origin" in kept else Trajectory(**kept)
@@ -489,8 +493,10 @@ class TransformedTrajectory(Trajectory):
         self._recorded("scale", self.origin.start.arrays if needed is None else needed)
         return np.array(
             [
-                self.sigma.value(
-                    self.system, small_state(kind, {n: x[k] for n, x in self.states.items()})
+                self.sigma.value_at(
+                    self.system,
+                    float(self.t[k]),
+                    small_state(kind, {n: x[k] for n, x in self.states.items()}),
                 )
                 for k in range(len(self))
             ]

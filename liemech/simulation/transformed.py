@@ -553,10 +553,11 @@ class March:
     def _failed(self) -> Any:
         """The error of a run that a step ended: a mistake in a formula, or a failure."""
         error = self.failures[0] if self.failures else None
-        if is_mistake(error):
+        at = f"step {int(self.mark.steps) + 1}, t = {self._time():g}"
+        if isinstance(error, Exception) and is_mistake(error):
+            error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
             return self._ended(error)
-        samples, steps = sum(map(len, self.rows)), int(self.mark.steps)
-        at = f"step {steps + 1}, t = {self._time():g}; {samples} samples are in `.trajectory`"
+        at += f"; {sum(map(len, self.rows))} samples are in `.trajectory`"
         return self._stopped(failure(error, repr(self.run.method), at))
 
     def _stopped(self, error: IntegrationFailure) -> Any:

@@ -102,6 +102,22 @@ class PiecewisePolynomial(Record):
         object.__setattr__(self, "last", self.intervals)
         super().__post_init__()
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Formulas read the tables by these numbers, and native code does not look where they end:
+        from a copy or a file they must belong together.
+        """
+        super().__setstate__(state)
+        counts: tuple[Any, ...] = self.degree, self.size, self.intervals
+        if (
+            not (isinstance(self.knots, Table) and isinstance(self.coefficients, Table))
+            or not all(isinstance(n, (int, float)) and n >= 0 for n in counts)
+            or len(self.knots) < 2
+            or self.intervals != len(self.knots) - 1
+            or len(self.coefficients) != self.intervals * (self.degree + 1) * max(self.size, 1)
+            or not (np.diff(np.asarray(self.knots)) > 0.0).all()
+        ):
+            raise InvalidInput("PiecewisePolynomial: its tables do not fit its degree and size")
+
     # ---------------------------------------------------------------- how it is made
 
     @classmethod
