@@ -17,6 +17,7 @@ from ..compiler.driver import accepted, itself
 from ..compiler.interrupts import in_threads
 from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, is_mistake
 from ..formulas.pytree import build, layout_of
+from ..integrators.ending_at_jumps import jumps_between
 from ..systems.system import State
 from ..systems.tabulated import has_inputs
 from . import arguments
@@ -41,7 +42,6 @@ from .dense import DenseOutput, flat, packed, unpacked
 from .events import NativeEvents, Unseen, Watch, Watches, unseen
 from .execution import Execution, numbers_of
 from .fixed_run import PATIENCE, pool
-from .jumps import jumps_between
 from .one_by_one import OneByOne, of_bodies
 from .progress import Bar
 from .stopped import Stopped

@@ -24,6 +24,7 @@ from ..errors import (
     is_mistake,
 )
 from ..formulas.pytree import build, gatherer, layout_of
+from ..integrators.ending_at_jumps import MARGIN, jumps_between
 from ..systems.system import State
 from . import arguments
 from .adaptive import (
@@ -46,7 +47,6 @@ from .dense import DenseOutput, unpacked
 from .events import Event, Watch, name_of
 from .execution import LOOK, Execution, numbers_of
 from .first_piece import FirstPiece, first_piece
-from .jumps import MARGIN, jumps_between
 from .prepared import Prepared
 from .progress import Bar
 from .sampled import SAMPLES, at_start, between, sampled_steps

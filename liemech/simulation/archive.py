@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import IntegrationFailure, InvalidInput, MissingExtra
 from ..formulas.pytree import layout_of
+from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .arrival import FictiveMotion
@@ -221,7 +222,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
             if begun is not None:
                 _require_shape(decode.where, begun, (width + 1,))
             dense = FictiveMotion(
-                method,
+                ending_at_jumps(method, origin.whole, ()),
                 origin.whole,
                 kind,
                 example,

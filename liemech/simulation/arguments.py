@@ -16,10 +16,10 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, warn
 from ..formulas import check_finite, real_array
+from ..integrators.ending_at_jumps import apart
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .checkpoint import Checkpoint
-from .jumps import apart
 
 MOST = 2**53
 """Counts up to this are exact as floating-point numbers, and so are the times t0 + n h up to

@@ -25,11 +25,11 @@ from ..formulas.pytree import (
     layout_of,
     leaves,
 )
+from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .execution import Execution, like, numbers_of
 from .fixed import begin, fixed_steps
-from .jumps import ending_at_jumps
 from .systems import OfBodies, of_body
 
 TIME = struct.Struct("d")
@@ -103,7 +103,7 @@ class Steps:
     def way_of(self, body: int) -> Any:
         """The same of one body."""
         method = self.method_of(body)
-        if self.clock != "t":
+        if self.clock != "t" and not method.fictive:
             return method
         known = self.ways.get(id(method))
         if known is None:

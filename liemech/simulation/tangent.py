@@ -26,6 +26,7 @@ from ..formulas.pytree import (
     leaves,
     with_slopes,
 )
+from ..integrators.ending_at_jumps import cuts
 from ..integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..integrators.method import Method
@@ -34,7 +35,6 @@ from ..systems.system import State
 from .dense import evaluated, flat, told, unpacked
 from .fictive import Origin
 from .fixed_run import FixedRun
-from .jumps import cuts
 from .prepared import Steps
 from .systems import Methods, Systems
 from .trajectory import TangentTrajectory, Trajectory

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
+from ..integrators.ending_at_jumps import ending_at_jumps
 from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
 from .fictive import Origin
-from .jumps import ending_at_jumps
 from .stopped import NONE, Stop
 from .systems import OfBodies, Systems, of_body
 

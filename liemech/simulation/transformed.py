@@ -167,6 +167,7 @@ class TransformedRun:
             kept,
         )
         self.system, self.method = self.whole.system, plan.method
+        self.way = self.plan.way_of(0)
         if self.carry is None and self.bodies is None:
             doubt = self.method.step_warning(self.whole, self.now, self.h)
             if doubt:
@@ -273,7 +274,7 @@ class TransformedRun:
         if carry is not None and carry.ahead is not None and t[0] == self.t0:
             begun = np.append(carry.inner.last, carry.tau - carry.inner.t)
         return FictiveMotion(
-            self.method,
+            self.way,
             self.whole,
             kind,
             self.example,
@@ -344,7 +345,7 @@ class March:
         self.failures: list[Any] = []
         none = np.empty(1)
         self.arguments = (
-            run.method,
+            run.way,
             run.whole,
             self.layout,
             self.shown,

@@ -68,9 +68,12 @@ class PiecewisePolynomial(Record):
     period: float = dataclasses.field(default=ANY, init=False)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.knots, Table):
-            knots = real_array(self.knots, "PiecewisePolynomial: knots")
-            terms = real_array(self.coefficients, "PiecewisePolynomial: coefficients")
+        if self.jumps is None:
+            terms = self.coefficients
+            if isinstance(terms, Table) and self.degree >= 0:  # of another one, laid flat
+                terms = self._terms()
+            knots = real_array(np.asarray(self.knots), "PiecewisePolynomial: knots")
+            terms = real_array(np.asarray(terms), "PiecewisePolynomial: coefficients")
             check_finite(knots, "PiecewisePolynomial: knots")
             check_finite(terms, "PiecewisePolynomial: coefficients")
             if knots.ndim != 1 or len(knots) < 2 or not (np.diff(knots) > 0.0).all():

@@ -261,6 +261,17 @@ def test_methods_keep_their_order_and_symmetry_where_inputs_jump_inside_of_steps
     assert (np.abs(slopes - method.order) < 0.25).all() or errors[-1] < 1e-12
 
 
+def test_controlled_steps_are_cut_where_inputs_jump_too():
+    held = lm.PiecewisePolynomial(SWITCHED.knots, SWITCHED._terms(), "hold")
+    system, wanted, errors = turned(held), momentum_at_the_end(), []
+    base = lm.Composition(lm.LieVerlet(), order=4)
+    method = lm.ReversibleController(base, lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))
+    for h in (0.1, 0.05, 0.025):
+        run = lm.integrate(system, method, system.state(**START), h=h, t_end=2.0, compiled=False)
+        errors.append(np.abs(run.mu[-1] - wanted).max())
+    assert (np.abs(np.diff(np.log2(errors)) + 4.0) < 0.4).all()
+
+
 @lm.record
 class Switch(lm.Force):
     """A torque that a formula switches, which no table tells."""

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..formulas import record, where
-from ..formulas.pytree import fields_of
+from ..formulas.pytree import fields_of, with_fields
 from ..formulas.tables import Table, entry
-from ..integrators.method import Method
 from ..systems.tabulated import NEAR, during, has_inputs, inputs, jump_ahead, reached
+from .method import Method
 
 MARGIN = 4
 """Units in the last place by which steps keep away from a jump of the velocity that a user has
@@ -20,12 +20,20 @@ ULP = 2.0**-52
 
 
 def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
-    """The method as drivers get it: itself where nothing is known to jump."""
-    if method.fictive or not (breaks or has_inputs(system)):
+    """The method as drivers get it: itself where nothing is known to jump, and where steps are made
+    in a fictive time that is a coordinate.
+
+    One that varies its steps makes those of the method inside of it so.
+    """
+    if getattr(system, "fictive", False) or not (breaks or has_inputs(system)):
         return method
-    own = any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))
+    if method.fictive:
+        own = system if hasattr(method, "base") else getattr(system, "system", system)
+        inner = {n: x for n, x in fields_of(method).items() if isinstance(x, Method)}
+        return with_fields(method, **{n: ending_at_jumps(x, own, breaks) for n, x in inner.items()})
+    anew = any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))
     table = Table(breaks or (0.0,))
-    return EndingAtJumps(method, table, float(len(breaks)), own, sees_powers(method))
+    return EndingAtJumps(method, table, float(len(breaks)), anew, sees_powers(method))
 
 
 def apart(times: Iterable[float]) -> tuple[float, ...]:
@@ -73,6 +81,8 @@ class EndingAtJumps(Method):
     breaks : a Table of rising times.  count : how many there are, in case there are none.
     anew : does the method remember what is of steps of one length, in one field?
     every : does it see an input as a power series, so that its steps must end at every knot?
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6,
+    "Discontinuous equations".
     """
 
     method: Method
