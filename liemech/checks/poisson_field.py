@@ -13,7 +13,8 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Vec, derivative, jacobian, real_array
 from ..formulas.broadcasting import check_finite
-from ..groups.poisson_structure import PoissonStructure, null_vectors
+from ..groups.poisson_structure import PoissonStructure
+from ..groups.skew_matrices import null_vectors
 from ..systems.vector_field import VectorField
 from .law import Law, Same, axiom, verdicts
 from .report import Report

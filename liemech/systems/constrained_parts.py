@@ -83,6 +83,8 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
     def __post_init__(self) -> None:
         super().__post_init__()
         given: Any = self.parts
+        given = tuple(given) if isinstance(given, list) else given
+        object.__setattr__(self, "parts", given)
         if not isinstance(given, tuple) or not given:
             raise InvalidType(
                 f"{type(self).__name__}: parts must be a tuple of ConstrainedParts; got {given!r}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
@@ -49,7 +49,8 @@ class PoissonSystem(OfParts, VectorField):
 
     def __post_init__(self) -> None:
         name = type(self).__name__
-        structure, given = self.structure, self.hamiltonian  # type: Any, Any
+        structure: Any = self.structure
+        given: Any = self.hamiltonian
         if not isinstance(structure, PoissonStructure):
             raise InvalidType(
                 f"{name}: structure must be a PoissonStructure, such "
@@ -108,10 +109,14 @@ class PoissonSystem(OfParts, VectorField):
         kept = {"energy": np.asarray(self.energy(y))}
         return kept | {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
 
+    def _check_velocity(self, y: np.ndarray) -> None:
+        """It is B dH."""
+
     @final
     def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:
         """The motions of parts one after the other."""
-        y, parts = state.y, self.parts  # type: Any, Any
+        y: Any = state.y
+        parts: Any = self.parts
         for part, t in turns:
             y = parts[part].flow(self.structure, y, t)
         return PoissonState(y)

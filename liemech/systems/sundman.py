@@ -151,6 +151,13 @@ class SundmanTransformed(InFictiveTime):
 
     # ---------------------------------------------------------------- starts and samples
 
+    @final
+    def state(self, *parts: Any, **named: Any) -> State:
+        """A start for `integrate`: a state of the system itself."""
+        system: Any = self.system
+        made: State = system.state(*parts, **named)
+        return made
+
     def clock(self, state: ClockedState) -> Any:
         """The physical time of a state."""
         return state.time  # type: ignore[attr-defined]

@@ -12,7 +12,9 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Mat, Vec, derivative, plain, record, vec
 from ..formulas.anything import looked_at
+from ..formulas.broadcasting import small
 from ..formulas.remembered import common
+from ..formulas.vectors import Vec as SmallVec
 from ..groups.matrix_functions import phi1m
 from ..groups.matrix_group import whole_number
 from ..groups.vector_space import VectorSpace
@@ -131,10 +133,28 @@ class VectorField(System):
         """
         where, shape = f"{type(self).__name__}.state", (self.dim,)
         array = points(y, f"{where}: y", shape, f"a point of {self!r}")
+        self._check_velocity(array)
         self._require(array, where)
         return self.vouched(
             PoissonState(frozen(array, shape, None if array.shape == shape else len(array)))
         )
+
+    def _check_velocity(self, y: np.ndarray) -> None:
+        """Is `velocity` a vector of n numbers?  y : (n,), or (members, n)."""
+        name, given = f"{type(self).__name__}.velocity", "velocity(self, y)"
+        try:
+            value: Any = self.velocity(small(np.atleast_2d(y)[0]))
+        except (ArithmeticError, ValueError):  # no value there: the run will tell
+            return
+        except TypeError as error:
+            raise InvalidType(
+                f"{name} cannot be evaluated: {error}. It is a formula of the point alone, {given}"
+            ) from error
+        if not isinstance(value, SmallVec) or len(value) != self.dim:
+            raise InvalidInput(
+                f"{name} returns {value!r}; {given} must return a vector of {self.dim} numbers: "
+                "lm.vec(...)"
+            )
 
     def _require(self, y: np.ndarray, where: str) -> None:
         """Raise InvalidInput for points outside of where the system is defined; a subclass knows."""
@@ -167,6 +187,7 @@ class SplitField(OfParts, VectorField):
 
     def __post_init__(self) -> None:
         given: Any = self.parts
+        given = tuple(given) if isinstance(given, list) else given
         name = type(self).__name__
         if not isinstance(given, tuple) or not given:
             raise InvalidType(f"{name}: parts must be a tuple of VectorFields; got {given!r}")

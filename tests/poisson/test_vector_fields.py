@@ -256,6 +256,36 @@ def test_what_is_refused() -> None:
         ABC.state([1.0, 2.0])
 
 
+def test_formulas_that_are_none_are_refused_by_the_state() -> None:
+    @lm.record
+    class Timed(lm.VectorField):
+        dim: ClassVar[int] = 2
+
+        def velocity(self, t: float, y: lm.Vec) -> lm.Vec:  # type: ignore[override]
+            return y
+
+    @lm.record
+    class Forgotten(lm.VectorField):
+        dim: ClassVar[int] = 2
+
+        def velocity(self, y: lm.Vec) -> lm.Vec:
+            lm.vec(y[1], y[0])  # type: ignore[return]
+
+    @lm.record
+    class Long(lm.VectorField):
+        dim: ClassVar[int] = 2
+
+        def velocity(self, y: lm.Vec) -> lm.Vec:
+            return lm.vec(y[1], y[0], 1.0)
+
+    with pytest.raises(InvalidType, match=r"a formula of the point alone, velocity\(self, y\)"):
+        Timed().state([1.0, 2.0])
+    for field in (Forgotten(), Long(), lm.SplitField([Long()])):  # type: ignore[arg-type]
+        with pytest.raises(InvalidInput, match="must return a vector of 2 numbers"):
+            field.state([1.0, 2.0])
+    assert lm.SplitField([Turn(1.0)]).parts == lm.SplitField((Turn(1.0),)).parts  # type: ignore[arg-type]
+
+
 # ---------------------------------------------------------------- fields of an energy
 
 
