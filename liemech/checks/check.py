@@ -29,6 +29,7 @@ from .method_claims import Trial, claims
 from .report import Finding, Report
 from .sample_points import At, sample_points
 from .sample_states import members, pace, sample_states
+from .special_points import SPECIAL
 from .system_laws import RUNS, laws_of
 
 LONGEST = 12.0
@@ -100,7 +101,9 @@ def check_system(
     Gradients are compared with energies, Lagrangians with Hamiltonians (the Legendre transform
     there and back), forces with potentials, the power of a load with the change of energy; Casimirs
     must commute with all coordinates, and what `constants` names must not change along the motion.
-    Formulas that follow from others are not looked at.
+    Formulas that follow from others are not looked at.  At zero, equal components and on the axes
+    first and second derivatives are compared with differences: branches for such points often know
+    a value and no slope.
 
     states : where to look, `system.state(...)`, one or an ensemble; left out, at random states of
     size one.
@@ -119,6 +122,7 @@ def check_system(
         where = sample_states(system, states, seed)
         for laws, subject, own in laws_of(system):
             yield from verdicts(laws, subject, where, own)
+        yield from verdicts(SPECIAL, system, where, lambda name: True)
         yield from verdicts(RUNS if native else [], system, where, lambda name: True)
 
     return _finished(repr(system), findings(), raises)

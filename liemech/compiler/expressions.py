@@ -24,6 +24,7 @@ from .iterators import Stream
 from .loops import Loops
 from .reads import varies
 from .scopes import Closure, Env, Frame, Function, Undefined
+from .tokens import looks_itself
 
 OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -81,7 +82,7 @@ class Expressions(Loops):
             value = value.together
         if isinstance(value, (Equal, Unequal)):
             return self.call(all if isinstance(value, Equal) else any, value)
-        if hasattr(type(value), "__bool__") or hasattr(type(value), "__len__"):
+        if any(self.reads.of_class(value, name) for name in ("__bool__", "__len__")):
             self.reads.settled(value)
         try:
             return bool(value)
@@ -220,6 +221,11 @@ class Expressions(Loops):
         if varies(value):
             raise NotCompilable("a text of numbers known only at run time (`raise` may have one)")
         self.reads.settled(value, inside=True)
+        if looks_itself(value):
+            raise NotCompilable(
+                f"an object of {type(value).__qualname__} says itself how it looks as a text: name "
+                "the text before the run"
+            )
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
         found: list[Any] = []
@@ -386,6 +392,7 @@ class Expressions(Loops):
                 "a float, a tuple or a slice known only at run time is used as an index: write "
                 "int(x), a[i][j] for a[i, j], a.T[i] for a[:, i]"
             )
+        self.reads.settled(value)
         if isinstance(value, dict):
             raise NotCompilable("a key of a dict must be known now: write `if` and `elif`, or a list")
         if index.kind == "b":

@@ -130,7 +130,16 @@ class Reads:
         outside = of_python(type(value)) or isinstance(
             value, (type, types.ModuleType, types.FunctionType)
         )
-        return self._read(value, "has", name) if outside else hasattr(value, name)
+        if not outside and (id(value) not in self._origins or tokens.known(value, False)):
+            return hasattr(value, name)  # what is there does not change, or the token tells
+        return self._read(value, "has", name)
+
+    def of_class(self, value: Any, name: str) -> bool:
+        """Has the class of an object this member?"""
+        cls = type(value)
+        if of_python(cls) and id(cls) in self._origins:
+            return bool(self._read(cls, "defines", name))
+        return _member(cls, 0, name) is not _MISSING
 
     def identical(self, left: Any, right: Any) -> bool:
         """`left is right`.  Of records and containers it is written down: nothing else tells that
@@ -196,6 +205,18 @@ class Reads:
                     f"Python would have to compute with {what} before the "
                     "run: formulas use attributes and calls; make it a tuple, a dict or a float"
                 )
+            self._unwritten(value, inside)
+
+    def _unwritten(self, value: Any, inside: bool) -> None:
+        """Write down that the class of a value (`inside`: and of its parts) has no operators of its
+        own; it may get some.
+        """
+        cls = type(value)
+        if of_python(cls) and id(cls) in self._origins:
+            self._read(cls, "plain", "")
+        if inside and cls not in ATOMS:
+            for *_, part in tokens.parts(value):
+                self._unwritten(part, inside)
 
     def attribute(self, value: Any, name: str, call: Callable[..., Any]) -> Any:
         """`value.name`; properties are formulas, which `call` translates."""
@@ -690,6 +711,10 @@ def _asked(holder: Any, how: str, name: Any) -> Any:
             return type(holder)
         case "has":
             return hasattr(holder, name)
+        case "defines":
+            return _member(holder, 0, name) is not _MISSING
+        case "plain":
+            return not tokens.has_operators(holder)
         case "own":
             return name in vars(holder)
         case "argument":

@@ -222,7 +222,7 @@ class Dual(ByValue):
     def __bool__(self) -> bool:
         return bool(self != 0.0)
 
-    __hash__ = None  # type: ignore[assignment]
+    __hash__ = None
 
     def __float__(self) -> float:
         raise TypeError(
@@ -271,7 +271,7 @@ def _not_only_here(equal: Any, a: Any, b: Any) -> None:
         return
     motion = _motion(a - b)
     if type(motion) is not int:
-        raise_if(equal & (constant(motion) != 0.0), ONLY_THERE.format("derivative"))
+        raise_if(equal & (constant(motion) != 0.0), ONLY_THERE.format("a number that carries a derivative"))
 
 
 def _motion(x: Any) -> Any:

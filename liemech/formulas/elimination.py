@@ -8,8 +8,8 @@ import numpy as np
 
 from ..errors import InvalidType
 from .complex_numbers import Complex
-from .dual import constant
 from .double_double import DoubleDouble, is_long
+from .dual import constant
 from .pytree import plain
 from .sums import abs2
 from .vectors import Mat, Vec, cross, dot, mat, vec

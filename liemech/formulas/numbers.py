@@ -159,7 +159,7 @@ def raise_if(condition: Any, message: str) -> None:
 
 
 ONLY_THERE = (
-    "`==` or `!=` of a number that carries a {}: they are equal here and not beside, so the branch "
+    "`==` or `!=` of {}: they are equal here and not beside, so the branch "
     "for this one point knows a value and no slope. Of what is 0/0 there take sinc, expm1_over, "
     "log1p_over, ... from liemech.formulas; where both branches have the same slope compare "
     "liemech.formulas.constant(x)"

@@ -15,6 +15,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import types
+import weakref
 from collections.abc import Callable
 from typing import Any, TypeVar, cast, dataclass_transform
 
@@ -27,6 +28,15 @@ T = TypeVar("T", bound=type)
 
 _complete: set[type] = set()  # classes known to be frozen dataclasses
 
+_known: weakref.WeakValueDictionary[tuple[str, str], type] = weakref.WeakValueDictionary()
+
+
+def known(module: str, name: str) -> Any:
+    """The class of records that was defined last under this name, of the library or of its user;
+    None if this process has none.  It is looked up in a list, nothing is imported or evaluated.
+    """
+    return _known.get((module, name))
+
 
 class Record(Broadcasting):
     """Base of everything that compiles: frozen dataclasses whose methods are formulas."""
@@ -37,6 +47,7 @@ class Record(Broadcasting):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        _known[cls.__module__, cls.__qualname__] = cls
         for name in ("__init__", "__post_init__"):
             if name in vars(cls):
                 setattr(cls, name, _then_checked(vars(cls)[name]))
@@ -79,6 +90,16 @@ def _convert(self: Any, last: bool) -> None:
             # which a field that takes anything holds as it is
             elif can_wait and isinstance(value, Record):
                 easy.add(type(value))
+
+
+def refilled(cls: Any, fields: dict[str, Any]) -> Any:
+    """A record with these fields, all of them, which are converted and checked by their annotations:
+    neither `__init__` nor `__post_init__` is called.
+    """
+    made = object.__new__(cls)
+    made.__setstate__(fields)
+    _convert(made, True)
+    return made
 
 
 def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:

@@ -179,7 +179,7 @@ class Series(Operand):
     def _not_only_here(self, equal: Any) -> None:
         """Refuse that a series is equal to a number where it begins: it goes on."""
         if self._rule is not None or self._products is not None or len(self._terms) > 1:
-            raise_if(equal, ONLY_THERE.format("power series"))
+            raise_if(equal, ONLY_THERE.format("a power series"))
 
     __hash__ = None  # type: ignore[assignment]
 

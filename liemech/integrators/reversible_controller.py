@@ -137,7 +137,7 @@ class ReversibleController(Method):
 
     def _rate(self, system: Any, t: float, state: Any) -> float:
         """-(d sigma/dt)/sigma along the motion."""
-        sigma = system.sigma.value(system.system, state)
+        sigma = system.sigma.value_at(system.system, t, state)
         if not sigma > 0.0:
             raise InvalidTimeScale(f"{system.sigma!r} = {sigma:g} at t = {t:g}; {POSITIVE}")
         return -system.sigma.growth(system.system, t, state) / sigma

@@ -17,6 +17,7 @@ from ..compiler.driver import accepted, itself
 from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, is_mistake
 from ..formulas.pytree import build, layout_of
 from ..systems.system import State
+from ..systems.tabulated import has_inputs
 from . import arguments
 from .adaptive import (
     ANEW,
@@ -276,10 +277,9 @@ class AdaptiveEnsemble(OneByOne):
                 self._take_up(i, self.begun(i))
         self.rows_at = self.t0.copy()  # when the last row of each was
         self.left: dict[int, list[tuple[float, float]]] = {}  # where each is to go on, last ones first
-        jumps = [self._jumps(i) for i in range(count)]
-        if any(jumps):
+        if self.plan._steps.breaks or has_inputs(self._of_body(0)[0]):
             for i in range(count):
-                start, ways = stretches(jumps[i], self.t0[i], self.ends[i])
+                start, ways = stretches(self._jumps(i), self.t0[i], self.ends[i])
                 self.left[i] = ways[::-1]
                 if ways:
                     self.goals[0, i] = ways[0][0]
@@ -308,7 +308,9 @@ class AdaptiveEnsemble(OneByOne):
     def _take_up(self, i: int, begun: Any) -> None:
         """A body where another run left it."""
         if isinstance(begun, AdaptiveCarry):
-            self.numbers[:, i], self.clocks[:, i] = begun.taken_up(float(self.t_end[i]))
+            self.numbers[:, i], self.clocks[:, i] = begun.taken_up(
+                float(self.t_end[i]), len(self.numbers)
+            )
             return
         lanes: Any = self.lanes
         self.numbers[: lanes.state.width, i] = packed(begun.state)

@@ -303,7 +303,7 @@ class AdaptiveRun:
         self.found: np.ndarray | None = None  # room for them, of native code
         self.asked = 0  # how many of t_eval are reached
         if isinstance(start, AdaptiveCarry):
-            self.states, self.clock = start.taken_up(t_end)
+            self.states, self.clock = start.taken_up(t_end, shape.layout.width)
         else:
             self.states = np.zeros(shape.layout.width)
             self.states[: self.width] = self.rows[0, 1 : 1 + self.width]
@@ -371,7 +371,8 @@ class AdaptiveRun:
             raise
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
-                f"integrate: interrupted at t = {self.clock[TIME]:g}; the samples are in `.trajectory`"
+                f"integrate: interrupted at t = {self.clock[TIME]:g}, after {int(self.clock[TAKEN])} "
+                "steps; the samples are in `.trajectory`"
             )
             raise self._ended(stopped) from None
         if self.kept and len(self.rows) > self.filled:
@@ -622,6 +623,7 @@ class AdaptiveRun:
             rejected=int(self.clock[REJECTED]),
             dense=kept,
             events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
+            ended=self.watch.ended if self.watch else None,
             stopped={},
             observed=() if self.recorder is None else tuple(self.recorder.quantities),
         )
@@ -707,7 +709,8 @@ class AdaptiveRun:
         error: Any = next((e for e in told if is_mistake(e)), told[0] if told else None)
         if is_mistake(error):
             error.add_note(
-                f"[integrate: in a step from t = {t:g}; the samples before it are in `.trajectory`]"
+                f"[integrate: in step {int(self.clock[TAKEN]) + 1}, from t = {t:g}; the samples before "
+                "it are in `.trajectory`]"
             )
             return self._ended(error)
         why = str(error)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from ..formulas import record, where
 from ..formulas.pytree import fields_of
 from ..formulas.tables import Table, entry
 from ..integrators.method import Method
-from ..systems.tabulated import NEAR, during, inputs, jump_ahead, reached
+from ..systems.tabulated import NEAR, during, has_inputs, inputs, jump_ahead, reached
 
 MARGIN = 4
 """Units in the last place by which steps keep away from a jump of the velocity that a user has
@@ -20,27 +21,31 @@ ULP = 2.0**-52
 
 def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
     """The method as drivers get it: itself where nothing is known to jump."""
-    if method.fictive or not (breaks or inputs(system)):
+    if method.fictive or not (breaks or has_inputs(system)):
         return method
     own = any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))
     table = Table(breaks or (0.0,))
     return EndingAtJumps(method, table, float(len(breaks)), own, sees_powers(method))
 
 
+def apart(times: Iterable[float]) -> tuple[float, ...]:
+    """Times in order, of those that differ by rounding only the first one."""
+    found: list[float] = []
+    for t in sorted(times):
+        if not found or t - found[-1] > 4 * MARGIN * ULP * abs(t):
+            found.append(t)
+    return tuple(found)
+
+
 def jumps_between(
     method: Any, system: Any, breaks: tuple[float, ...], t0: float, t_end: float
 ) -> tuple[float, ...]:
     """The times from t0 to t_end at which an input is known to jump, rising, for adaptive steps."""
-    tables = inputs(system)
-    if not tables:
+    if not has_inputs(system):
         return breaks
     low, high, every = min(t0, t_end), max(t0, t_end), sees_powers(method)
-    times = {*breaks, *[t for table in tables for t in table.jump_times(low, high, every)]}
-    apart: list[float] = []
-    for t in sorted(times):
-        if not apart or t - apart[-1] > 4 * MARGIN * ULP * abs(t):
-            apart.append(t)
-    return tuple(apart)
+    of_tables = [t for table in inputs(system) for t in table.jump_times(low, high, every)]
+    return apart({*breaks, *of_tables})
 
 
 def cuts(way: EndingAtJumps, system: Any) -> bool:

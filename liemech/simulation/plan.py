@@ -6,12 +6,12 @@ import functools
 import inspect
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import timedelta
 from typing import Any
 
 from ..compiler.kernel import Several
-from ..errors import InvalidInput, InvalidType, StepWarning, warn
+from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
 from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
 from ..integrators.method import Method
@@ -266,14 +266,37 @@ class Plan:
             if checkpoint is not None:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
-        if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
-            run = self._short_run(start, steps, t0)
-            if run is not None:
-                return run
+        try:
+            if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
+                run = self._short_run(start, steps, t0)
+                if run is not None:
+                    return run
+            if checkpoint is None:
+                return self._run(start, steps, t_end, t0, t_eval, None)
+            with self._kept(checkpoint, checkpoint_every) as kept:
+                return self._run(start, steps, t_end, t0, t_eval, kept)
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:
+            end = {"t_end": t0} if self.adaptive else {"steps": 0}
+            raise self._not_begun(lambda plan: plan.run(start, t0=t0, **end)) from None
+
+    def _not_begun(self, standing: Callable[[Plan], Trajectory]) -> IntegrationInterrupted:
+        """Ctrl-C outside of the steps of a run.  standing : of a plan the run of no step."""
+        stopped = IntegrationInterrupted(
+            "integrate: interrupted before the steps, as while native code is made; where they were to "
+            "begin is in `.trajectory`"
+        )
+        stopped.trajectory = standing(self.replace(compiled=False, progress=False))
+        return stopped
+
+    def _run(
+        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
+        """A run of any kind."""
         if self.events:
             arguments.events(self.events)  # whose attributes may have changed
         start, t0 = self._started(start), arguments.real(t0, "t0")
-        kept = None if checkpoint is None else self._kept(checkpoint, checkpoint_every)
         one_by_one = apart(self, start, t_end, t_eval)
         if one_by_one and (self.fictive or self.adaptive):
             return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
@@ -372,21 +395,18 @@ class Plan:
             arguments.allowed(self.system, start)
         return start
 
-    def _kept(self, path: Any, seconds: Any) -> Checkpoint | None:
-        """Where the run is saved, if it is; what cannot be saved is refused now, and not after a
-        minute.
-        """
-        kept = arguments.checkpoint(path, seconds)
-        if kept is not None:
-            from .archive import encoded
+    def _kept(self, path: Any, seconds: Any) -> Checkpoint:
+        """Where the run is saved; what cannot be saved is refused now, and not after a minute."""
+        from .encoding import encoded
 
-            for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
-                try:
-                    encoded(value)
-                except InvalidInput as error:
-                    raise InvalidInput(
-                        f"integrate: checkpoint: the {name} cannot be saved. {error}"
-                    ) from None
+        kept = arguments.checkpoint(path, seconds)
+        for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
+            try:
+                encoded(value)
+            except InvalidInput as error:
+                raise InvalidInput(
+                    f"integrate: checkpoint: the {name} cannot be saved. {error}"
+                ) from None
         return kept
 
     def _needed(self, system: Any, start: Any) -> Any:
@@ -423,7 +443,21 @@ class Plan:
         Raises InvalidInput if the run was of another system, method or step, which it names, or if
         it was interrupted.
         """
-        kept = self._kept(checkpoint, checkpoint_every)
+        try:
+            if checkpoint is None:
+                return self._gone_on(run, steps, t_end, t_eval, None)
+            with self._kept(checkpoint, checkpoint_every) as kept:
+                return self._gone_on(run, steps, t_end, t_eval, kept)
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:
+            end: Any = {"t_end": run.carry.t} if self.adaptive else {"steps": 0}
+            raise self._not_begun(lambda plan: plan.resume(run, **end)) from None
+
+    def _gone_on(
+        self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
+        """What comes after a run of any kind."""
         if isinstance(run, Stepper):
             carry = run.carry
             self._require_mine(carry, "resume")

@@ -535,6 +535,7 @@ class March:
         more: dict[str, Any] = {"steps": steps, "compiled": self.execution.native is not None}
         if self.watch is not None:
             more["events"] = self.watch.shown(self.first, layout_of(self.first))
+            more["ended"] = self.watch.ended
         if self.fine and self.times is None:
             whole = np.rint(tau / run.h)
             kept = (whole % run.plan.every == 0) & (whole * run.h == tau)
@@ -551,10 +552,11 @@ class March:
     def _failed(self) -> Any:
         """The error of a run that a step ended: a mistake in a formula, or a failure."""
         error = self.failures[0] if self.failures else None
-        if is_mistake(error):
+        at = f"step {int(self.mark.steps) + 1}, t = {self._time():g}"
+        if isinstance(error, Exception) and is_mistake(error):
+            error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
             return self._ended(error)
-        samples, steps = sum(map(len, self.rows)), int(self.mark.steps)
-        at = f"step {steps + 1}, t = {self._time():g}; {samples} samples are in `.trajectory`"
+        at += f"; {sum(map(len, self.rows))} samples are in `.trajectory`"
         return self._stopped(failure(error, repr(self.run.method), at))
 
     def _stopped(self, error: IntegrationFailure) -> Any:

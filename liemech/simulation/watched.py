@@ -167,7 +167,8 @@ class WatchedRun:
         except KeyboardInterrupt:  # not in a step, nor in an event
             stopped = IntegrationInterrupted(
                 f"integrate: interrupted after {self.before + self.done} of "
-                f"{self.before + self.steps} steps; the samples are in `.trajectory`"
+                f"{self.before + self.steps} steps, t = {self.reached:g}; the samples are in "
+                "`.trajectory`"
             )
             raise self._ended(stopped) from None
 
@@ -265,6 +266,7 @@ class WatchedRun:
             events=self.watch.shown(self.shape.example, self.shape.shown) if self.watch else (),
             carry=carry,
             breaks=self.plan.breaks,
+            ended=self.watch.ended if self.watch else None,
         )
 
     def _ended(self, error: Any) -> Any:

@@ -82,10 +82,10 @@ class Clocked(Record):
         time: Any = t0
         z: Any
         if start.bodies is None:
-            z = 1.0 / self.sigma.value(self.system, start)
+            z = 1.0 / self.sigma.value_at(self.system, t0, start)
         else:
             members = [member(start, i) for i in range(start.bodies)]
-            sigma = [self.sigma.value(self.system, one) for one in members]
+            sigma = [self.sigma.value_at(self.system, t0, one) for one in members]
             time, z = np.full(start.bodies, t0), 1.0 / np.array(sigma)
         kind: Any = type(start)
         return clocked(kind)(*start.parts.values(), time, z)

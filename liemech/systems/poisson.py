@@ -115,7 +115,7 @@ class PoissonSystem(OfParts, VectorField):
     @final
     def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:
         """The motions of parts one after the other."""
-        y: Any = state.y
+        y = state.y
         parts: Any = self.parts
         for part, t in turns:
             y = parts[part].flow(self.structure, y, t)

@@ -122,7 +122,7 @@ class SundmanTransformed(InFictiveTime):
     def rate(self, t: float, state: Any) -> Vec:
         """(sigma f, sigma)."""
         here = state.without_clock()
-        scale = self.sigma.value(self.system, here)
+        scale = self.sigma.value_at(self.system, state.time, here)
         return vec(*(scale * self.system.rate(state.time, here)), scale)
 
     @final

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Record, check_finite, horner, real_array, record, vec, where
-from ..formulas.pytree import exchanged, inside, with_fields
+from ..formulas.pytree import Layout, exchanged, inside, layout_of, with_fields
 from ..formulas.tables import Table, entry
 
 OUTSIDE = ("refuse", "hold", "repeat")
@@ -97,6 +98,22 @@ class PiecewisePolynomial(Record):
         object.__setattr__(self, "intervals", float(len(self.knots) - 1))
         object.__setattr__(self, "last", self.intervals)
         super().__post_init__()
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Formulas read the tables by these numbers, and native code does not look where they end:
+        from a copy or a file they must belong together.
+        """
+        super().__setstate__(state)
+        counts: tuple[Any, ...] = self.degree, self.size, self.intervals
+        if (
+            not (isinstance(self.knots, Table) and isinstance(self.coefficients, Table))
+            or not all(isinstance(n, (int, float)) and n >= 0 for n in counts)
+            or len(self.knots) < 2
+            or self.intervals != len(self.knots) - 1
+            or len(self.coefficients) != self.intervals * (self.degree + 1) * max(self.size, 1)
+            or not (np.diff(np.asarray(self.knots)) > 0.0).all()
+        ):
+            raise InvalidInput("PiecewisePolynomial: its tables do not fit its degree and size")
 
     # ---------------------------------------------------------------- how it is made
 
@@ -404,6 +421,17 @@ def jump_ahead(table: Any, begin: Any, count: Any, t: Any, end: Any) -> Any:
 def inputs(system: Any) -> list[PiecewisePolynomial]:
     """The tables in the fields of a system."""
     return inside(system, PiecewisePolynomial)
+
+
+def has_inputs(system: Any) -> bool:
+    """Are there any?  Told from the layout, which is known from another run."""
+    return _has_table(layout_of(system))
+
+
+@functools.lru_cache(256)
+def _has_table(layout: Layout) -> bool:
+    own = layout.kind == "record" and issubclass(layout.detail[0], PiecewisePolynomial)
+    return own or any(map(_has_table, layout.parts))
 
 
 def during(system: Any, t: Any, h: Any) -> Any:
