@@ -130,7 +130,7 @@ def test_equal_arcs_of_a_driven_system_know_the_time() -> None:
     run = lm.integrate(
         lm.SundmanTransformed(system, lm.EqualArc()),
         lm.RKMK(order=4),
-        system.state([0.3], [0.5]),
+        system.state([0.3], [2.0]),
         h=0.05,
         steps=40,
         compiled=False,
