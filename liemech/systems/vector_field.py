@@ -17,6 +17,7 @@ from ..formulas.remembered import common
 from ..formulas.vectors import Vec as SmallVec
 from ..groups.matrix_functions import phi1m
 from ..groups.matrix_group import whole_number
+from ..groups.poisson_structure import require_formula
 from ..groups.vector_space import VectorSpace
 from ..retractions import Retraction
 from .parts import LEAST, OfParts, affine, special_nowhere, straight, where_defined
@@ -74,17 +75,14 @@ class VectorField(System):
     # ---------------------------------------------------------------- what follows
 
     @final
-    def lie_derivative(
-        self, F: Callable[[Any], Any], times: int = 1
-    ) -> Callable[[Any], Any]:
+    def lie_derivative(self, F: Callable[[Any], Any], times: int = 1) -> Callable[[Any], Any]:
         """The rate of change of F along the motion, D F(y) = sum f_j dF/dy_j, or D D F, ...: a
         formula of y.
 
         F : from y, (n,), to a number or a vector.  times : how often.
         Source: Hairer, Lubich, Wanner, III.5.1; the slides, (2.2).
         """
-        if not callable(F):
-            raise InvalidType(f"lie_derivative: F must be a formula of points y; got {F!r}")
+        require_formula("lie_derivative", "F", F)
         for _ in range(whole_number("lie_derivative", times, 1)):
             F = self._derived(F)
         return F
