@@ -8,9 +8,11 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined
+from ..errors import InvalidInput, InvalidType, LiemechError, NotDefined
 from ..formulas import Record, Vec, derivative, dot, gradient, plain, record, vec, where
 from ..formulas.anything import looked_at, made_of
+from ..formulas.broadcasting import small
+from ..formulas.vectors import Vec as SmallVec
 from .canonical import CanonicalState
 from .constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated
 from .parts import OfParts
@@ -186,7 +188,29 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
                 found = [*found, abs(dot(row, v)) / where(size > 0.0, size, 1.0)]
         return vec(*found)
 
+    def _check_flows(self, q: Vec, p: Vec) -> None:
+        """Raise InvalidType, InvalidInput unless each flow is a pair of vectors.  q, p : (n,)."""
+        given = "flow(self, system, q, p, t)"
+        for part in self.parts:
+            name = f"{type(part).__name__}.flow"
+            try:
+                value: Any = part.flow(self, q, p, 0.0)
+            except (ArithmeticError, ValueError, LiemechError):  # the run will tell
+                continue
+            except TypeError as error:
+                raise InvalidType(f"{name} cannot be evaluated: {error}. It is {given}") from error
+            if (
+                not isinstance(value, tuple)
+                or len(value) != 2
+                or not all(isinstance(x, SmallVec) and len(x) == self.degrees for x in value)
+            ):
+                raise InvalidInput(
+                    f"{name} returns {value!r}; {given} must return positions and momenta, two "
+                    f"vectors of {self.degrees} numbers"
+                )
+
     def _check_motion(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
+        self._check_flows(small(q[0]), small(p[0]))
         far = np.asarray(self.strays(q, p)).reshape(len(q), len(self.parts), -1)
         bad = np.argwhere(~(far <= ACROSS))
         if len(bad):

@@ -109,7 +109,7 @@ class PoissonSystem(OfParts, VectorField):
         kept = {"energy": np.asarray(self.energy(y))}
         return kept | {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
 
-    def _check_velocity(self, y: np.ndarray) -> None:
+    def _check_formulas(self, y: np.ndarray) -> None:
         """It is B dH."""
 
     @final

@@ -131,23 +131,26 @@ class VectorField(System):
         """
         where, shape = f"{type(self).__name__}.state", (self.dim,)
         array = points(y, f"{where}: y", shape, f"a point of {self!r}")
-        self._check_velocity(array)
+        self._check_formulas(array)
         self._require(array, where)
         return self.vouched(
             PoissonState(frozen(array, shape, None if array.shape == shape else len(array)))
         )
 
-    def _check_velocity(self, y: np.ndarray) -> None:
+    def _check_formulas(self, y: np.ndarray) -> None:
         """Is `velocity` a vector of n numbers?  y : (n,), or (members, n)."""
-        name, given = f"{type(self).__name__}.velocity", "velocity(self, y)"
+        at = small(np.atleast_2d(y)[0])
+        self._require_vector("velocity(self, y)", lambda: self.velocity(at))
+
+    def _require_vector(self, given: str, formula: Callable[[], Any]) -> None:
+        """Raise InvalidType, InvalidInput unless a formula gives a vector of n numbers."""
+        name = f"{type(self).__name__}.{given.partition('(')[0]}"
         try:
-            value: Any = self.velocity(small(np.atleast_2d(y)[0]))
+            value = formula()
         except (ArithmeticError, ValueError):  # no value there: the run will tell
             return
         except TypeError as error:
-            raise InvalidType(
-                f"{name} cannot be evaluated: {error}. It is a formula of the point alone, {given}"
-            ) from error
+            raise InvalidType(f"{name} cannot be evaluated: {error}. It is {given}") from error
         if not isinstance(value, SmallVec) or len(value) != self.dim:
             raise InvalidInput(
                 f"{name} returns {value!r}; {given} must return a vector of {self.dim} numbers: "
@@ -214,6 +217,14 @@ class SplitField(OfParts, VectorField):
         for part in self.parts[1:]:
             total = total + part.velocity(y)
         return total
+
+    def _check_formulas(self, y: np.ndarray) -> None:
+        """Are the velocities and the motions of the parts vectors of n numbers too?"""
+        at = small(np.atleast_2d(y)[0])
+        for part in self.parts:
+            part._check_formulas(y)
+            if has_flow(part):
+                part._require_vector("flow(self, y, t)", lambda part=part: part.flow(at, 0.0))  # type: ignore[misc]
 
     @final
     def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:
