@@ -172,7 +172,10 @@ def leibniz(B: Any, at: AtPoint) -> Iterator[Same]:
 def casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
     y, n = np.abs(flat(at.y)), at.dim
     for i, _ in enumerate(flat(B.casimirs(at.y))):
-        slope = partial(gradient, lambda x, i=i: B.casimirs(x)[i])
+
+        def slope(x: Vec, i: int = i) -> Vec:
+            return gradient(lambda z: B.casimirs(z)[i], x)
+
         row = flat(slope(at.y))
         sizes = np.abs(row) + np.abs(flat(jacobian(slope, at.y)).reshape(n, n)) @ y
         yield from _entries(at.matrix @ row, np.zeros(n), at.terms @ sizes, f"Casimir {i + 1}")

@@ -36,7 +36,8 @@ def pairs(array: np.ndarray, terms: np.ndarray | None = None) -> list[tuple[int,
     units, n = like_sizes(array), len(array)
     rest = units[:, None] * array * units
     size = np.abs(rest) if terms is None else units[:, None] * terms * units
-    left, found = np.arange(n), []
+    left = np.arange(n)
+    found: list[tuple[int, int]] = []
     while True:
         rest[np.abs(rest) <= ROUNDINGS * n * np.finfo(float).eps * size] = 0.0
         if not rest.any():
