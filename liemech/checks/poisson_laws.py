@@ -20,6 +20,7 @@ from ..groups.skew_matrices import like_sizes
 from .law import Law, Same, axiom, verdicts
 from .report import Finding, Report
 from .sample_points import flat
+from .seeds import generator
 
 PLACES = 6
 """How many points are drawn."""
@@ -173,7 +174,7 @@ def casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
     y, n = np.abs(flat(at.y)), at.dim
     for i, _ in enumerate(flat(B.casimirs(at.y))):
 
-        def slope(x: Vec, i: int = i) -> Vec:
+        def slope(x: Vec, i: int = i) -> Any:
             return gradient(lambda z: B.casimirs(z)[i], x)
 
         row = flat(slope(at.y))
@@ -254,8 +255,8 @@ def check_poisson(
     Returns a Report, which prints as a table.  Raises LawViolation: the first law broken, the
     entries, where and by how much.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2, the identity
-    (2.10).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2; the slides,
+    (2.9) and (2.10).
     """
     given: Any = structure
     if not isinstance(given, PoissonStructure):
@@ -286,7 +287,7 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
         check_finite(array, "check_poisson: points")
         found = [(f"point {i}", Vec.of(row)) for i, row in enumerate(array.tolist())]
     else:
-        rng = np.random.default_rng(seed)
+        rng = generator("check_poisson", seed)
         drawn = rng.normal(size=(PLACES, n))
         found = [("random", Vec.of(row)) for row in drawn.tolist()]
         if not all(_defined(structure, y) for _, y in found):

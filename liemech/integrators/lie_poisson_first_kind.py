@@ -60,6 +60,7 @@ class FirstKindHamiltonJacobi(Implicit):
     """
 
     symplectic: ClassVar[bool] = True
+    analytic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("hamiltonian",)
 
     order: int = 2

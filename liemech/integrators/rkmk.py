@@ -8,6 +8,7 @@ from ..errors import InvalidInput, InvalidType, OrderWarning, warn
 from ..formulas import Record, Vec, plain, record, sqrt, vec, where
 from ..formulas.sizes import one_norms
 from ..groups.bernoulli import BERNOULLI, TERMS
+from ..groups.vector_space import VectorSpace
 from ..retractions import Exponential, Retraction
 from ..solvers import fixed_point
 from ..systems.system import System
@@ -100,6 +101,16 @@ class RKMK(Method):
                 f"{self.order}; that takes {self.order - 2}",
                 OrderWarning,
             )
+
+    def symmetric_on(self, system: Any) -> bool:
+        """It is where everything commutes, on vector spaces, if the tableau is; the midpoint rule
+        is everywhere.
+        """
+        if not self.tableau.symmetric:
+            return False
+        if system is None or isinstance(system.group, VectorSpace):
+            return True
+        return self.tableau.stages == 1 and isinstance(self.retraction, Exponential)
 
     @property
     def name(self) -> str:

@@ -55,6 +55,7 @@ class Taylor(Method):
     """
 
     shortens: ClassVar[bool] = True
+    analytic: ClassVar[bool] = True
 
     order: int = 12
     retraction: Retraction = Cayley()

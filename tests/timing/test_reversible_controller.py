@@ -150,6 +150,36 @@ def test_symmetric(method: lm.Method) -> None:
         assert abs(a - b) < 2e-13 * max(1.0, abs(b))
 
 
+def test_reversible_where_sigma_does_not_tell_the_direction() -> None:
+    """Forth, velocities turned back, forth again, turned once more: at the start, with z, if
+    sigma(rho y) = sigma(y); not for a sigma that tells p from -p.
+    """
+
+    def turned(state: Any) -> Any:
+        return type(state)(state.q, -state.p, state.time, state.z)
+
+    for sigma, exact in (
+        (lm.DistancePower(1.5), True),
+        (lm.EqualArc(), True),
+        (lambda p: 1.0 / (1.0 + lm.dot(p, p)), True),
+        (lambda p: 1.0 / (2.0 + lm.formulas.tanh(p[0] + p[1])), False),
+    ):
+        method = verlet(sigma)
+        whole = Clocked(KEPLER, method.sigma)
+        start = whole.extended(ORBIT, 0.0)
+        there = start
+        for _ in range(2):
+            memory = method.start(whole, there, 0.1)
+            for _ in range(20):
+                memory = method.step(whole, 0.0, memory, 0.1)
+            there = turned(method.observe(memory))
+        away = [*(there.q - start.q), *(there.p - start.p), there.z - start.z]
+        if exact:
+            assert max(abs(x) for x in away) < 1e-12
+        else:
+            assert max(abs(x) for x in away) > 1e-3
+
+
 def test_energy_does_not_drift_and_z_follows_sigma() -> None:
     run = lm.integrate(
         KEPLER, verlet(), KEPLER.pericentre(0.9), h=8.4 / 500, steps=20_000, every=20
@@ -385,3 +415,31 @@ def test_driven_systems_native_and_plain() -> None:
         for name, values in both[0].states.items():
             assert np.array_equal(values, both[1].states[name]), name
         assert np.array_equal(both[0].t, both[1].t)
+
+
+def test_gauss_methods_on_vector_spaces_and_not_on_groups() -> None:
+    """(3.8) for any symmetric Phi: those of Gauss are symmetric on R^n, of one stage everywhere."""
+    gauss = lm.tableaus.gauss
+    for stages in (1, 2):
+        method = lm.ReversibleController(lm.RKMK(tableau=gauss(stages)), lm.DistancePower(1.5))
+        whole = Clocked(KEPLER, method.sigma)
+        start = whole.extended(ORBIT, 0.0)
+        state = start
+        for h in (0.1, -0.1):
+            memory = method.start(whole, state, h)
+            for _ in range(10):
+                memory = method.step(whole, 0.0, memory, h)
+            state = method.observe(memory)
+        assert max(abs(x) for x in (*(state.q - start.q), state.z - start.z)) < 1e-12
+        exact = KEPLER.exact(ORBIT, 2.0).q
+        errors = []
+        for h in (0.2, 0.1):
+            run = lm.integrate(
+                KEPLER, method, ORBIT, h=h, t_end=2.0, compiled=False, progress=False
+            )
+            errors.append(np.abs(run.q[-1] - exact).max())
+        assert math.log2(errors[0] / errors[1]) == pytest.approx(2 * stages, abs=0.3)
+    sigma = lm.EqualArc()
+    lm.ReversibleController(lm.RKMK(tableau=gauss(1)), sigma).require(TOP)
+    with pytest.raises(IncompatibleSystem, match="its chart stands at the start of the step"):
+        lm.ReversibleController(lm.RKMK(tableau=gauss(2)), sigma).require(TOP)
