@@ -145,14 +145,14 @@ def fixed_point(
     (the error is iterated away).
     """
     unknown, change, size, done = guess, 0.0, 0.0, False
-    whole: tuple[Any, Any] = 0.0, 0.0
+    all_change, all_size = 0.0, 0.0
     words = 2 if layout_of(guess).long else 1
     epsilon, noise = EPSILON**words, NOISE**words
     for _ in range(words * LIMIT):
         before = change
         unknown, changes, sizes = sweep(unknown)
         change, size = _in_one_unit(changes, sizes)
-        whole = changes, sizes
+        all_change, all_size = _added_up(changes), _added_up(sizes)
         done = change <= epsilon * size
         if before > 0.0:
             ratio = change / before
@@ -165,7 +165,7 @@ def fixed_point(
         if done or not size < math.inf:
             break
     if not done:  # what cancels in one unit, but for rounding, is small beside all data
-        change, size = _added_up(whole[0]), _added_up(whole[1])
+        change, size = all_change, all_size
     if not (size < math.inf and (done or change <= 64.0 * epsilon * size)):
         raise NoConvergence(
             f"{method!r}: the stages did not converge in {LIMIT} iterations, they still change by "
