@@ -487,6 +487,9 @@ class Num(StandIn):
             raise NotCompilable(what)
         return self
 
+    def fails(self) -> None:
+        self.emitter.fail_if(self)
+
     def elementary(self, name: str, *x: Any) -> Num:
         return self.emitter.call(f"llvm.{name}" if name in (*INSTRUCTIONS, "fma") else name, *x)
 

@@ -473,6 +473,49 @@ def fill(cls: type, fields: dict[str, Any]) -> Any:
     return made
 
 
+def inside(value: Any, kind: type) -> list[Any]:
+    """The records of a kind that a value holds, in order."""
+    if isinstance(value, kind):
+        return [value]
+    if isinstance(value, Record):
+        return [x for part in fields_of(value).values() for x in inside(part, kind)]
+    if type(value) in (tuple, list):
+        return [x for part in value for x in inside(part, kind)]
+    return []
+
+
+def exchanged(
+    value: Any, kind: type, others: Iterable[Any], told: Callable[[Any, Any], None] | None = None
+) -> Any:
+    """The value with other records of a kind, as many as `inside` finds, in order.  What a record
+    has beside its fields, the new one has too, unless there are records of the kind in it.
+
+    told : of every new record that one and the old one.
+    """
+    given = iter(others)
+
+    def changed(x: Any) -> Any:
+        if isinstance(x, kind):
+            return next(given)
+        if not inside(x, kind):
+            return x
+        if not isinstance(x, Record):
+            return type(x)([changed(part) for part in x])
+        fields = fields_of(x)
+        beside = {n: y for n, y in vars(x).items() if n not in fields and not inside(y, kind)}
+        made = fill(type(x), beside | {n: changed(part) for n, part in fields.items()})
+        if told is not None:
+            told(made, x)
+        return made
+
+    return changed(value)
+
+
+def with_fields(value: Any, **fields: Any) -> Any:
+    """A record with other values of some fields, unchecked."""
+    return fill(type(value), fields_of(value) | fields)
+
+
 # ------------------------------------------------------------------ numbers that remember
 
 
