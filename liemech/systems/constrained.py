@@ -646,15 +646,15 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     """
     n = len(rhs)
     if n == 1:
-        return vec(rhs[0] / m[0, 0] if constant(m[0, 0]) != 0.0 else rhs[0]), vec(m[0, 0])
+        return vec(rhs[0] / where(constant(m[0, 0]) != 0.0, m[0, 0], 1.0)), vec(m[0, 0])
     if n == 2:  # by Cramer's rule: one division before the solution
         volume = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
-        scale = 1.0 / volume if constant(volume) != 0.0 else 1.0
+        scale = 1.0 / where(constant(volume) != 0.0, volume, 1.0)
         both = vec(
             scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]),
             scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]),
         )
-        return both, vec(m[0, 0], volume / m[0, 0] if constant(m[0, 0]) != 0.0 else volume)
+        return both, vec(m[0, 0], volume / where(constant(m[0, 0]) != 0.0, m[0, 0], 1.0))
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []
     for k in range(n):
