@@ -75,6 +75,8 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
     points : some points of the space, one per row; left out, the action is asked for random ones.
     The rest as in `check_group`.
     """
+    if not isinstance(getattr(action, "group", None), LieGroup):
+        raise InvalidType(f"check_action: action must be an action of a group; got {action!r}")
     where, rng = sample_points(action.group, seed), np.random.default_rng(seed)
     some = [action.random(rng) for _ in where] if points is None else list(points)
     if not some:

@@ -20,6 +20,7 @@ from ..groups.skew_matrices import like_sizes
 from .law import Law, Same, axiom, verdicts
 from .report import Finding, Report
 from .sample_points import flat
+from .seeds import generator
 
 PLACES = 6
 """How many points are drawn."""
@@ -286,7 +287,7 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
         check_finite(array, "check_poisson: points")
         found = [(f"point {i}", Vec.of(row)) for i, row in enumerate(array.tolist())]
     else:
-        rng = np.random.default_rng(seed)
+        rng = generator("check_poisson", seed)
         drawn = rng.normal(size=(PLACES, n))
         found = [("random", Vec.of(row)) for row in drawn.tolist()]
         if not all(_defined(structure, y) for _, y in found):

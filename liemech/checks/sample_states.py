@@ -21,6 +21,7 @@ from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
 from ..systems.vector_field import VectorField
 from .sample_points import STENCIL, STEP, flat, size
+from .seeds import generator
 
 PLACES = 5
 """How many states are drawn."""
@@ -102,7 +103,7 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
         return [
             AtState(f"state {i}", system, state, 0.0) for i, state in enumerate(members(states))
         ]
-    rng, reason = np.random.default_rng(seed), ""
+    rng, reason = generator("check_system", seed), ""
     found: list[AtState] = []
     for _ in range(4 * PLACES):
         at = AtState("random", system, random_state(system, rng), float(rng.normal()))

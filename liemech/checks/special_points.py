@@ -58,17 +58,19 @@ def _energies(system: Any, at: AtState) -> Iterator[tuple[Function, Function, An
         group, V = system.configurations, system.potential
         places = (state.g, group.identity()) if len(flat(state.g)) == len(flat(group.identity())) else ()
         for g in places:
-
-            def along(eta: Any, g: Any = g) -> Any:
-                return V.energy(group.compose_exp(g, eta))
-
-            yield along, partial(gradient, along), state.mu / (size(state.mu) or 1.0), 1.0
+            energy = partial(_displaced, V, group, g)
+            yield energy, partial(gradient, energy), state.mu / (size(state.mu) or 1.0), 1.0
     if isinstance(system, CanonicalSystem) and not hasattr(system, "constraint"):
         q, p = state.q, state.p
         yield (lambda x: system.energy(x, p)), (lambda x: system.force(x, p)), q, -1.0
         yield (lambda x: system.energy(q, x)), (lambda x: system.velocity(q, x)), p, 1.0
     if isinstance(system, PoissonSystem):
         yield system.energy, system.gradient, state.y, 1.0
+
+
+def _displaced(potential: Any, group: Any, g: Any, eta: Any) -> Any:
+    """The potential at g exp(eta)."""
+    return potential.energy(group.compose_exp(g, eta))
 
 
 def special_points(x: Any) -> Iterator[Any]:

@@ -15,6 +15,7 @@ import contextlib
 import dataclasses
 import functools
 import inspect
+import itertools
 import os
 import time
 import weakref
@@ -33,6 +34,7 @@ from ..formulas.sums import total as total_of
 from ..formulas.vectors import Mat, Vec, vec
 from . import kernel
 from .driver import accepted, any_body, attempt, itself, numbers, read, write
+from .interrupts import in_threads
 
 SHARE = 50_000
 """Rows that are worth a thread of their own."""
@@ -385,8 +387,9 @@ def _share_out(run: Callable[[int, int], None], n: int, lanes: int) -> None:
     )
     threads, whole = max(1, min(processors, n // SHARE)), n // lanes
     bounds = [whole * i // threads * lanes for i in range(threads + 1)]
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, bounds[:-1], bounds[1:]))
+    works = [functools.partial(run, *ends) for ends in itertools.pairwise(bounds)]
+    with ThreadPoolExecutor(max(1, threads - 1)) as pool:
+        in_threads(works, pool)
     if n % lanes:
         run(n - lanes, n)
 

@@ -401,11 +401,15 @@ class Expressions(Loops):
             self.emitter.unless_numpy("a truth value as an index")
         if isinstance(value, np.ndarray):
             self.emitter.meet_numpy()
-        result, *others = _entries(value)  # an index known at run time: pick by comparison
-        count = len(others) + 1
+        entries = _entries(value)
+        count = len(entries)
         self.fail_if(
             self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count))
         )
+        result = large.picked(self.emitter, entries, index)
+        if result is not None:
+            return result
+        result, *others = entries  # pick by comparison
         for i, other in enumerate(others, 1):
             result = self.where((index == i) | (index == i - count), other, result)
         return result

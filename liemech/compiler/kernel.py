@@ -27,7 +27,7 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, gatherer, layout_of, leaves
-from . import driver, guard
+from . import driver, guard, interrupts
 from .uncollected import uncollected
 
 Kind = Layout | str | tuple[str, Layout]
@@ -186,6 +186,8 @@ class Kernel:
             guard.checked(self, block, buffers)
         else:
             self.call(block)
+        if _raised[0] or _given_up[0]:
+            interrupts.stop_if_asked()
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""
@@ -194,6 +196,7 @@ class Kernel:
         return llvm.assembly(_translated(self.entry, self.kinds, self.lanes)[1])
 
 
+_raised, _given_up = interrupts.come
 _addressof, _byte_in = ctypes.addressof, ctypes.c_char.from_buffer
 
 

@@ -155,16 +155,17 @@ def of_python(cls: type) -> bool:
 _HEAP = 1 << 9  # Python's flag of classes made while it runs
 _SETTLED = {"builtins", "enum", "fractions", "decimal", "numpy"}
 
-_HARMLESS = {
-    f"__{name}__"
-    for name in (  # noqa: SIM905
-        "module qualname doc dict weakref slots annotations annotate annotate_func annotations_cache "
-        "static_attributes firstlineno classdictcell classcell orig_bases parameters match_args type_params "
-        "abstractmethods subclasshook init_subclass class_getitem dataclass_fields dataclass_params "
-        "new init post_init replace del set_name setattr delattr copy deepcopy reduce reduce_ex getstate setstate "
-        "getnewargs getnewargs_ex missing sizeof dir protocol_attrs non_callable_proto_members_ final override"
-    ).split()
-}
+_QUIET = """
+    __module__ __qualname__ __doc__ __dict__ __weakref__ __slots__ __annotations__ __annotate__
+    __annotate_func__ __annotations_cache__ __static_attributes__ __firstlineno__ __classdictcell__
+    __classcell__ __orig_bases__ __parameters__ __type_params__ __match_args__ __final__
+    __abstractmethods__ __subclasshook__ __init_subclass__ __class_getitem__ __set_name__
+    __protocol_attrs__ __non_callable_proto_members__ __dataclass_fields__ __dataclass_params__
+    __new__ __init__ __post_init__ __replace__ __del__ __setattr__ __delattr__ __missing__ __copy__
+    __deepcopy__ __reduce__ __reduce_ex__ __getstate__ __setstate__ __getnewargs__
+    __getnewargs_ex__ __sizeof__ __dir__
+    """
+_HARMLESS = frozenset(_QUIET.split())
 """Names with two underscores of a class that no operator, function or loop of Python's asks for, or
 that the compiler asks about itself (`__missing__`).
 """

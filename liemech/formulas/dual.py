@@ -267,7 +267,7 @@ def value_of(x: Any) -> Any:
 
 def _not_only_here(equal: Any, a: Any, b: Any) -> None:
     """Refuse that two numbers are equal although they move apart."""
-    if equal is False or outranks(b) or not isinstance(b, (int, float, StandIn, Operand)):
+    if equal is False or a is b or outranks(b) or not isinstance(b, (int, float, StandIn, Operand)):
         return
     motion = _motion(a - b)
     if type(motion) is not int:

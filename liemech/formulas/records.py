@@ -19,7 +19,7 @@ import weakref
 from collections.abc import Callable
 from typing import Any, TypeVar, cast, dataclass_transform
 
-from ..errors import InvalidType
+from ..errors import InvalidType, LiemechError
 from .annotations import own_annotations
 from .broadcasting import Broadcasting
 from .fields import MISSING, converters, immutable
@@ -109,7 +109,13 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(initialise)
     def method(self: Any, *args: Any, **options: Any) -> None:
-        initialise(self, *args, **options)
+        try:
+            initialise(self, *args, **options)
+        except LiemechError:
+            raise
+        except Exception as error:
+            _blame(self, error)
+            raise
         cls = type(self)
         if method is cls.__post_init__ or method is vars(cls).get("__init__"):
             _convert(self, True)
@@ -118,6 +124,22 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
                     object.__delattr__(self, name)
 
     return method
+
+
+def _blame(self: Any, error: Exception) -> None:
+    """Raise what is wrong with a field for whose value a class could not be made; return if none
+    is.
+    """
+    cls: Any = type(self)
+    for name, convert, _, _ in converters(cls):
+        value = getattr(self, name, MISSING)
+        if value is not MISSING:
+            try:
+                convert(self, name, value)
+            except LiemechError as reason:
+                raise reason from error
+            except Exception:  # no reason
+                continue
 
 
 def _require_dataclass(cls: Any) -> None:

@@ -83,8 +83,8 @@ class PoissonStructure(Record):
         F' = {F, H}.
         Raises InvalidType for what cannot be called.
         """
-        _require_formula("bracket", "F", F)
-        _require_formula("bracket", "G", G)
+        require_formula("bracket", "F", F)
+        require_formula("bracket", "G", G)
 
         def of(y: Any) -> Any:
             at = vec(*y)
@@ -106,7 +106,7 @@ class PoissonStructure(Record):
     @final
     def hamiltonian_vector_field(self, H: Observable) -> Callable[[Any], Vec]:
         """The velocity y' = B(y) dH(y) of the motion of H: a formula of y."""
-        _require_formula("hamiltonian_vector_field", "H", H)
+        require_formula("hamiltonian_vector_field", "H", H)
 
         def velocity(y: Any) -> Vec:
             at = vec(*y)
@@ -181,7 +181,7 @@ class PoissonStructure(Record):
         return (self.dim,) if kind == "Vec" else None
 
 
-def _require_formula(method: str, name: str, value: Any) -> None:
+def require_formula(method: str, name: str, value: Any) -> None:
     """Refuse what is no formula, where a formula says so too: by its type, without asking whether
     it can be called.
     """

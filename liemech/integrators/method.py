@@ -106,6 +106,11 @@ class Method(Record):
             if isinstance(value, Retraction):
                 value.require(system.group)
 
+    def _explain(self, arguments: dict[str, Any]) -> None:
+        """Raise what is wrong with the system for which a formula failed."""
+        if "system" in arguments:
+            self.require(arguments["system"])
+
     def step_warning(self, system: Any, start: Any, h: float) -> str | None:
         """What to warn of before a run with this start and step; nothing by default."""
         return None

@@ -53,7 +53,7 @@ class MultipleTimeSteps(Method):
 
     Order 2, symmetric, symplectic; one slow force a step.  Where h w is near a multiple of pi, w a
     frequency of the fast part, the kicks are in resonance with it and the energy grows: a
-    StepWarning says so.  There the mollified force vanishes.
+    StepWarning says so of a MultirateSystem.  There the mollified force vanishes.
 
     Source: Grubmueller, Heller, Windemuth, Schulten, Mol. Simul. 6 (1991), 121; Tuckerman, Berne,
     Martyna, J. Chem. Phys. 97 (1992), 1990; mollified Garcia-Archilla, Sanz-Serna, Skeel, SIAM J.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, NoConvergence
-from ..formulas import Vec, dot, norm, plain, real_array, record, sqrt, vec, where
+from ..formulas import Vec, check_finite, dot, norm, plain, real_array, record, sqrt, vec, where
 from ..groups.poisson_structure import Canonical, PoissonStructure
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.parts import Part, SplitHamiltonian, Straight
@@ -235,12 +235,20 @@ class PlanetarySystem(PoissonSystem):
                 f"{type(self).__name__}: masses are the sun's and one "
                 f"planet's at least; got {self.masses!r}"
             )
+        check_finite(m, f"{type(self).__name__}: masses")
         check_positive(self, "masses", "gravity")
-        whole = np.cumsum(m)
+        with np.errstate(all="ignore"):
+            whole = np.cumsum(m)
+            reduced, pulls = m[1:] * whole[:-1] / whole[1:], self.gravity * whole[1:]
+        if not (np.isfinite(reduced).all() and np.isfinite(pulls).all()):
+            raise InvalidInput(
+                f"{type(self).__name__}: products of two masses, or of gravity and a mass, leave the "
+                f"range of floats; take another unit of mass; got {self.masses!r}"
+            )
         object.__setattr__(self, "structure", Canonical(3 * (len(m) - 1)))
         kepler = KeplerMotions(
-            Vec.of((m[1:] * whole[:-1] / whole[1:]).tolist()),
-            Vec.of((self.gravity * whole[1:]).tolist()),
+            Vec.of(reduced.tolist()),
+            Vec.of(pulls.tolist()),
         )
         rest = Straight(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
         object.__setattr__(self, "hamiltonian", SplitHamiltonian((kepler, rest)))

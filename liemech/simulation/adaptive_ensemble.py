@@ -14,6 +14,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..compiler.driver import accepted, itself
+from ..compiler.interrupts import in_threads
 from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, is_mistake
 from ..formulas.pytree import build, layout_of
 from ..integrators.ending_at_jumps import jumps_between
@@ -490,13 +491,11 @@ class AdaptiveEnsemble(OneByOne):
         call = functools.partial(run, lanes.constants, (turns,), arrays, padded)
         threads = max(1, min(workers, padded * turns // TRIALS, padded // side))
         share = -(-padded // (threads * side)) * side
-        others = [
-            pool(workers, os.getpid()).submit(call, i, min(i + share, padded))
-            for i in range(share, padded, share)
+        # native code does not hold the interpreter's lock
+        works = [
+            functools.partial(call, i, min(i + share, padded)) for i in range(0, padded, share)
         ]
-        call(0, min(share, padded))  # native code does not hold the interpreter's lock
-        for other in others:
-            other.result()
+        in_threads(works, pool(workers, os.getpid()) if len(works) > 1 else None)
 
     def _by_python(self, i: int, column: np.ndarray, rows: np.ndarray) -> None:
         """A step of one body of which native code could not make a trial.  rows : before and after

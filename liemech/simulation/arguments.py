@@ -147,7 +147,8 @@ def names(record: Any) -> Any:
 
 def only_adaptive(method: Any, every: int, h: Any, **options: Any) -> None:
     """Refuse what has no adaptive steps.  options : those of adaptive steps."""
-    asked = [name for name, x in options.items() if x is not None and np.size(x)]
+    given = {name: x for name, x in options.items() if x is not None}
+    asked = [name for name, x in given.items() if axes(x, name) == 0 or np.size(x)]
     if h is not None and asked and not chooses_steps(method):
         raise IncompatibleSystem(
             f"integrate: {method!r} makes no adaptive steps, and {asked[0]} is for these; "

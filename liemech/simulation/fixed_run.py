@@ -14,6 +14,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..compiler.driver import Rejected, attempt, read, reason
+from ..compiler.interrupts import in_threads
 from ..compiler.kernel import Several
 from ..errors import (
     IntegrationFailure,
@@ -420,16 +421,13 @@ class FixedRun:
         waiting = iter(blocks)  # each thread takes the next block as soon as it has done one
 
         def work() -> None:
-            for first in waiting:
-                call(first, min(first + size, columns))  # without the interpreter's lock
+            try:
+                for first in waiting:
+                    call(first, min(first + size, columns))  # without the interpreter's lock
+            finally:
+                collections.deque(waiting, 0)  # interrupted, nobody begins another block
 
-        others = [pool(workers, os.getpid()).submit(work) for _ in range(threads - 1)]
-        try:
-            work()
-        finally:
-            collections.deque(waiting, 0)  # interrupted, nobody begins another block
-            for other in others:
-                other.result()
+        in_threads([work] * threads, pool(workers, os.getpid()) if threads > 1 else None)
         return -(-len(blocks) // threads)
 
     # ---------------------------------------------------------------- results

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from numbers import Real
 from typing import Any, ClassVar, final
 
 from ..errors import InvalidInput, InvalidType, NotDefined, OutsideChart
@@ -50,6 +51,18 @@ class CanonicalTransformation(Record):
                 f"{type(self).__name__} must say its degrees of freedom, "
                 f"degrees: ClassVar[int] = 2; got {n!r}"
             )
+        somewhere, what = vec(*[0.5 + 0.125 * i for i in range(n)]), type(self).__name__
+        try:
+            value: Any = self.generating(0.25, somewhere, 1.5 * somewhere)
+        except (ArithmeticError, ValueError, NotDefined):  # no value there, or told later
+            return
+        except TypeError as error:
+            raise InvalidType(
+                f"{what}.generating cannot be evaluated: {error}. It is a formula "
+                "generating(self, t, q, P)"
+            ) from error
+        if not isinstance(value, Real):
+            raise InvalidType(f"{what}.generating must return a number; got {value!r}")
 
     # ---------------------------------------------------------------- 1. a subclass writes
 

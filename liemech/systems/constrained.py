@@ -279,12 +279,13 @@ class ConstrainedSystem(CanonicalSystem):
                 f"{where}: the start{member} is not consistent: {'; '.join(told)} (at most "
                 f"{CONSISTENT:.0e}). Use `consistent(q, p)`, which gives the nearest state that is"
             )
-        for i in range(len(q)):
-            self._check_motion(f"{where}: the start{'' if one else f' of member {i}'}", q[i], p[i])
+        self._check_motion(where, q, p, one)
         return self._canonical_state(both, members)
 
-    def _check_motion(self, who: str, q: np.ndarray, p: np.ndarray) -> None:
-        """Raise InvalidInput for a consistent state whose motion a subclass does not allow."""
+    def _check_motion(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
+        """Raise InvalidInput for consistent states, (members, n), whose motion a subclass does not
+        allow.
+        """
 
     @final
     def consistent(self, q: Any, p: Any) -> CanonicalState:

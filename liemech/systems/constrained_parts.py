@@ -8,10 +8,11 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined
-from ..formulas import Record, Vec, derivative, gradient, plain, record, vec
+from ..errors import InvalidInput, InvalidType, LiemechError, NotDefined
+from ..formulas import Record, Vec, derivative, dot, gradient, plain, record, vec, where
 from ..formulas.anything import looked_at, made_of
 from ..formulas.broadcasting import small
+from ..formulas.vectors import Vec as SmallVec
 from .canonical import CanonicalState
 from .constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated
 from .parts import OfParts
@@ -83,6 +84,8 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
     def __post_init__(self) -> None:
         super().__post_init__()
         given: Any = self.parts
+        given = tuple(given) if isinstance(given, list) else given
+        object.__setattr__(self, "parts", given)
         if not isinstance(given, tuple) or not given:
             raise InvalidType(
                 f"{type(self).__name__}: parts must be a tuple of ConstrainedParts; got {given!r}"
@@ -171,17 +174,50 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
                 )
         return ""
 
-    def _check_motion(self, who: str, q: np.ndarray, p: np.ndarray) -> None:
-        at, momentum = small(q), small(p)
-        G, speeds = np.array(self.constraint_jacobian(at)), np.array(self._terms(at, momentum)[1])
+    @final
+    def strays(self, q: Vec, p: Vec) -> Vec:
+        """How much of the velocity of each part is across the constraints, G dH_i/dp, (parts m,),
+        relative to its terms; zero on M.  q, p : (n,).
+        """
+        G, speeds = self.constraint_jacobian(q), self._terms(q, p)[1]
+        found: list[Any] = []
         for part in self.parts:
-            v = np.array(part.velocity(at, momentum))
-            across, terms = np.abs(G @ v), np.abs(G) @ np.abs(v)
-            bad = np.flatnonzero(~(across <= ACROSS * terms + CONSISTENT * speeds))
-            if len(bad):
+            v = part.velocity(q, p)
+            for row, speed in zip(G, speeds):
+                size = dot(abs(row), abs(v)) + (CONSISTENT / ACROSS) * speed
+                found = [*found, abs(dot(row, v)) / where(size > 0.0, size, 1.0)]
+        return vec(*found)
+
+    def _check_flows(self, q: Vec, p: Vec) -> None:
+        """Raise InvalidType, InvalidInput unless each flow is a pair of vectors.  q, p : (n,)."""
+        given = "flow(self, system, q, p, t)"
+        for part in self.parts:
+            name = f"{type(part).__name__}.flow"
+            try:
+                value: Any = part.flow(self, q, p, 0.0)
+            except (ArithmeticError, ValueError, LiemechError):  # the run will tell
+                continue
+            except TypeError as error:
+                raise InvalidType(f"{name} cannot be evaluated: {error}. It is {given}") from error
+            if (
+                not isinstance(value, tuple)
+                or len(value) != 2
+                or not all(isinstance(x, SmallVec) and len(x) == self.degrees for x in value)
+            ):
                 raise InvalidInput(
-                    f"{who} is moved off the constraints by {part!r} alone: G dH_i/dp[{bad[0]}] is "
-                    f"{across[bad[0]]:.3g}, {across[bad[0]] / terms[bad[0]]:.1e} of its terms. "
-                    "Parts of a SplitConstrainedSystem must have G dH_i/dp = 0 where g = 0 and "
-                    "G H_p = 0; split the energy in another way, or use RATTLE()"
+                    f"{name} returns {value!r}; {given} must return positions and momenta, two "
+                    f"vectors of {self.degrees} numbers"
                 )
+
+    def _check_motion(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
+        self._check_flows(small(q[0]), small(p[0]))
+        far = np.asarray(self.strays(q, p)).reshape(len(q), len(self.parts), -1)
+        bad = np.argwhere(~(far <= ACROSS))
+        if len(bad):
+            i, k, j = map(int, bad[0])
+            raise InvalidInput(
+                f"{where}: the start{'' if one else f' of member {i}'} is moved off the constraints "
+                f"by {self.parts[k]!r} alone: G dH_i/dp[{j}] is {far[i, k, j]:.1e} of its terms. "
+                "Parts of a SplitConstrainedSystem must have G dH_i/dp = 0 where g = 0 and "
+                "G H_p = 0; split the energy in another way, or use RATTLE()"
+            )

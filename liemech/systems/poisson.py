@@ -109,6 +109,9 @@ class PoissonSystem(OfParts, VectorField):
         kept = {"energy": np.asarray(self.energy(y))}
         return kept | {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
 
+    def _check_formulas(self, y: np.ndarray) -> None:
+        """It is B dH."""
+
     @final
     def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:
         """The motions of parts one after the other."""

@@ -122,7 +122,7 @@ class SundmanTransformed(InFictiveTime):
     def rate(self, t: float, state: Any) -> Vec:
         """(sigma f, sigma)."""
         here = state.without_clock()
-        scale = self.sigma.value(self.system, here)
+        scale = self.sigma.value_at(self.system, state.time, here)
         return vec(*(scale * self.system.rate(state.time, here)), scale)
 
     @final
@@ -150,6 +150,13 @@ class SundmanTransformed(InFictiveTime):
         return vec(*change, omega[n]), vec(*large, abs(state.time))
 
     # ---------------------------------------------------------------- starts and samples
+
+    @final
+    def state(self, *parts: Any, **named: Any) -> State:
+        """A start for `integrate`: a state of the system itself."""
+        system: Any = self.system
+        made: State = system.state(*parts, **named)
+        return made
 
     def clock(self, state: ClockedState) -> Any:
         """The physical time of a state."""

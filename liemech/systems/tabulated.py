@@ -157,7 +157,9 @@ class PiecewisePolynomial(Record):
 
         times, found = _table(t, values, 0)
         try:
-            return cls.of(CubicSpline(times, found, bc_type=ends), outside)
+            with np.errstate(all="ignore"):  # what is not finite then is refused
+                curve = CubicSpline(times, found, bc_type=ends)
+            return cls.of(curve, outside)
         except ValueError as error:
             raise InvalidInput(f"PiecewisePolynomial.cubic: {error}") from None
 

@@ -12,9 +12,12 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Mat, Vec, derivative, plain, record, vec
 from ..formulas.anything import looked_at
+from ..formulas.broadcasting import small
 from ..formulas.remembered import common
+from ..formulas.vectors import Vec as SmallVec
 from ..groups.matrix_functions import phi1m
 from ..groups.matrix_group import whole_number
+from ..groups.poisson_structure import require_formula
 from ..groups.vector_space import VectorSpace
 from ..retractions import Retraction
 from .parts import LEAST, OfParts, affine, special_nowhere, straight, where_defined
@@ -72,17 +75,14 @@ class VectorField(System):
     # ---------------------------------------------------------------- what follows
 
     @final
-    def lie_derivative(
-        self, F: Callable[[Any], Any], times: int = 1
-    ) -> Callable[[Any], Any]:
+    def lie_derivative(self, F: Callable[[Any], Any], times: int = 1) -> Callable[[Any], Any]:
         """The rate of change of F along the motion, D F(y) = sum f_j dF/dy_j, or D D F, ...: a
         formula of y.
 
         F : from y, (n,), to a number or a vector.  times : how often.
         Source: Hairer, Lubich, Wanner, III.5.1; the slides, (2.2).
         """
-        if not callable(F):
-            raise InvalidType(f"lie_derivative: F must be a formula of points y; got {F!r}")
+        require_formula("lie_derivative", "F", F)
         for _ in range(whole_number("lie_derivative", times, 1)):
             F = self._derived(F)
         return F
@@ -131,10 +131,31 @@ class VectorField(System):
         """
         where, shape = f"{type(self).__name__}.state", (self.dim,)
         array = points(y, f"{where}: y", shape, f"a point of {self!r}")
+        self._check_formulas(array)
         self._require(array, where)
         return self.vouched(
             PoissonState(frozen(array, shape, None if array.shape == shape else len(array)))
         )
+
+    def _check_formulas(self, y: np.ndarray) -> None:
+        """Is `velocity` a vector of n numbers?  y : (n,), or (members, n)."""
+        at = small(np.atleast_2d(y)[0])
+        self._require_vector("velocity(self, y)", lambda: self.velocity(at))
+
+    def _require_vector(self, given: str, formula: Callable[[], Any]) -> None:
+        """Raise InvalidType, InvalidInput unless a formula gives a vector of n numbers."""
+        name = f"{type(self).__name__}.{given.partition('(')[0]}"
+        try:
+            value = formula()
+        except (ArithmeticError, ValueError):  # no value there: the run will tell
+            return
+        except TypeError as error:
+            raise InvalidType(f"{name} cannot be evaluated: {error}. It is {given}") from error
+        if not isinstance(value, SmallVec) or len(value) != self.dim:
+            raise InvalidInput(
+                f"{name} returns {value!r}; {given} must return a vector of {self.dim} numbers: "
+                "lm.vec(...)"
+            )
 
     def _require(self, y: np.ndarray, where: str) -> None:
         """Raise InvalidInput for points outside of where the system is defined; a subclass knows."""
@@ -167,6 +188,7 @@ class SplitField(OfParts, VectorField):
 
     def __post_init__(self) -> None:
         given: Any = self.parts
+        given = tuple(given) if isinstance(given, list) else given
         name = type(self).__name__
         if not isinstance(given, tuple) or not given:
             raise InvalidType(f"{name}: parts must be a tuple of VectorFields; got {given!r}")
@@ -195,6 +217,14 @@ class SplitField(OfParts, VectorField):
         for part in self.parts[1:]:
             total = total + part.velocity(y)
         return total
+
+    def _check_formulas(self, y: np.ndarray) -> None:
+        """Are the velocities and the motions of the parts vectors of n numbers too?"""
+        at = small(np.atleast_2d(y)[0])
+        for part in self.parts:
+            part._check_formulas(y)
+            if has_flow(part):
+                part._require_vector("flow(self, y, t)", lambda part=part: part.flow(at, 0.0))  # type: ignore[misc]
 
     @final
     def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:

@@ -231,6 +231,23 @@ def test_motions_that_are_not_known_are_refused() -> None:
         lm.Splitting(tableau=lm.tableaus.SPLITTINGS["Blanes-Moan 6"]).require(GENERAL)
 
 
+def test_flows_that_are_none_are_refused_by_the_state() -> None:
+    @lm.record
+    class Alone(Free):
+        def flow(self, q: lm.Vec, p: lm.Vec, t: float) -> Any:  # type: ignore[override]
+            return q, p
+
+    @lm.record
+    class Half(Free):
+        def flow(self, system: Any, q: lm.Vec, p: lm.Vec, t: float) -> Any:
+            return q
+
+    with pytest.raises(InvalidType, match=r"It is flow\(self, system, q, p, t\)"):
+        Ball((Alone(), Weight(G))).state(SWINGING.q, SWINGING.p)
+    with pytest.raises(InvalidInput, match="two vectors of 3 numbers"):
+        Ball((Half(), Weight(G))).state(SWINGING.q, SWINGING.p)
+
+
 def test_parts_must_be_parts() -> None:
     with pytest.raises(InvalidType, match="must be ConstrainedParts"):
         Ball((Free(), lm.KineticEnergy([1.0, 1.0, 1.0])))  # type: ignore[arg-type]

@@ -40,28 +40,30 @@ def expressions() -> Iterator[str]:
             yield f"{x} {op} {y}"
             yield f"{y} {op} {x}"
     for x in VALUES:
-        for function in [
+        for function in (
             "max", "min", "sum", "sorted", "any", "all", "abs", "round", "len", "bool", "not", "int", "float", "tuple",
             "+", "-", "~",
-        ]:  # fmt: skip
+        ):
             yield f"{function}({x})"
         for function in ["norm", "inverse", "determinant", "transpose", "diagonal", "total"]:
             yield f"{function}({x})"
-        for index in [
-            "0", "-1", "7", "1.0", "True", "None", "...", ":", "1:", "::-1", "0,1", ":,0", "0,:", ":2,1:", "0,1,2", "[0,1]",
-            "np.int64(1)", "np.array([True,False,True])", "True,False", "...,0", "None,:",
-        ]:  # fmt: skip
+        for index in (
+            "0", "-1", "7", "1.0", "True", "None", "...", ":", "1:", "::-1", "0,1", ":,0", "0,:", ":2,1:", "0,1,2",
+            "[0,1]", "np.int64(1)", "np.array([True,False,True])", "True,False", "...,0", "None,:",
+        ):
             yield f"{x}[{index}]"
         yield f"{x}.shape"
         yield f"{x}.T"
     for x, y in itertools.product([*VALUES, "2.0", "[1.0, 2.0, 3.0]"], repeat=2):
-        for function in ["dot", "cross", "outer", "solve", "solve3", "max", "min", "divmod", "vec", "mat"]:
+        for function in (
+            "dot", "cross", "outer", "solve", "solve3", "max", "min", "divmod", "vec", "mat",
+        ):
             yield f"{function}({x}, {y})"
         yield f"dot(vec(1.0, 2.0, 3.0), {y})"
-        for function in [
-            "dot", "matmul", "inner", "outer", "add", "multiply", "divide", "power", "maximum", "less", "equal", "arctan2",
-            "linalg.solve",
-        ]:  # fmt: skip
+        for function in (
+            "dot", "matmul", "inner", "outer", "add", "multiply", "divide", "power", "maximum", "less", "equal",
+            "arctan2", "linalg.solve",
+        ):
             yield f"np.{function}({x}, {y})"
     for comparison in "u < v", "u == v", "u != v", "u > 1.5", "2.0 >= u", "A == B", "A != A", "u == u", "u == 1.0":
         for form in (

@@ -194,6 +194,27 @@ def test_kicks_and_drifts_as_fields_are_the_separable_system() -> None:
 
 
 @pytest.mark.compiled
+def test_lie_derivatives_compile() -> None:
+    """A field that is made of the Lie derivative of another one."""
+
+    @lm.record
+    class Descent(lm.VectorField):
+        dim: ClassVar[int] = 3
+
+        def velocity(self, y: lm.Vec) -> lm.Vec:
+            return -0.1 * MIXED.lie_derivative(lambda x: x * x[0])(y)
+
+    start = Descent().state(Y)
+    native, python = (
+        lm.integrate(
+            Descent(), lm.RKMK(order=2), start, h=0.1, steps=5, compiled=c, progress=False
+        )
+        for c in (True, False)
+    )
+    assert native.y.tobytes() == python.y.tobytes()
+
+
+@pytest.mark.compiled
 @pytest.mark.parametrize("system", [ABC, MIXED], ids=["waves", "mixed"])
 def test_native_code_and_ensembles_have_the_same_bits(system: lm.SplitField) -> None:
     many = system.state(np.array(Y) + np.linspace(0.0, 0.5, 9)[:, None])
@@ -248,12 +269,49 @@ def test_what_is_refused() -> None:
         lm.SplitField((Growth(), Plane()))
     with pytest.raises(InvalidType, match="must be VectorFields"):
         lm.SplitField((lm.Kepler(),))  # type: ignore[arg-type]
-    with pytest.raises(InvalidType, match="F must be a formula"):
+    with pytest.raises(InvalidType, match="F must be a formula of"):
         ABC.lie_derivative(3.0)  # type: ignore[arg-type]
     with pytest.raises(LawViolation, match="flow"):
         lm.check_system(lm.SplitField((Wrong(), Shear(0, 1.0))))
     with pytest.raises(InvalidInput, match="shape"):
         ABC.state([1.0, 2.0])
+
+
+def test_formulas_that_are_none_are_refused_by_the_state() -> None:
+    @lm.record
+    class Timed(lm.VectorField):
+        dim: ClassVar[int] = 2
+
+        def velocity(self, t: float, y: lm.Vec) -> lm.Vec:  # type: ignore[override]
+            return y
+
+    @lm.record
+    class Forgotten(lm.VectorField):
+        dim: ClassVar[int] = 2
+
+        def velocity(self, y: lm.Vec) -> lm.Vec:
+            lm.vec(y[1], y[0])  # type: ignore[return]
+
+    @lm.record
+    class Long(lm.VectorField):
+        dim: ClassVar[int] = 2
+
+        def velocity(self, y: lm.Vec) -> lm.Vec:
+            return lm.vec(y[1], y[0], 1.0)
+
+    @lm.record
+    class Bare(Growth):
+        def flow(self, t: float) -> lm.Vec:  # type: ignore[override]
+            return lm.vec(t, t, t)
+
+    with pytest.raises(InvalidType, match=r"Timed.velocity .* It is velocity\(self, y\)"):
+        Timed().state([1.0, 2.0])
+    with pytest.raises(InvalidType, match=r"Bare.flow .* It is flow\(self, y, t\)"):
+        lm.SplitField((Bare(), Shear(0, 1.0))).state(Y)
+    for field in (Forgotten(), Long(), lm.SplitField([Long()])):  # type: ignore[arg-type]
+        with pytest.raises(InvalidInput, match="must return a vector of 2 numbers"):
+            field.state([1.0, 2.0])
+    assert lm.SplitField([Turn(1.0)]).parts == lm.SplitField((Turn(1.0),)).parts  # type: ignore[arg-type]
 
 
 # ---------------------------------------------------------------- fields of an energy

@@ -239,6 +239,24 @@ def test_what_is_refused() -> None:
     assert Folded().old(0.0, lm.vec(4.0), lm.vec(1.0))[0][0] == pytest.approx(2.0)
     with pytest.raises(OutsideChart, match="no position q with dG/dP"):
         Folded().old(0.0, lm.vec(-4.0), lm.vec(1.0))
+    @lm.record
+    class Timeless(lm.CanonicalTransformation):
+        degrees: ClassVar[int] = 1
+
+        def generating(self, q: lm.Vec, P: lm.Vec) -> float:  # type: ignore[override]
+            return q[0] * P[0]
+
+    @lm.record
+    class Vector(lm.CanonicalTransformation):
+        degrees: ClassVar[int] = 1
+
+        def generating(self, t: float, q: lm.Vec, P: lm.Vec) -> Any:
+            return q + P
+
+    with pytest.raises(InvalidType, match=r"generating\(self, t, q, P\)"):
+        Timeless()
+    with pytest.raises(InvalidType, match="must return a number"):
+        Vector()
     with pytest.raises(InvalidInput, match="must say its degrees of freedom"):
 
         @lm.record

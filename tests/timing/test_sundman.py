@@ -124,6 +124,22 @@ def test_steps_follow_sigma_and_the_path_is_the_same() -> None:
     assert np.abs(run.q - KEPLER.exact(ORBIT, run.t).q).max() < 1e-9
 
 
+def test_equal_arcs_of_a_driven_system_know_the_time() -> None:
+    """Steps of equal length on the path, also where the force changes with time."""
+    system = Driven()
+    run = lm.integrate(
+        lm.SundmanTransformed(system, lm.EqualArc()),
+        lm.RKMK(order=4),
+        system.state([0.3], [2.0]),
+        h=0.05,
+        steps=40,
+        compiled=False,
+        progress=False,
+    )
+    arcs = np.hypot(np.diff(run.q[:, 0]), np.diff(run.p[:, 0]))
+    assert np.abs(arcs / 0.05 - 1.0).max() < 2e-3
+
+
 def test_reversible_where_sigma_does_not_tell_the_direction() -> None:
     """A symmetric method on the transformed equation: forth, turned, forth, turned."""
     h, method = 0.1, lm.RKMK(tableau=lm.tableaus.gauss(2))
