@@ -11,15 +11,17 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas.broadcasting import small
+from ..formulas.broadcasting import check_finite, real_array, small
+from ..groups.group_action import GroupAction
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from ..integrators.method import Method
 from ..retractions import Cayley, Exponential, Retraction
 from ..systems.constrained import ConstrainedSystem
 from ..systems.system import State, System
-from .action_laws import ACTION
+from .action_laws import ACTION, arguments, named
 from .algebra_laws import ALGEBRA
+from .closed_forms import laws_of_closed_forms
 from .constrained_claims import constrained_claims
 from .group_laws import GROUP, NATIVE, PLACE
 from .law import replaced, verdicts
@@ -73,15 +75,26 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
     points : some points of the space, one per row; left out, the action is asked for random ones.
     The rest as in `check_group`.
     """
+    _require("check_action: action", action, GroupAction)
     where, rng = sample_points(action.group, seed), np.random.default_rng(seed)
-    some = [action.random(rng) for _ in where] if points is None else list(points)
+    if points is None:
+        some = [np.asarray(action.random(rng)) for _ in where]
+    else:
+        some = [*real_array(points, "check_action: points")]
     if not some:
         raise InvalidInput("check_action: points is empty; give at least one point of the space")
+    for i, x in enumerate(some):
+        name = f"check_action: points[{i}]" if points is not None else "check_action: action.random"
+        if action.point_shape is not None and x.shape != action.point_shape:
+            raise InvalidInput(
+                f"{name} has shape {x.shape}; a point of {action!r} has shape {action.point_shape}"
+            )
+        check_finite(x, name)
     where = [
-        dataclasses.replace(at, point=small(np.asarray(some[i % len(some)])))
-        for i, at in enumerate(where)
+        dataclasses.replace(at, point=small(some[i % len(some)])) for i, at in enumerate(where)
     ]
-    return _finished(repr(action), verdicts(ACTION, action, where, lambda name: True), raises)
+    laws = [*ACTION, *laws_of_closed_forms(action, arguments, named)]
+    return _finished(repr(action), verdicts(laws, action, where, lambda name: True), raises)
 
 
 def check_system(

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Vec, gradient, record, vec
+from ..formulas.derived import derived
 from ..formulas.remembered import common
 from ..groups.poisson_structure import PoissonStructure
 from ..groups.vector_space import VectorSpace
@@ -89,6 +90,7 @@ class PoissonSystem(System):
             raise NotDefined(f"{type(self).__name__} must define `energy`, or have a hamiltonian")
         return self.hamiltonian.energy(y)
 
+    @derived
     def gradient(self, y: Vec) -> Vec:
         """dH(y), (n,).  y : (n,)."""
         if self.hamiltonian is None:
