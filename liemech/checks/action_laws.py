@@ -17,9 +17,11 @@ ACTION: list[Law] = []
 
 @axiom(ACTION, "moved points", "g . x is an array of finite numbers, shaped as x is")
 def moved_points(action: Any, at: At) -> Iterator[Same]:
-    x, moved = np.asarray(at.point), np.asarray(action.act(at.g, at.point))
-    yield Same(np.array([moved.ndim, *moved.shape]), np.array([x.ndim, *x.shape]))
-    yield Same(moved - moved, 0.0 * x)
+    x = np.asarray(at.point)
+    for g in (at.g, at.h, at.group.compose(at.g, at.h), at.back):
+        moved = np.asarray(action.act(g, at.point))
+        yield Same(np.array([moved.ndim, *moved.shape]), np.array([x.ndim, *x.shape]))
+        yield Same(moved - moved, 0.0 * x)
 
 
 @axiom(ACTION, "neutral element", "e . x = x")

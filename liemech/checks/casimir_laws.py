@@ -28,7 +28,8 @@ class Independent(Same):
 def independence(
     values: Callable[[Any], Any], slopes: Callable[[Any], np.ndarray], points: Iterable[Any]
 ) -> Same:
-    """The rank of the gradients at the best of some points, beside the number of Casimirs.
+    """The rank of the gradients at the best of some points, beside the number of Casimirs; no
+    Casimirs are independent.
 
     values : the Casimirs at a point, (number,).  slopes : their gradients as rows, (number, n).
     """
@@ -41,7 +42,8 @@ def independence(
         except (ArithmeticError, ValueError):  # it is not defined here
             continue
         number = max(number, C.size)
-        lengths = np.linalg.norm(G.reshape(C.size, -1), axis=1)
+        G = G.reshape(C.size, G.size // max(C.size, 1))
+        lengths = np.linalg.norm(G, axis=1)
         # beside what a function of this size would change by
         moving = lengths * size(y) > INDEPENDENT * np.abs(C)
         rows = G[moving] / lengths[moving, None]

@@ -31,6 +31,8 @@ far.
 NUDGE = 2.0**-26
 """A relative change of all arguments, by which is seen how they enlarge roundings."""
 
+GROUPS = LieGroup, LieAlgebra
+
 Arguments = dict[str, tuple[Any, ...]]
 """What may be put in for an argument, by its name: one value, or one after the other."""
 
@@ -55,15 +57,18 @@ def laws_of_closed_forms(
 
 def records_within(record: Any) -> Iterator[Any]:
     """A record, and those that it holds, once each; groups have a check of their own."""
-    if isinstance(record, (LieGroup, LieAlgebra)):
-        return
-    if isinstance(record, Record):
-        yield record
-        for value in fields_of(record).values():
-            yield from records_within(value)
-    elif isinstance(record, tuple):
-        for value in record:
-            yield from records_within(value)
+    seen: list[Any] = []
+    waiting = [record]
+    while waiting:
+        one = waiting.pop(0)
+        if type(one) is tuple:
+            waiting.extend(one)
+        elif isinstance(one, GROUPS) or any(one is other for other in seen):
+            continue
+        elif isinstance(one, Record):
+            seen.append(one)
+            waiting.extend(fields_of(one).values())
+            yield one
 
 
 def _same(

@@ -20,9 +20,7 @@ from .casimir_laws import independence
 from .law import Law, Same, axiom, verdicts
 from .report import Finding, Report
 from .sample_points import flat, size
-
-SIZES = 1.0, 1.0, 1.0, 0.2, 1.0, 3.0, 8.0, 1.0
-"""How large the points are that are drawn."""
+from .sample_states import SIZES, components, named
 
 CLOSE = 256.0
 """Roundings per dimension of entries and their derivatives."""
@@ -262,11 +260,12 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
         found = [(f"point {i}", Vec.of(row)) for i, row in enumerate(array.tolist())]
     else:
         rng = np.random.default_rng(seed)
-        drawn = [large * rng.normal(size=n) for large in SIZES]
-        names = ["random" if large == 1.0 else f"random, size {large:g}" for large in SIZES]
+        drawn, names = [], [named(large) for large in SIZES]
+        for large in SIZES:  # a negative one is the mirror image of the point before
+            drawn.append(components(rng, n, large) if large > 0.0 else -drawn[-1])
         found = [(name, Vec.of(y.tolist())) for name, y in zip(names, drawn, strict=True)]
         if not all(_defined(structure, y) for _, y in found):
-            drawn = [0.5 * large + np.abs(y) for large, y in zip(SIZES, drawn, strict=True)]
+            drawn = [0.5 * abs(k) + np.abs(y) for k, y in zip(SIZES, drawn, strict=True)]
             found = [(name, Vec.of(y.tolist())) for name, y in zip(names, drawn, strict=True)]
         found = [(name, y) for name, y in found if _defined(structure, y)]
         if not found:

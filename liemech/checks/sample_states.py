@@ -24,8 +24,10 @@ from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
 from .sample_points import STENCIL, STEP, flat, size
 
-SIZES = 1.0, 1.0, 1.0, 0.2, 3.0, 1.0, 8.0, 1.0
-"""How large the states are that are drawn, in the units of the system."""
+SIZES = 1.0, 1.0, 1.0, 0.2, 3.0, 8.0, -8.0, 1.0
+"""How large the states are that are drawn, in the units of the system; a negative one is the mirror
+image of the state before.
+"""
 
 TIMES = 0.0, 0.4, -1.3, 2.6, 7.3, 13.0, 61.0, 640.0
 """When; a formula may be wrong from some time on."""
@@ -122,6 +124,17 @@ def knows_time(system: Any) -> bool:
     return isinstance(system, driven) or getattr(system, "load", None) is not None
 
 
+def components(rng: np.random.Generator, n: int, large: float) -> np.ndarray:
+    """Normally distributed components; of large vectors none is small."""
+    x = rng.normal(size=n)
+    return large * (x if abs(large) <= 1.0 else np.copysign(0.5 + np.abs(x), x))
+
+
+def named(large: float) -> str:
+    """What a random place of this size is called."""
+    return "random" if large == 1.0 else f"random, size {abs(large):g}"
+
+
 def sample_states(system: System, states: State | None, seed: int) -> list[AtState]:
     """The given states, or random ones of several sizes at which the formulas are defined; as many
     as are found, and at several times.
@@ -134,10 +147,13 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
             for t in times
         ]
     rng, reason = np.random.default_rng(seed), ""
+    drawn = rng.bit_generator.state
     found: list[AtState] = []
     for i, (large, t) in enumerate(zip(SIZES * 4, TIMES * 4, strict=True)):
         if len(found) < PLACES and (i < PLACES or large == 1.0 or not found):
-            name = "random" if large == 1.0 else f"random, size {large:g}"
+            if large < 0.0:
+                rng.bit_generator.state = drawn
+            name, drawn = named(large), rng.bit_generator.state
             at = AtState(name, system, random_state(system, rng, large), t)
             undefined = why_undefined(at)
             found += [] if undefined else [at]
@@ -175,18 +191,18 @@ def random_state(system: Any, rng: np.random.Generator, large: float = 1.0) -> A
         return _on_constraint(system, rng, large)
     if isinstance(system, (LiePoissonMotion, MechanicalSystem)):
         group = system.group if isinstance(system, LiePoissonMotion) else system.configurations
-        mu = small(large * rng.normal(size=group.dim))
+        mu = small(components(rng, group.dim, large))
         return BodyState(mu, small(np.asarray(group.random(rng))))
     if isinstance(system, ConstrainedSystem):
         return _consistent(system, rng, large)
     if isinstance(system, PhaseSpace):
-        return CanonicalState(*(small(large * x) for x in rng.normal(size=(2, system.degrees))))
+        return CanonicalState(*(small(components(rng, system.degrees, large)) for _ in range(2)))
     if isinstance(system, PoissonSystem):
-        y = large * rng.normal(size=system.structure.dim)
+        y = components(rng, system.structure.dim, large)
         try:
             return PoissonState(small(np.asarray(system.state(y).y)))
         except InvalidInput:
-            return PoissonState(small(0.5 * large + np.abs(y)))
+            return PoissonState(small(0.5 * abs(large) + np.abs(y)))
     if isinstance(system, GroupEquation):
         return Position(small(np.asarray(system.group.random(rng))))
     if isinstance(system, HomogeneousEquation):
@@ -217,8 +233,8 @@ def _consistent(
 def _on_constraint(system: BoundBody, rng: np.random.Generator, large: float) -> BodyState:
     """A consistent state near a random one; if none is found, a random one."""
     group = system.configurations
-    for _ in range(20):
-        mu = small(large * rng.normal(size=group.dim))
+    for _ in range(3):
+        mu = small(components(rng, group.dim, large))
         g = small(np.asarray(group.random(rng)))
         try:
             start = system.consistent(np.array(mu), np.array(g))

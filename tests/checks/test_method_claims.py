@@ -433,10 +433,11 @@ def test_the_midpoint_rule_is_symplectic_in_the_plane_without_saying_so() -> Non
 def test_the_report_names_numbers() -> None:
     galaxy, start = systems()["galaxy"]
     lines = str(check_method(lm.StormerVerlet(), galaxy, start, compiled=False)).splitlines()
-    assert lines[0].endswith("3 laws hold, none broken")
+    assert lines[0].endswith("4 laws hold, none broken")
     assert lines[1].split() == ["law", "verdict", "observed", "wanted"]
     assert lines[2].split()[:3] == ["order", "holds", "q"]
-    assert lines[-1].startswith("energy                     not seen")
+    assert lines[-2].startswith("energy                     not seen")
+    assert lines[-1].startswith("reversible                 holds")
 
 
 @pytest.mark.compiled
