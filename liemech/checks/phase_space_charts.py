@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InvalidInput
 from ..formulas import jacobian, vec
 from ..formulas.broadcasting import small
 from ..systems.canonical import HamiltonianSystem, PhaseSpace
@@ -19,6 +20,9 @@ from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonSystem
 from .sample_points import Units, flat, size
 from .sample_states import pace
+
+NEAR = 0.01
+"""States are displaced by no more than this part of the units."""
 
 FREE_OF_CONSTRAINTS = HamiltonianSystem, DrivenHamiltonianSystem
 """Systems whose phase space is all of R^2n."""
@@ -36,6 +40,7 @@ class Charts:
     system: Any
     begin: Any
     whole: bool
+    reach: float = np.inf  # units are at most so many times the sizes of positions and momenta
 
     @cached_property
     def units(self) -> np.ndarray:
@@ -44,10 +49,17 @@ class Charts:
             n, rate = self.system.degrees, flat(self.system.rate(0.0, self.begin))
             v, f = size(rate[:n]), size(rate[n:])
             q, p, speed = size(self.begin.q), size(self.begin.p), pace(self.system, 0.0, self.begin)
-            return np.repeat([max(q, v / speed), max(p, f / speed)], n)
+            far_q, far_p = (max(x, min(y / speed, self.reach * x)) for x, y in ((q, v), (p, f)))
+            return np.repeat([far_q or v / speed, far_p or f / speed], n)
         if isinstance(self.system, PoissonSystem):
             y = np.abs(flat(self.begin.y))
-            return np.where(y > 0.1 * size(y), y, size(y) or 1.0)
+            units = np.where(y > 0.1 * size(y), y, size(y) or 1.0)
+            try:
+                for sign in (-1.0, 1.0):
+                    self.system.state(flat(self.begin.y) + sign * NEAR * units)
+            except InvalidInput:  # there is a wall near by
+                return np.where(y > 0.0, y, units)
+            return units
         momenta = np.full(len(self.begin.mu), size(self.begin.mu))
         if not self.whole:
             return momenta

@@ -42,6 +42,9 @@ LATE = 0.0, 7.3, 61.0, 640.0
 
 EXACTLY = RKMK(order=8)
 
+FINE = 10.0
+"""Steps in which it is followed, while the start changes by its own size."""
+
 
 @dataclass(frozen=True)
 class Place:
@@ -135,7 +138,8 @@ class Place:
 
     def exact(self, time: float) -> Any:
         """Where the motion leads in a physical time."""
-        steps = max(1, int(np.ceil(10.0 * abs(time) / self.unit)))
+        finer = FINE if self.method.order <= 6 else 2.0 * FINE
+        steps = max(1, int(np.ceil(finer * abs(time) / self.unit)))
         return small_state(
             type(self.start), self.led(EXACTLY, self.start, time / steps, steps)
         )

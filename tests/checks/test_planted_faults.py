@@ -770,3 +770,322 @@ def test_a_time_scale_that_sees_velocities_one_way_is_not_reversible() -> None:
         raises=False,
     )
     assert insisted["time scale and reversal"].verdict == "broken"
+
+
+# ---------------------------------------------------------------- mistakes as users make them
+
+A = lm.mat(vec(1.0, 0.4), vec(0.1, 2.0))
+INVERSE = lm.mat(vec(1.0, 0.2, 0.1), vec(0.2, 0.7, 0.3), vec(0.1, 0.3, 0.5))
+
+
+@lm.record
+class Tilted(lm.Hamiltonian):
+    """An inertia that is not diagonal."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.5 * dot(mu, INVERSE @ mu) + 0.1 * where(mu[1] < 0.0, mu[1], 0.0) ** 3
+
+
+@lm.record
+class Plate(lm.SeparableSystem):
+    degrees: ClassVar[int] = 2
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return 0.5 * dot(p, p)
+
+    def potential(self, q: lm.Vec) -> float:
+        return 0.5 * dot(q, A @ q)
+
+
+@lm.record
+class Well(lm.SeparableSystem):
+    """A potential that is a function of |q|^2."""
+
+    degrees: ClassVar[int] = 2
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return 0.5 * dot(p, p)
+
+    def potential(self, q: lm.Vec) -> float:
+        return sqrt(1.0 + dot(q, q))
+
+
+@lm.record
+class InDegrees(lm.SeparableSystem):
+    degrees: ClassVar[int] = 1
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return 0.5 * dot(p, p)
+
+    def potential(self, q: lm.Vec) -> float:
+        return -cos(0.017453292519943295 * q[0])
+
+    def force(self, q: lm.Vec, p: lm.Vec) -> lm.Vec:
+        return vec(-sin(0.017453292519943295 * q[0]))
+
+
+@lm.record
+class Turned(lm.Method):
+    """The splitting into three rotations; `order_of` says which axis comes when."""
+
+    order: ClassVar[int] = 2
+    symmetric: ClassVar[bool] = True
+    symplectic: ClassVar[bool] = True
+
+    axes: tuple[int, ...] = (0, 1, 2, 1, 0)
+    shares: tuple[float, ...] = (0.5, 0.5, 1.0, 0.5, 0.5)
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        mu, g = state.mu, state.g
+        for axis, share in zip(self.axes, self.shares):
+            angle = share * h * system.velocity(mu)[axis]
+            turn = vec(*[angle if k == axis else 0.0 for k in range(3)])
+            mu, g = self.turned(system, mu, g, turn, h)
+        return lm.BodyState(mu, g)
+
+    def turned(self, system: Any, mu: Any, g: Any, turn: Any, h: float) -> Any:
+        moved = None if g is None else system.group.compose_exp(g, turn)
+        return system.group.exp_Ad_star(turn, mu), moved
+
+
+@lm.record
+class FromTheWrongSide(Turned):
+    def turned(self, system: Any, mu: Any, g: Any, turn: Any, h: float) -> Any:
+        group = system.group
+        moved = None if g is None else group.compose(group.exp(turn), g)
+        return group.exp_Ad_star(turn, mu), moved
+
+
+@lm.record
+class LazyAttitude(lm.RKMK):
+    """Momenta by RKMK4, the attitude by the velocity at the start of the step."""
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        new = super().step(system, t, state, h)
+        if state.g is None:
+            return new
+        turn = h * system.velocity(state.mu)
+        return lm.BodyState(new.mu, system.group.compose_exp(state.g, turn))
+
+
+@lm.record
+class Rough(lm.Method):
+    """The implicit midpoint rule, iterated until two digits more are there."""
+
+    order: ClassVar[int] = 2
+    symmetric: ClassVar[bool] = True
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        q, p = state.q, state.p
+        x, y = q, p
+        for _ in range(4):
+            v, f = system.velocity(0.5 * (q + x), 0.5 * (p + y)), system.force(
+                0.5 * (q + x), 0.5 * (p + y)
+            )
+            x, y = q + h * v, p + h * f
+        return lm.CanonicalState(x, y)
+
+
+@lm.record
+class Stretching(lm.StormerVerlet):
+    """A step that is shorter where q is large."""
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        q = self.observe(memory).q
+        return super().step(system, t, memory, h / (1.0 + 0.01 * dot(q, q)))
+
+
+@lm.record
+class OneWay(lm.Method):
+    """|h| where h should be."""
+
+    order: ClassVar[int] = 2
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        q, p, k = state.q, state.p, abs(h)
+        p = p + 0.5 * k * system.force(q, p)
+        q = q + h * system.velocity(q, p)
+        return lm.CanonicalState(q, p + 0.5 * k * system.force(q, p))
+
+
+@lm.record
+class Kept(lm.Record):
+    state: Any
+    force: lm.Vec
+
+
+@lm.record
+class Stale(lm.Method):
+    """The force at the end of a step is that of its beginning."""
+
+    order: ClassVar[int] = 2
+
+    def start(self, system: Any, state: Any, h: float) -> Any:
+        return Kept(state, system.force(state.q, state.p))
+
+    def observe(self, memory: Any) -> Any:
+        return memory.state
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        q, p = memory.state.q, memory.state.p + 0.5 * h * memory.force
+        q = q + h * system.velocity(q, p)
+        force = system.force(q, p)
+        return Kept(lm.CanonicalState(q, p + 0.5 * h * memory.force), force)
+
+
+@lm.record
+class Rescaled(lm.StormerVerlet):
+    """The energy is put right after every step."""
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        before, new = self.observe(memory), super().step(system, t, memory, h)
+        after = self.observe(new)
+        wanted = system.energy(before.q, before.p) - system.potential(after.q)
+        ratio = sqrt(abs(wanted / system.kinetic(after.p)))
+        return self.start(system, lm.CanonicalState(after.q, ratio * after.p), h)
+
+
+@lm.record
+class Timeless(lm.RKMK):
+    """A drive that is read at t = 0."""
+
+    def step(self, system: Any, t: float, state: Any, h: float) -> Any:
+        return super().step(system, 0.0, state, h)
+
+
+@lm.record
+class NotSkew(Area):
+    def matrix(self, y: lm.Vec) -> lm.Mat:
+        m = super().matrix(y)
+        return lm.mat(m[0], -1.0 * m[1], m[2], m[3])
+
+
+@lm.record
+class Coarse(lm.SO3):
+    """Small rotations are taken to first order."""
+
+    def exp(self, xi: lm.Vec) -> Any:
+        first = lm.mat(vec(1.0, -xi[2], xi[1]), vec(xi[2], 1.0, -xi[0]), vec(-xi[1], xi[0], 1.0))
+        return first if dot(xi, xi) < 1e-6 else super().exp(xi)
+
+
+SECOND: dict[str, tuple[Callable[[], Any], str]] = {
+    "not diagonal": (
+        lambda: check_system(
+            lm.LiePoissonSystem(
+                lm.SO3(),
+                changed(
+                    Tilted,
+                    gradient=lambda self, mu: INVERSE @ mu
+                    + where(mu[1] < 0.0, 0.3, 0.0) * vec(0.0, mu[1], 0.0),
+                )(),
+            ),
+            raises=False,
+        ),
+        "gradient",
+    ),
+    "a matrix that is not symmetric": (
+        lambda: check_system(
+            changed(Plate, force=lambda self, q, p: -1.0 * (A @ q))(), raises=False
+        ),
+        "force of energy",
+    ),
+    "a transposed matrix": (
+        lambda: check_system(
+            changed(Plate, force=lambda self, q, p: -1.0 * (A.T @ q))(), raises=False
+        ),
+        "force of energy",
+    ),
+    "the chain rule": (
+        lambda: check_system(
+            changed(Well, force=lambda self, q, p: (-0.5 / sqrt(1.0 + dot(q, q))) * q)(),
+            raises=False,
+        ),
+        "force of energy",
+    ),
+    "degrees": (lambda: check_system(InDegrees(), raises=False), "force of energy"),
+    "a stale constant": (
+        lambda: check_system(
+            changed(lm.Kepler, force=lambda self, q, p: (-1.0 / dot(q, q) ** 1.5) * q)(2.0),
+            raises=False,
+        ),
+        "force of energy",
+    ),
+    "a factor of a velocity": (
+        lambda: check_system(changed(lm.Kepler, velocity=lambda self, q, p: 2.0 * p)(), raises=False),
+        "velocity of energy",
+    ),
+    "an entry with a wrong sign": (
+        lambda: check_poisson(NotSkew(), raises=False),
+        "skew symmetry",
+    ),
+    "small rotations": (lambda: check_group(Coarse(), raises=False), "exponential"),
+    "K for Ad*": (
+        lambda: check_group(
+            rotations(Ad_star=lambda self, g, mu: g @ mu), raises=False
+        ),
+        "dual of Ad",
+    ),
+    "an order of axes": (
+        lambda: check_method(
+            Turned((0, 1, 2, 0, 1)), BODY, START, compiled=False, raises=False
+        ),
+        "symmetric",
+    ),
+    "a share that is missing": (
+        lambda: check_method(
+            Turned(shares=(0.5, 0.5, 1.0, 0.5, 0.45)), BODY, START, compiled=False, raises=False
+        ),
+        "order",
+    ),
+    "the wrong side": (
+        lambda: check_method(FromTheWrongSide(), BODY, START, compiled=False, raises=False),
+        "order",
+    ),
+    "the wrong side, momentum": (
+        lambda: check_method(
+            FromTheWrongSide(),
+            BODY,
+            START,
+            keeps=["spatial momentum"],
+            compiled=False,
+            raises=False,
+        ),
+        "spatial momentum",
+    ),
+    "an attitude of order 1": (
+        lambda: check_method(LazyAttitude(order=4), BODY, START, compiled=False, raises=False),
+        "order",
+    ),
+    "an iteration that ends early": (
+        lambda: check_method(Rough(), GALAXY, IN_GALAXY, compiled=False, raises=False),
+        "symmetric",
+    ),
+    "a step that depends on the state": (
+        lambda: check_method(Stretching(), GALAXY, IN_GALAXY, compiled=False, raises=False),
+        "order",
+    ),
+    "|h|": (
+        lambda: check_method(OneWay(), GALAXY, IN_GALAXY, compiled=False, raises=False),
+        "order",
+    ),
+    "a stale force": (
+        lambda: check_method(Stale(), GALAXY, IN_GALAXY, compiled=False, raises=False),
+        "order",
+    ),
+    "an energy that is put right": (
+        lambda: check_method(Rescaled(), GALAXY, IN_GALAXY, compiled=False, raises=False),
+        "symplectic",
+    ),
+    "a drive at t = 0": (
+        lambda: check_method(Timeless(order=4), TURNING, AT_REST, compiled=False, raises=False),
+        "order",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SECOND)
+def test_a_mistake_as_users_make_it_is_found(name: str) -> None:
+    make, law = SECOND[name]
+    report = make()
+    assert law in [finding.law for finding in report.broken], report
