@@ -109,11 +109,13 @@ def check_system(
 
     Gradients are compared with energies, Lagrangians with Hamiltonians (the Legendre transform
     there and back), forces with potentials, the power of a load with the change of energy; Casimirs
-    must commute with all coordinates, and what `constants` names must not change along the motion.
-    Formulas that follow from others are not looked at.
+    must commute with all coordinates and be independent, constraints must stay, and what
+    `constants` names must not change along the motion.  Every closed form of the system, and of the
+    records that it holds, is compared with the formula that it stands for.  Formulas that follow
+    from others are not looked at.
 
     states : where to look, `system.state(...)`, one or an ensemble; left out, at random states of
-    size one.
+    sizes from 0.2 to 8.  Systems that know the time are looked at from t = -1.3 to 640.
     native : make two steps in native code too, and compare them bit by bit with plain Python.
     raises : False returns the report on a broken system as well.
     seed : of the random states.
@@ -150,11 +152,19 @@ def check_method(
     system from this start?
 
     Observed are: the order, against RKMK of order 8; the way back, with -h from where steps with h
-    lead; Phi' B Phi'^T - B(Phi) of one step Phi, on momenta and on T*G, or on R^2n; the changes of
-    what the system names as constant; and, for free bodies, that the motion does not depend on
-    where the body is.  Claims are compared with `order`, `symmetric` and `symplectic`; a symplectic
-    method must keep Casimirs too.  An observed order above the claim is no violation.
+    lead; Phi' B Phi'^T - B(Phi) of one step Phi, on momenta and on T*G, on R^2n, or on the manifold
+    of constraints; the changes of what the system names as constant, and of constraints; for free
+    bodies, that the motion does not depend on where the body is; and rho Phi_h rho = Phi_h^-1.
+    Claims are compared with `order`, `symmetric` and `symplectic`; a symplectic method must keep
+    Casimirs and constraints too, a symmetric one turn back where the motion does.  An observed
+    order above the claim is no violation.
 
+    Beside the start, runs of three steps are made from others, turned back, 5 and 40 times as large
+    and 5 times smaller, at times up to 640, some of them backwards.  Of steps in a fictive time
+    these runs tell all; physical times are compared, and sigma(rho y) = sigma(y) too.
+
+    rho : a function of a state that turns the motion back, rho f(y) = -f(rho y), such as
+    `lambda s: system.state(s.q, -s.p)`; left out, momenta are reversed, where that is one.
     h : a large step, in s; the order is observed over the time h, in more and more steps.  Left
     out, it is 3/2 of the time in which the start changes by its own size or turns by a radian.
     keeps : names of constants that the method claims to keep to rounding, such as "spatial
@@ -168,7 +178,7 @@ def check_method(
     the system.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 (order), V.1
-    (symmetry), VII.4 (Poisson maps).
+    (symmetry), V.1 (rho-reversible maps), VII.4 (Poisson maps), VIII.3.2 (sigma(rho y) = sigma(y)).
     """
     _require("check_method: method", method, Method)
     _require("check_method: system", system, System)

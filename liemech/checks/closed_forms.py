@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import LiemechError
-from ..formulas import Record, Vec
+from ..formulas import Record
 from ..formulas.derived import closed_forms
 from ..formulas.pytree import fields_of
+from ..formulas.vectors import Vec
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from .law import Law, Same, factors

@@ -260,7 +260,8 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
         found = [(f"point {i}", Vec.of(row)) for i, row in enumerate(array.tolist())]
     else:
         rng = np.random.default_rng(seed)
-        drawn, names = [], [named(large) for large in SIZES]
+        names = [named(large) for large in SIZES]
+        drawn: list[np.ndarray] = []
         for large in SIZES:  # a negative one is the mirror image of the point before
             drawn.append(components(rng, n, large) if large > 0.0 else -drawn[-1])
         found = [(name, Vec.of(y.tolist())) for name, y in zip(names, drawn, strict=True)]

@@ -230,7 +230,7 @@ def _consistent(
     return CanonicalState(q, p)
 
 
-def _on_constraint(system: BoundBody, rng: np.random.Generator, large: float) -> BodyState:
+def _on_constraint(system: Any, rng: np.random.Generator, large: float) -> BodyState:
     """A consistent state near a random one; if none is found, a random one."""
     group = system.configurations
     for _ in range(3):

@@ -437,6 +437,7 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
     """
     yield SYSTEM, system, lambda name: True
     tables: list[tuple[list[Law], Any, Any, Callable[[str], bool]]] = []  # with whose formulas these are
+    own: Callable[[str], bool]
     body = system.body if isinstance(system, (MechanicalSystem, BoundBody)) else system
     field = system.body if isinstance(system, BoundBody) else system
     body = body.body if isinstance(body, MechanicalSystem) else body
@@ -487,17 +488,18 @@ def arguments(owner: Any, at: AtState) -> Arguments:
         state = CanonicalState(system.without(state.q), system.without(state.p))
     found = {"t": t, "system": inner, "state": state}
     found |= {name: x for name, x in state.parts.items() if x is not None}
-    if isinstance(inner, PhaseSpace):
-        v = inner.velocity(t, *state.parts.values()) if at.driven else inner.velocity(state.q, state.p)
-        found |= {"v": v}
+    body = isinstance(inner, (LiePoissonMotion, MechanicalSystem, BoundBody))
+    if body or isinstance(inner, PhaseSpace):
+        where = {"mu": state.mu} if body else state.parts
+        v = inner.velocity(*((t,) if at.driven else ()), *where.values())
+        found |= {"v": v, "xi": v}
     if isinstance(inner, PoissonSystem):
         found |= {"mu": state.y, "a": inner.gradient(state.y), "structure": inner.structure}
     if isinstance(inner, HomogeneousEquation):
         found |= {"xi": at.rate, "g": inner.group.exp(at.rate)}
-    if isinstance(inner, (LiePoissonMotion, MechanicalSystem, BoundBody)):
-        body = isinstance(inner, LiePoissonMotion)
-        v = inner.velocity(t, state.mu) if at.driven else inner.velocity(state.mu)
-        found |= {"xi": v, "group": inner.group if body else inner.configurations}
+    if body:
+        free = isinstance(inner, LiePoissonMotion)
+        found |= {"group": inner.group if free else inner.configurations}
     several: Arguments = {name: (value,) for name, value in found.items()}
     if isinstance(owner, MultirateSystem):
         several["k"] = tuple(range(len(owner.parts)))

@@ -369,6 +369,7 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
 }
 
 
+@pytest.mark.sample(16)
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_fault_of_a_system_is_found(name: str) -> None:
     make, law = SYSTEMS[name]
@@ -701,6 +702,7 @@ METHODS: dict[str, tuple[Callable[[], tuple[Any, Any, Any]], str]] = {
 }
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", METHODS)
 def test_a_fault_of_a_method_is_found(name: str) -> None:
     make, law = METHODS[name]
@@ -1084,6 +1086,7 @@ SECOND: dict[str, tuple[Callable[[], Any], str]] = {
 }
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", SECOND)
 def test_a_mistake_as_users_make_it_is_found(name: str) -> None:
     make, law = SECOND[name]
