@@ -160,10 +160,10 @@ class Height(lm.Potential):
 
 
 @functools.cache
-def bead() -> Any:
+def bead(constraint: type = Sphere) -> Any:
     """A point on a sphere, as a body under a constraint."""
     free = lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.3, 0.8]))
-    return lm.ConstrainedBody(lm.MechanicalSystem(free, Height()), Sphere())
+    return lm.ConstrainedBody(lm.MechanicalSystem(free, Height()), constraint())
 
 
 @functools.cache
@@ -202,11 +202,7 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
         "gradient",
     ),
     "sign of a constraint's jacobian": (
-        lambda: tied(
-            changed(
-                Tied, jacobian=lambda self, group, g: -1.0 * lm.Constraint.jacobian(self, group, g)
-            )
-        ),
+        lambda: bead(changed(Sphere, jacobian=lambda self, group, g: lm.mat(-2.0 * g))),
         "jacobian",
     ),
     "right-trivialised jacobian": (
@@ -221,9 +217,9 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
         "jacobian",
     ),
     "rows of a constraint": (
-        lambda: tied(
+        lambda: bead(
             changed(
-                Tied,
+                Sphere,
                 rows=lambda self, group, g: tuple(
                     parts_of(group, 2.0 * row) for row in self.jacobian(group, g)
                 ),
@@ -702,7 +698,7 @@ METHODS: dict[str, tuple[Callable[[], tuple[Any, Any, Any]], str]] = {
 }
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", METHODS)
 def test_a_fault_of_a_method_is_found(name: str) -> None:
     make, law = METHODS[name]
@@ -1086,7 +1082,7 @@ SECOND: dict[str, tuple[Callable[[], Any], str]] = {
 }
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", SECOND)
 def test_a_mistake_as_users_make_it_is_found(name: str) -> None:
     make, law = SECOND[name]
