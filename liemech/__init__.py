@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         check_group,
         check_method,
         check_poisson,
+        check_poisson_field,
         check_retraction,
         check_system,
         poisson_defect,
@@ -160,6 +161,7 @@ if TYPE_CHECKING:
     from .models.surfaces import ParticleOnEllipsoid
     from .models.toda import TodaLattice
     from .systems.canonical import CanonicalState, HamiltonianSystem
+    from .systems.canonical_transformation import CanonicalTransformation
     from .systems.constrained import (
         Constrained,
         ConstrainedLagrangianSystem,
@@ -168,6 +170,7 @@ if TYPE_CHECKING:
         Surface,
     )
     from .systems.constrained_body import ConstrainedBody, NonholonomicBody
+    from .systems.constrained_parts import ConstrainedPart, SplitConstrainedSystem
     from .systems.constraint import Constraint, VelocityConstraint
     from .systems.darboux import (
         Andoyer,
@@ -190,9 +193,11 @@ if TYPE_CHECKING:
     from .systems.poisson import PoissonState, PoissonSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
+    from .systems.sundman import SundmanTransformed
     from .systems.tabulated import PiecewisePolynomial
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
     from .systems.time_transformed import LogarithmicHamiltonian, TimeTransformed
+    from .systems.vector_field import SplitField, VectorField
     from .tableaus.tableau import ButcherTableau
 
 _LATER = {
@@ -202,6 +207,7 @@ _LATER = {
             "check_group",
             "check_method",
             "check_poisson",
+            "check_poisson_field",
             "check_retraction",
             "check_system",
         ),
@@ -312,6 +318,7 @@ _LATER = {
     "models.toda": ("TodaLattice",),
     "plots": ("plots",),
     "systems.canonical": ("CanonicalState", "HamiltonianSystem"),
+    "systems.canonical_transformation": ("CanonicalTransformation",),
     "systems.constrained": (
         "Constrained",
         "ConstrainedLagrangianSystem",
@@ -320,6 +327,7 @@ _LATER = {
         "Surface",
     ),
     "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
+    "systems.constrained_parts": ("ConstrainedPart", "SplitConstrainedSystem"),
     "systems.constraint": ("Constraint", "VelocityConstraint"),
     "systems.darboux": (
         "Andoyer",
@@ -342,9 +350,11 @@ _LATER = {
     "systems.poisson": ("PoissonState", "PoissonSystem"),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
+    "systems.sundman": ("SundmanTransformed",),
     "systems.tabulated": ("PiecewisePolynomial",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
     "systems.time_transformed": ("LogarithmicHamiltonian", "TimeTransformed"),
+    "systems.vector_field": ("SplitField", "VectorField"),
     "tableaus": ("tableaus",),
     "tableaus.tableau": ("ButcherTableau",),
     "viewer": ("viewer",),
@@ -420,6 +430,7 @@ __all__ = [
     "ButcherTableau",
     "Canonical",
     "CanonicalState",
+    "CanonicalTransformation",
     "Cayley",
     "CayleyAdjoint",
     "CayleySquare",
@@ -435,6 +446,7 @@ __all__ = [
     "ConstrainedLagrangianSystem",
     "ConstrainedSystem",
     "ConstrainedBody",
+    "ConstrainedPart",
     "Constraint",
     "CovariantVariational",
     "CrouchGrossman",
@@ -551,12 +563,15 @@ __all__ = [
     "SphereAction",
     "SphericalMidpoint",
     "SphericalPendulum",
+    "SplitConstrainedSystem",
+    "SplitField",
     "SplitHamiltonian",
     "Splitting",
     "State",
     "StormerVerlet",
     "Straight",
     "Surface",
+    "SundmanTransformed",
     "Suslov",
     "SymplecticEuler",
     "System",
@@ -576,6 +591,7 @@ __all__ = [
     "UnitQuaternions",
     "UniversalJoint",
     "Vec",
+    "VectorField",
     "VectorSpace",
     "VelocityConstraint",
     "chain",
@@ -583,6 +599,7 @@ __all__ = [
     "check_group",
     "check_method",
     "check_poisson",
+    "check_poisson_field",
     "check_retraction",
     "check_system",
     "coadjoint",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .law import Same
-from .sample_points import flat, size
+from .sample_points import flat
 
 INDEPENDENT = 1e-8
 """Gradients of length one that are closer to dependent than this, by singular values, are so."""
@@ -38,15 +38,18 @@ def independence(
         try:
             with np.errstate(all="ignore"):
                 C = flat(values(y))
-                G = np.asarray(slopes(y), dtype=float) if C.size else np.zeros((0, 1))
+                G = np.asarray(slopes(y), dtype=float) if C.size else None
         except (ArithmeticError, ValueError):  # it is not defined here
             continue
+        if G is None:
+            continue
         number = max(number, C.size)
-        G = G.reshape(C.size, G.size // max(C.size, 1))
-        lengths = np.linalg.norm(G, axis=1)
-        # beside what a function of this size would change by
-        moving = lengths * size(y) > INDEPENDENT * np.abs(C)
-        rows = G[moving] / lengths[moving, None]
+        # each coordinate in units of its own size
+        G = G.reshape(C.size, -1) * np.abs(flat(y))
+        largest = np.abs(G).max(axis=1, initial=0.0)
+        moving = largest > INDEPENDENT * np.abs(C)
+        rows = G[moving] / largest[moving, None]
+        rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
         sizes = np.linalg.svd(rows, compute_uv=False) if len(rows) else np.zeros(0)
         best = max(best, int((sizes > INDEPENDENT).sum()))
     return Independent(np.array([float(best)]), np.array([float(number)]))

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas.broadcasting import check_finite, real_array, small
+from ..formulas import check_finite
+from ..formulas.broadcasting import real_array, small
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from ..integrators.method import Method
@@ -29,6 +30,7 @@ from .places import Place
 from .report import Finding, Observation, Report
 from .sample_points import At, sample_points
 from .sample_states import members, pace, sample_states
+from .special_points import SPECIAL
 from .system_laws import RUNS, laws_of
 
 SURELY = 1e-9
@@ -77,6 +79,8 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
     points : some points of the space, one per row; left out, the action is asked for random ones.
     The rest as in `check_group`.
     """
+    if not isinstance(getattr(action, "group", None), LieGroup):
+        raise InvalidType(f"check_action: action must be an action of a group; got {action!r}")
     where, rng = sample_points(action.group, seed), np.random.default_rng(seed)
     if points is None:
         some = [np.asarray(action.random(rng)) for _ in where]
@@ -112,7 +116,9 @@ def check_system(
     must commute with all coordinates and be independent, constraints must stay, and what
     `constants` names must not change along the motion.  Every closed form of the system, and of the
     records that it holds, is compared with the formula that it stands for.  Formulas that follow
-    from others are not looked at.
+    from others are not looked at.  At zero, equal components and on the axes first and second
+    derivatives are compared with differences: branches for such points often know a value and no
+    slope.
 
     states : where to look, `system.state(...)`, one or an ensemble; left out, at random states of
     sizes from 0.2 to 8.  Systems that know the time are looked at from t = -1.3 to 640.
@@ -131,6 +137,7 @@ def check_system(
         where = sample_states(system, states, seed)
         for laws, subject, own in laws_of(system):
             yield from verdicts(laws, subject, where, own)
+        yield from verdicts(SPECIAL, system, where, lambda name: True)
         yield from verdicts(RUNS if native else [], system, where, lambda name: True)
 
     return _finished(repr(system), findings(), raises)

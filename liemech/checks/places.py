@@ -28,9 +28,9 @@ from ..systems.group_equation import GroupEquation, Position
 from ..systems.homogeneous_equation import HomogeneousEquation, Point
 from ..systems.lie_poisson import BodyState, LiePoissonMotion
 from ..systems.mechanical import MechanicalSystem
-from ..systems.poisson import PoissonSystem
 from ..systems.system import small_state
 from ..systems.time_transformed import ExtendedSystem
+from ..systems.vector_field import VectorField
 from .sample_points import flat, size
 from .sample_states import knows_time, members, pace
 
@@ -296,7 +296,7 @@ def _maker(system: Any) -> Callable[[Any, float, np.random.Generator], Any] | No
         (MechanicalSystem, body),
         (ConstrainedSystem, constrained),
         (PhaseSpace, canonical),
-        (PoissonSystem, poisson),
+        (VectorField, poisson),
         (GroupEquation, position),
         (HomogeneousEquation, point),
     )

@@ -22,14 +22,16 @@ from ..systems.lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
+from ..systems.vector_field import VectorField
 from .sample_points import STENCIL, STEP, flat, size
+from .seeds import generator
 
 SIZES = 1.0, 1.0, 1.0, 0.2, 3.0, 8.0, -8.0, 1.0
 """How large the states are that are drawn, in the units of the system; a negative one is the mirror
 image of the state before.
 """
 
-TIMES = 0.0, 0.4, -1.3, 2.6, 7.3, 13.0, 61.0, 640.0
+TIMES = 0.0, 0.4, -1.3, 25.0, 7.3, 13.0, 61.0, 640.0
 """When; a formula may be wrong from some time on."""
 
 PLACES = len(SIZES)
@@ -146,7 +148,7 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
             for i, state in enumerate(members(states))
             for t in times
         ]
-    rng, reason = np.random.default_rng(seed), ""
+    rng, reason = generator("check_system", seed), ""
     drawn = rng.bit_generator.state
     found: list[AtState] = []
     for i, (large, t) in enumerate(zip(SIZES * 4, TIMES * 4, strict=True)):
@@ -197,8 +199,8 @@ def random_state(system: Any, rng: np.random.Generator, large: float = 1.0) -> A
         return _consistent(system, rng, large)
     if isinstance(system, PhaseSpace):
         return CanonicalState(*(small(components(rng, system.degrees, large)) for _ in range(2)))
-    if isinstance(system, PoissonSystem):
-        y = components(rng, system.structure.dim, large)
+    if isinstance(system, VectorField):
+        y = components(rng, system.dim, large)
         try:
             return PoissonState(small(np.asarray(system.state(y).y)))
         except InvalidInput:

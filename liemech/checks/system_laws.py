@@ -19,6 +19,7 @@ from ..simulation.integrate import integrate
 from ..systems.canonical import CanonicalState, CanonicalSystem, HamiltonianSystem, PhaseSpace
 from ..systems.constrained import ConstrainedSystem, SeparableConstrainedSystem
 from ..systems.constrained_body import BoundBody, ConstrainedBody
+from ..systems.constrained_parts import SplitConstrainedSystem
 from ..systems.driven import DrivenHamiltonian, DrivenHamiltonianSystem, DrivenLiePoissonSystem
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.homogeneous_equation import HomogeneousEquation
@@ -31,9 +32,11 @@ from ..systems.poisson import PoissonSystem
 from ..systems.potential import Potential
 from ..systems.separable import SeparableEnergy, SeparableSystem
 from ..systems.time_transformed import ExtendedSystem
+from ..systems.vector_field import VectorField
 from .casimir_laws import independence
 from .closed_forms import CLOSE, Arguments, laws_of_closed_forms, records_within
 from .law import Law, Same, axiom, factors, replaced
+from .part_laws import CONSTRAINED_PARTS, FIELDS
 from .sample_points import STEP, flat, size, slope
 from .sample_states import AtState
 
@@ -462,8 +465,12 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
         energy = system.hamiltonian
         own = partial(replaced, energy, DrivenHamiltonian)
         tables.append((DRIVEN_BODY, system, (energy,), own))
+    if isinstance(system, SplitConstrainedSystem):
+        tables.append((CONSTRAINED_PARTS, system, (), lambda name: True))
     if isinstance(system, PoissonSystem):
         tables.append((PARTS, system, (), lambda name: True))
+    elif isinstance(system, VectorField):
+        tables.append((FIELDS, system, (), lambda name: True))
     for laws, subject, _, own in tables:
         yield laws, subject, own
     for owner in records_within(system):

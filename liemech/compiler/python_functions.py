@@ -57,7 +57,7 @@ class PythonFunctions:
             isinstance: self.isinstance,
             type: self.type,
             hasattr: self.hasattr,
-            callable: lambda x: isinstance(x, Closure) or callable(x),
+            callable: lambda x: isinstance(x, Closure) or self.t.reads.of_class(x, "__call__"),
             bool: lambda x=False: self.t.truth(x),
             float: self.float,
             int: self.cut,
@@ -114,9 +114,9 @@ class PythonFunctions:
         self.table[functions.fma] = functions.fma
         for f in functions.LIBM:
             self.table[f] = _elementary(f)
-            self.table.setdefault(
-                getattr(math, f.__name__), self.of_math(getattr(math, f.__name__), f.__name__)
-            )
+            there = getattr(math, f.__name__)
+            if there.__name__ == f.__name__:  # not another one, put there by the user
+                self.table.setdefault(there, self.of_math(there, f.__name__))
         for python, symbol in FUNCTIONS.items():
             self.table.setdefault(python, self.called_back(python, symbol))
         for function in OF_NUMPY:

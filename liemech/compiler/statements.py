@@ -9,6 +9,7 @@ from typing import Any
 
 from ..errors import NotCompilable
 from .advice import instead_of_syntax
+from .asking import EVERY
 from .expressions import OPERATORS, Expressions, Later
 from .ir_numbers import Num
 from .iterators import Stream
@@ -283,6 +284,7 @@ class Statements(Expressions):
             [first, *node.body],
             env,
             (counter,),
+            brief=isinstance(start, int) and isinstance(stop, int) and stop - start <= EVERY,
         )
 
     def with_else(self, node: ast.For | ast.While, env: Env) -> bool:

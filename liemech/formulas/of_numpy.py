@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import InvalidType
 from . import functions
 from .complex_numbers import Complex
-from .elimination import determinant, inverse, solve, solve_matrix
+from .elimination import determinant, inverse, solve
 from .numbers import OF_NUMPY, Operand
 from .pytree import plain
 from .vectors import Mat, Vec, are_samples, cross, norm, outer, small, sum, transpose
@@ -65,10 +65,6 @@ def hypot(x: Any, y: Any) -> Any:
     return unit * functions.sqrt(x * x + y * y)
 
 
-def _solve(m: Mat, rhs: Any) -> Any:
-    return solve(m, rhs) if isinstance(rhs, Vec) else solve_matrix(m, rhs)
-
-
 OPERATORS: dict[Any, Callable[..., Any]] = {
     np.add: operator.add, np.subtract: operator.sub, np.multiply: operator.mul, np.negative: operator.neg,
     np.absolute: operator.abs,
@@ -105,7 +101,7 @@ OF_VECTORS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...]]] = {
     np.sum: (sum, (Vec,)),
     np.transpose: (transpose, (Mat,)),
     np.linalg.norm: (norm, (Vec,)),
-    np.linalg.solve: (_solve, (Mat, (Vec, Mat))),
+    np.linalg.solve: (solve, (Mat, (Vec, Mat))),
     np.linalg.inv: (inverse, (Mat,)),
     np.linalg.det: (determinant, (Mat,)),
 }
