@@ -194,7 +194,10 @@ def random_state(system: Any, rng: np.random.Generator, large: float = 1.0) -> A
     if isinstance(system, (LiePoissonMotion, MechanicalSystem)):
         group = system.group if isinstance(system, LiePoissonMotion) else system.configurations
         mu = small(components(rng, group.dim, large))
-        return BodyState(mu, small(np.asarray(group.random(rng))))
+        g = group.random(rng)
+        if abs(large) < 1.0:  # small turns and shifts too
+            g = group.exp(small(large * rng.normal(size=group.dim)))
+        return BodyState(mu, small(np.asarray(g)))
     if isinstance(system, ConstrainedSystem):
         return _consistent(system, rng, large)
     if isinstance(system, PhaseSpace):

@@ -661,7 +661,7 @@ def test_an_action_obeys_its_laws() -> None:
         (LeavesTheSphere(), "points stay", ""),
         (ShortcutBackwards(), "exp_act", "sign"),
         (ShiftsAlways(), "neutral element", ""),
-        (GivesNoNumber(), "neutral element", "nan or infinity"),
+        (GivesNoNumber(), "moved points", "nan or infinity"),
     ],
     ids=lambda x: x.replace(" ", "-") if isinstance(x, str) else type(x).__name__,
 )
