@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import NotCompilable
-from ..formulas import functions
+from ..formulas import double_double, functions
 from ..formulas.compensated import value_of
+from ..formulas.double_double import DoubleDouble
 from ..formulas.dual import Dual
 from ..formulas.dual import value_of as without_slope
 from ..formulas.numbers import OF_NUMPY, ByValue, Operand
@@ -87,9 +88,9 @@ class PythonFunctions:
             math.copysign: self.plain_number(
                 lambda x, y: self.e.call("llvm.copysign", x, y), math.copysign
             ),
-            math.floor: self.stepwise("llvm.floor", math.floor),
-            math.ceil: self.stepwise("llvm.ceil", math.ceil),
-            math.trunc: self.stepwise("llvm.trunc", math.trunc),
+            math.floor: self.stepwise("llvm.floor", math.floor, double_double.floor),
+            math.ceil: self.stepwise("llvm.ceil", math.ceil, lambda x, floor: -double_double.floor(-x, floor)),
+            math.trunc: self.stepwise("llvm.trunc", math.trunc, double_double.truncated),
             math.isnan: self.plain_number(lambda x: x != x, math.isnan),
             math.isfinite: self.plain_number(lambda x: x - x == 0.0, math.isfinite),
             math.isinf: self.plain_number(lambda x: abs(x) == math.inf, math.isinf),
@@ -110,10 +111,10 @@ class PythonFunctions:
         if hasattr(math, "sumprod"):  # from Python 3.12 on
             self.table[math.sumprod] = self.refused(math.sumprod, "liemech.dot")
         for f in (getattr(functions, name) for name in functions.INSTRUCTIONS):
-            self.table[f] = _elementary(f)
+            self.table[f] = f
         self.table[functions.fma] = functions.fma
         for f in functions.LIBM:
-            self.table[f] = _elementary(f)
+            self.table[f] = f
             self.table.setdefault(
                 getattr(math, f.__name__), self.of_math(getattr(math, f.__name__), f.__name__)
             )
@@ -164,6 +165,7 @@ class PythonFunctions:
         return answer
 
     def float(self, x: Any = 0.0) -> Any:
+        x = value_of(x)
         if isinstance(x, Num):
             return self.e.num(self.e.cast(x, "f", x.varying))
         if isinstance(x, (Dual, Series)):
@@ -182,12 +184,15 @@ class PythonFunctions:
         )
 
     def cut(self, x: Any = 0, *base: Any) -> Any:
-        x = without_slope(x)
-        return self.whole(x, "llvm.trunc") if isinstance(x, Num) else int(x, *base)
+        if isinstance(x, (Num, ByValue)):
+            return self.table[math.trunc](x)
+        return int(x, *base)
 
     def round(self, x: Any, digits: Any = None) -> Any:
-        x = without_slope(x)
-        if not holds_number((x, digits)):
+        x = value_of(without_slope(x))
+        if isinstance(x, DoubleDouble) and digits is None:
+            return double_double.nearest(x, self.floor)
+        if not holds_number((x, digits)) and not isinstance(x, DoubleDouble):
             return round(x, digits)
         if digits is not None or not isinstance(x, Num):
             raise NotCompilable("`round` to a number of digits: write round(x * 100.0) / 100.0")
@@ -360,10 +365,21 @@ class PythonFunctions:
 
         return self.plain_number(value, function)
 
-    def stepwise(self, rounding: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    def stepwise(
+        self, rounding: str, function: Callable[..., Any], of_two_doubles: Callable[..., Any]
+    ) -> Callable[..., Any]:
         """A function of `math` whose values are whole, so that its derivative is zero."""
         native = self.plain_number(lambda x: self.whole(x, rounding), function)
-        return lambda x: native(without_slope(x))
+
+        def value(x: Any) -> Any:
+            x = value_of(without_slope(x))
+            return of_two_doubles(x, self.floor) if isinstance(x, DoubleDouble) else native(x)
+
+        return value
+
+    def floor(self, x: Any) -> Any:
+        """The largest integer not above a float."""
+        return self.whole(x, "llvm.floor") if isinstance(x, Num) else math.floor(x)
 
     def of_math(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
         """A function of `math`: the C library's, which fails where Python raises."""
@@ -455,9 +471,3 @@ def _kind(x: Any) -> str | None:
     """The kind of a plain number, None for anything else."""
     return kind_of(x) if isinstance(x, (Num, int, float)) else None
 
-
-def _elementary(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of `liemech.formulas`, which knows all kinds of numbers; of what is compensated
-    only the value counts.
-    """
-    return lambda *x: function(*map(value_of, x))
