@@ -21,9 +21,10 @@ from ..formulas.double_double import DoubleDouble
 from ..formulas.dual import Dual
 from ..formulas.dual import value_of as without_slope
 from ..formulas.numbers import OF_NUMPY, ByValue, Operand
-from ..formulas.of_numpy import by_components
+from ..formulas.of_numpy import OF_NUMBERS, by_components, inside
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
+from ..formulas.vectors import small
 from . import large
 from .callbacks import FUNCTIONS
 from .expressions import holds_number
@@ -34,6 +35,9 @@ from .tokens import is_own
 
 if TYPE_CHECKING:
     from .translation import Interpreter
+
+TABLED = 64
+"""Tables of more numbers are not written out."""
 
 COMPENSATED_SUMS = sys.version_info >= (3, 12)
 """From Python 3.12 on, `sum` of floats carries the rounding errors of the additions along."""
@@ -106,8 +110,9 @@ class PythonFunctions:
             np.abs: self.of_numpy(lambda x: self.e.call("llvm.fabs", x), np.abs),
             np.fabs: self.of_numpy(lambda x: self.e.call("llvm.fabs", x), np.fabs),
             np.array: self.refused(np.array, "liemech.vec or liemech.mat"),
-            np.where: self.refused(np.where, "liemech.formulas.where"),
         }
+        for function, formula in OF_NUMBERS.items():
+            self.table[function] = self.of_floats(function, formula)
         if hasattr(math, "sumprod"):  # from Python 3.12 on
             self.table[math.sumprod] = self.refused(math.sumprod, "liemech.dot")
         for f in (getattr(functions, name) for name in functions.INSTRUCTIONS):
@@ -365,6 +370,31 @@ class PythonFunctions:
 
         return self.plain_number(value, function)
 
+    def of_floats(self, function: Any, formula: Callable[..., Any]) -> Callable[..., Any]:
+        """A function of NumPy, of floats and tables: the formula, which has its bits."""
+
+        def value(*x: Any, **options: Any) -> Any:
+            if not holds_number((x, options)):
+                return self.t.known(function, x, options)
+            numbers = [a for a in x[1 if function is np.where else 0 :] if is_any_number(a)]
+            if not any(kind_of(a) == "f" for a in numbers) or any(
+                isinstance(a, Num) and (a.kind != "f" or a.mixed) for a in numbers
+            ):
+                raise NotCompilable(
+                    f"`np.{function.__name__}` of integers or truth values: write float(x), or "
+                    "liemech.formulas.where"
+                )
+            if any(len(a) > TABLED for a in x if isinstance(a, (np.ndarray, tuple, list))):
+                raise NotCompilable(
+                    f"`np.{function.__name__}` in a table of more than {TABLED} numbers: use a "
+                    "liemech.PiecewisePolynomial"
+                )
+            self.e.meet_numpy()
+            known = [float(a) if type(a) is int else small(a) for a in x]
+            return self.t.call(formula, *known, **options)
+
+        return value
+
     def stepwise(
         self, rounding: str, function: Callable[..., Any], of_two_doubles: Callable[..., Any]
     ) -> Callable[..., Any]:
@@ -401,21 +431,21 @@ class PythonFunctions:
         """
 
         def value(*x: Any, **options: Any) -> Any:
-            if not any(isinstance(a, Operand) for a in x):
+            if not any(isinstance(a, Operand) for a in inside(x)):
                 if of_numbers is None:
                     return self.t.known(function, x, options)
                 return of_numbers(*x, **options)
-            found = None if options else OF_NUMPY[function](x)
+            found = OF_NUMPY[function](x, options)
             if found is None:
                 return self.t.known(function, x, options)
-            formula, operands = found
+            formula, operands, options = found
             if isinstance(formula, functools.partial):  # component by component
                 return by_components(functools.partial(applied, *formula.args), *operands)
-            return applied(formula, *operands)
+            return applied(formula, *operands, **options)
 
-        def applied(formula: Any, *x: Any) -> Any:
+        def applied(formula: Any, *x: Any, **options: Any) -> Any:
             if isinstance(formula, types.FunctionType):
-                return self.t.call(formula, *x)
+                return self.t.call(formula, *x, **options)
             return large.matmul(self.e, formula, x)
 
         return value
@@ -450,7 +480,7 @@ class PythonFunctions:
         """A function of what is known now only."""
 
         def value(*x: Any, **options: Any) -> Any:
-            if holds_number((x, options)) or any(isinstance(a, Operand) for a in _inside(x)):
+            if holds_number((x, options)) or any(isinstance(a, Operand) for a in inside(x)):
                 home = "math" if function.__module__ == "math" else "np"
                 raise NotCompilable(
                     f"`{home}.{function.__name__}` rounds or returns arrays in ways of its own: "
@@ -459,12 +489,6 @@ class PythonFunctions:
             return self.t.known(function, x, options)
 
         return value
-
-
-def _inside(items: Any) -> Iterator[Any]:
-    """What lists and tuples hold, whatever their depth, and what is neither."""
-    for x in items:
-        yield from _inside(x) if type(x) in (list, tuple) else (x,)
 
 
 def _kind(x: Any) -> str | None:

@@ -67,7 +67,7 @@ _UNSEEN = "fromfile save savez savez_compressed savetxt empty empty_like copyto 
 _READING = (
     "index count get keys values items copy sum dot min max mean any all astype reshape transpose "
     "flatten ravel tolist item bit_length conjugate as_integer_ratio is_integer hex join split "
-    "startswith endswith format upper lower strip"
+    "startswith endswith format upper lower strip replace"
 )
 """Methods of lists, dicts, texts, arrays and numbers that change nothing."""
 

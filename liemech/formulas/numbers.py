@@ -70,11 +70,11 @@ class Operand:
         return getattr(function, method)(*_arrays(x), **_arrays(options))
 
     def __array_function__(self, function: Any, types: Any, x: Any, options: Any) -> Any:
-        found = OF_NUMPY[function](x) if function in OF_NUMPY and not options else None
+        found = OF_NUMPY[function](x, options) if function in OF_NUMPY else None
         if found is None:
             return function(*_arrays(x), **_arrays(options))
-        formula, operands = found
-        return formula(*operands)
+        formula, operands, known = found
+        return formula(*operands, **known)
 
 
 def _arrays(x: Any) -> Any:

@@ -34,16 +34,19 @@ def _by_components(op: Callable[[Any, Any], Any], scalars: bool = False) -> Any:
             if isinstance(other, np.ndarray) and not other.ndim:
                 other = other.item()
             if scalars and not isinstance(other, _VECTORS):
-                return NotImplemented if isinstance(other, Mat) else _make(Vec, [op(x, other) for x in self])
+                if not isinstance(other, (Mat, *_NO_NUMBERS)):
+                    return _make(Vec, [op(x, other) for x in self])
+                if op not in (operator.add, operator.sub):
+                    return NotImplemented
             if are_samples(other, 1):
                 return op(np.asarray(self), other)
         return _make(Vec, map(op, self, _same_length(self, other)))
 
     def reflected(self: Vec, other: Any) -> Any:
-        if scalars and not isinstance(other, _VECTORS):
-            return _make(Vec, [op(other, x) for x in self])
         if _begins_a_sum(other, op):
             return self
+        if scalars and not isinstance(other, (*_VECTORS, Mat, *_NO_NUMBERS)):
+            return _make(Vec, [op(other, x) for x in self])
         return _make(Vec, map(op, _same_length(self, other), self))
 
     return method, reflected
@@ -60,8 +63,8 @@ def are_samples(x: Any, axes: int) -> bool:
 
 
 class Vec(tuple[Any, ...], Operand):
-    """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * / **` act component by component, scalars
-    multiply and divide.
+    """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * / % **` act component by component, with
+    scalars too.
 
     Lists, tuples and arrays of the same length may stand beside it.  Raises InvalidType if the
     lengths differ.
@@ -84,11 +87,12 @@ class Vec(tuple[Any, ...], Operand):
         found = _component_at(self, index)
         return _make(Vec, found) if index.__class__ is slice else found
 
-    __add__, __radd__ = _by_components(operator.add)
-    __sub__, __rsub__ = _by_components(operator.sub)
+    __add__, __radd__ = _by_components(operator.add, scalars=True)
+    __sub__, __rsub__ = _by_components(operator.sub, scalars=True)
     __mul__, __rmul__ = _by_components(operator.mul, scalars=True)
     __truediv__, __rtruediv__ = _by_components(operator.truediv, scalars=True)
     __pow__, __rpow__ = _by_components(operator.pow, scalars=True)
+    __mod__, __rmod__ = _by_components(operator.mod, scalars=True)
 
     def __neg__(self) -> Vec:
         return _make(Vec, [-x for x in self])
@@ -147,6 +151,7 @@ class Vec(tuple[Any, ...], Operand):
 
 
 _VECTORS = (np.ndarray, list, tuple)
+_NO_NUMBERS = (type(None), str, bytes, dict, set, slice)
 _FLOATS = frozenset([float])
 
 
@@ -255,7 +260,7 @@ class Mat(Operand):
                     f"matrices of shapes {self.shape} and {other.shape} cannot be combined"
                 )
             return Mat(*map(op, self.rows, other.rows))
-        if op in (operator.add, operator.sub):
+        if isinstance(other, Vec) and op in (operator.add, operator.sub):
             raise InvalidType(f"a Mat cannot be added to or subtracted from {type(other).__name__}")
         return Mat(*(op(row, other) for row in self.rows))
 
@@ -283,6 +288,16 @@ class Mat(Operand):
 
     def __truediv__(self, other: Any) -> Mat:
         return self._by_rows(operator.truediv, other)
+
+    def __rtruediv__(self, other: Any) -> Mat:
+        return Mat(*(other / row for row in self.rows))
+
+    def __pow__(self, other: Any) -> Mat:
+        """Of every entry; the product of matrices is `A @ A`."""
+        return self._by_rows(operator.pow, other)
+
+    def __rpow__(self, other: Any) -> Mat:
+        return Mat(*(other**row for row in self.rows))
 
     def __neg__(self) -> Mat:
         return Mat(*(-row for row in self.rows))
