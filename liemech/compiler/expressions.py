@@ -15,8 +15,9 @@ from ..errors import NotCompilable
 from ..formulas.numbers import ByValue
 from ..formulas.pytree import is_any_number
 from ..formulas.vectors import Mat, Vec
-from . import large
+from . import arrays, large
 from .advice import instead_of_syntax
+from .arrays import Array
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import Loops
@@ -73,6 +74,8 @@ class Expressions(Loops):
             return value if value.kind == "b" else value != 0
         if isinstance(value, ByValue):
             return self.truth(value.value)
+        if isinstance(value, Array):
+            raise arrays.refuse("the truth")
         if hasattr(type(value), "__bool__") or hasattr(type(value), "__len__"):
             self.reads.settled(value)
         return bool(value)
@@ -196,7 +199,8 @@ class Expressions(Loops):
         if isinstance(node.op, ast.Mod) and isinstance(operands[0], (str, bytes)):
             self.textual(operands[1])
         try:
-            return large.matmul(self.emitter, operator_, operands)
+            found = arrays.computed(self.emitter, operator_, operands)
+            return large.matmul(self.emitter, operator_, operands) if found is None else found
         except NotCompilable:
             raise
         except TypeError as error:
@@ -327,6 +331,8 @@ class Expressions(Loops):
         if not isinstance(value, Stream):
             if isinstance(value, Num):
                 raise NotCompilable("a number is iterated over")
+            if isinstance(value, Array):
+                return iter(list(value))
             self.reads.settled(value)
             return iter(list(value))
         return self._taken(value)
@@ -348,11 +354,19 @@ class Expressions(Loops):
                 f"`{name}` of {'an inner function' if isinstance(value, Closure) else 'an iterator'}"
                 ": leave it out, or define it at the top of the module"
             )
+        if isinstance(value, Array):
+            if name in ("T", "shape"):
+                return arrays.array(getattr(value.entries, name))
+            raise arrays.refuse(f"`{name}`")
         if name.startswith("__") and not name.endswith("__"):
             raise NotCompilable(f"`{name}`: a private name with two underscores; use one")
         return self.reads.attribute(value, name, self.call)
 
     def item(self, value: Any, index: Any) -> Any:
+        if isinstance(value, Array):
+            if not all(isinstance(i, (int, slice, Num)) for i in (index if type(index) is tuple else [index])):
+                raise arrays.refuse("this index")
+            return arrays.array(self.item(value.entries, index))
         if (
             isinstance(index, tuple)
             and len(index) == 2
@@ -443,6 +457,8 @@ class Expressions(Loops):
             first = self.identity(left, right, isinstance(node.ops[0], ast.Is))
         else:
             self.reads.settled(left, right, inside=True)
+            if isinstance(left, Array) or isinstance(right, Array):
+                raise arrays.refuse(f"`{ast.unparse(node)}`")
             if isinstance(node.ops[0], (ast.In, ast.NotIn)) and (
                 holds_number(left) or (is_any_number(left) and holds_number(right))
             ):

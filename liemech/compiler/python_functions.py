@@ -25,11 +25,13 @@ from ..formulas.of_numpy import OF_NUMBERS, by_components, inside
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
 from ..formulas.vectors import small
-from . import large
+from . import arrays, large
+from .arrays import Array, array, refuse, vector
 from .callbacks import FUNCTIONS
 from .expressions import holds_number
 from .ir_numbers import HUGE, Num, is_mixed, kind_of
 from .iterators import Stream
+from .reads import varies
 from .scopes import Closure
 from .tokens import is_own
 
@@ -109,7 +111,8 @@ class PythonFunctions:
             np.sqrt: self.of_numpy(lambda x: self.e.call("llvm.sqrt", x), np.sqrt),
             np.abs: self.of_numpy(lambda x: self.e.call("llvm.fabs", x), np.abs),
             np.fabs: self.of_numpy(lambda x: self.e.call("llvm.fabs", x), np.fabs),
-            np.array: self.refused(np.array, "liemech.vec or liemech.mat"),
+            np.array: functools.partial(self.array, np.array),
+            np.asarray: functools.partial(self.array, np.asarray),
         }
         for function, formula in OF_NUMBERS.items():
             self.table[function] = self.of_floats(function, formula)
@@ -132,17 +135,28 @@ class PythonFunctions:
 
     # -------------------------------------------------------------- kinds
 
+    def array(self, function: Any, x: Any, **options: Any) -> Any:
+        if not varies(x):
+            return self.t.known(function, (x,), options)
+        return arrays.made(self.e, x, options)
+
     def type(self, value: Any) -> Any:
+        if isinstance(value, Array):
+            return np.ndarray
         if isinstance(value, (Num, Closure, Stream)):
             return self.of_class("type", value, lambda cls: cls)
         return self.t.reads.class_of(value)
 
     def isinstance(self, value: Any, kind: Any) -> Any:
+        if isinstance(value, Array):
+            return issubclass(np.ndarray, kind)
         if isinstance(value, (Num, Closure, Stream)):
             return self.of_class("isinstance", value, lambda cls: issubclass(cls, kind))
         return self.t.reads.instance(value, kind)
 
     def hasattr(self, value: Any, name: str) -> Any:
+        if isinstance(value, Array):
+            return hasattr(np.ndarray, name)
         if isinstance(value, (Num, Closure, Stream)):
             return self.of_class("hasattr", value, lambda cls: hasattr(cls, name))
         return self.t.reads.has(value, name)
@@ -231,6 +245,7 @@ class PythonFunctions:
         total, *rest = start, *self.t.iterate(items)
         while rest:
             if COMPENSATED_SUMS and _kind(total) == "f" and isinstance(total, (float, Num)):
+                self.e.unless_numpy("`sum`")  # which carries errors along of Python's floats only
                 lost, taken = 0.0, 0
                 for x in rest:
                     if _kind(x) not in ("f", "i", "b"):
@@ -431,7 +446,16 @@ class PythonFunctions:
         """
 
         def value(*x: Any, **options: Any) -> Any:
-            if not any(isinstance(a, Operand) for a in inside(x)):
+            known = any(isinstance(a, Operand) for a in inside(x))
+            if any(isinstance(a, Array) for a in inside(x)):
+                x = vector(x)
+                if not known and isinstance(function, np.ufunc) and of_numbers and not options:
+                    return array(by_components(of_numbers, *map(small, x)))
+                if not known and function is not np.cross:
+                    raise refuse(f"`np.{function.__name__}`")
+                result = value(*x, **options)
+                return result if known else array(result)
+            if not known:
                 if of_numbers is None:
                     return self.t.known(function, x, options)
                 return of_numbers(*x, **options)

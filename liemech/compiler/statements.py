@@ -7,8 +7,11 @@ import copy
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from ..errors import NotCompilable
 from .advice import instead_of_syntax
+from .arrays import Array
 from .expressions import OPERATORS, Expressions, Later
 from .ir_numbers import Num
 from .iterators import Stream
@@ -114,9 +117,9 @@ class Statements(Expressions):
         old = self.expression(target, env)
         if isinstance(old, list):
             self.sharing.require_own(old, target, env)
-        elif _changes_in_place(old, node.op):
+        elif _changes_in_place(np.ndarray if isinstance(old, Array) else type(old), node.op):
             raise NotCompilable(
-                f"`{ast.unparse(node)}` changes an object of {type(old).__name__} in place, under "
+                f"`{ast.unparse(node)}` changes an object of {'ndarray' if isinstance(old, Array) else type(old).__name__} in place, under "
                 "all of its names: write `x = x + ...`"
             )
         self.assign(target, self.operate(node, old, self.expression(node.value, env)), env)
@@ -321,10 +324,10 @@ class _Breaks(ast.NodeTransformer):
         return node
 
 
-def _changes_in_place(value: Any, operator: ast.operator) -> bool:
-    """Has an object a method of its own for `x += y` and its like?"""
+def _changes_in_place(cls: type, operator: ast.operator) -> bool:
+    """Has a class a method of its own for `x += y` and its like?"""
     name = getattr(OPERATORS.get(type(operator)), "__name__", "").strip("_")
-    return hasattr(type(value), f"__i{name}__")
+    return hasattr(cls, f"__i{name}__")
 
 
 def _lines(found: Any) -> list[Any]:

@@ -24,9 +24,11 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotCompilable
 from ..formulas import functions, products, series, sums, tables, vectors
+from ..formulas.broadcasting import bare
 from ..formulas.derivatives import axes, tangent
 from ..formulas.dual import Dual
 from ..formulas.fields import converters
+from ..formulas.overriding import kept
 from ..formulas.pytree import (
     PAIRS,
     compensated,
@@ -45,6 +47,7 @@ from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
 from . import driver, large
 from .advice import instead_of, instead_of_syntax
+from .arrays import Array, refuse, vector
 from .expressions import in_words
 from .ir_numbers import Emitter, Num
 from .outlined import Outliner
@@ -87,7 +90,9 @@ class Interpreter(Statements):
             getattr: self.named,
             dataclasses.replace: self.replaced,
             **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
-            tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
+            tangent: lambda formula, *x: tangent(
+                lambda y: vector(self.call(formula, y)), *map(vector, x)
+            ),
             sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
             sums.antisymmetric_map: lambda *x: large.sums(emitter, sums.antisymmetric_map, *x),
             tables.entry: lambda *x: large.entry(emitter, *x),
@@ -133,7 +138,7 @@ class Interpreter(Statements):
             ):
                 return self.inline(function, args, options)
             return function(*args, **options)
-        if isinstance(function, types.FunctionType):
+        if isinstance(function, types.FunctionType) and not _of_numbers(function):
             if function.__module__ == sums.__name__:  # Python runs these as they stand
                 self.reads.settled(*args)
                 return function(*args, **options)
@@ -175,7 +180,18 @@ class Interpreter(Statements):
     ) -> Any:
         self.deeper()
         source = self.reads.source(function)
-        return self.outliner.enter(Frame(source, source.node, _parameters(source, args, options)))
+        if bare(function) is not function and any(isinstance(x, Array) for x in args):
+            raise refuse(f"`{function.__qualname__}`")
+        made = self.outliner.enter(Frame(source, source.node, _parameters(source, args, options)))
+        promised = getattr(function, "__promise__", None)
+        return made if promised is None else self.promised(promised, function, vector(made))
+
+    def promised(self, promised: Any, function: types.FunctionType, made: Any) -> Any:
+        """What a method gives, a list as a vector; refused if it is not what its base says."""
+        try:
+            return kept(promised, function.__qualname__, made)
+        except InvalidType as error:
+            raise NotCompilable(str(error)) from None
 
     def enter(self, frame: Frame) -> Any:
         """The value that a function returns, its body translated in a frame of its own."""
@@ -328,7 +344,7 @@ def _of_numbers(function: Any) -> bool:
         return getattr(np, name, None) is function
     home = str(getattr(function, "__module__", None)).partition(".")[0]
     return (
-        isinstance(function, (types.BuiltinFunctionType, type(np.dot)))
+        isinstance(function, (types.BuiltinFunctionType, types.FunctionType, type(np.dot)))
         and home in ("math", "numpy")
         and name not in _UNSEEN.split()
     )
