@@ -154,6 +154,10 @@ class Expressions(Loops):
                     for k, v in zip(node.keys, node.values, strict=True)
                     if k
                 }
+            case ast.DictComp():
+                pair = ast.copy_location(ast.Tuple([node.key, node.value], ast.Load()), node)
+                items = [*self.comprehension(ast.GeneratorExp(pair, node.generators), env)]
+                return {self.known_key(key, node): value for key, value in items}
             case ast.Lambda():
                 return self.nested(node, env)
             case ast.ListComp():
@@ -223,7 +227,9 @@ class Expressions(Loops):
         return found
 
     def key(self, node: ast.expr, env: Env) -> Any:
-        key = self.expression(node, env)
+        return self.known_key(self.expression(node, env), node)
+
+    def known_key(self, key: Any, node: ast.expr) -> Any:
         if holds_number(key):
             raise NotCompilable(f"`{ast.unparse(node)}`: a key of a dict must be known now")
         return key

@@ -21,6 +21,7 @@ from ..formulas.double_double import DoubleDouble
 from ..formulas.dual import Dual
 from ..formulas.dual import value_of as without_slope
 from ..formulas.numbers import OF_NUMPY, ByValue, Operand
+from ..formulas.of_math import OF_MATH, head
 from ..formulas.of_numpy import OF_NUMBERS, by_components, inside
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
@@ -128,6 +129,8 @@ class PythonFunctions:
             )
         for python, symbol in FUNCTIONS.items():
             self.table.setdefault(python, self.called_back(python, symbol))
+        for python in OF_MATH.keys() & self.table.keys():
+            self.table[python] = self.taking_all(self.table[python], OF_MATH[python])
         for function in OF_NUMPY:
             self.table[function] = self.or_formula(function, self.table.get(function))
         for f in [f for f in self.table if isinstance(f, types.FunctionType) and not is_own(f)]:
@@ -429,6 +432,19 @@ class PythonFunctions:
     def of_math(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
         """A function of `math`: the C library's, which fails where Python raises."""
         return self.plain_number(lambda *x: self.raising(self.e.call(name, *x), *x), function)
+
+    def taking_all(self, native: Callable[..., Any], formula: Any) -> Callable[..., Any]:
+        """A function of `math`, of numbers that carry more the formula; it fails where Python's
+        raises.
+        """
+
+        def value(*x: Any) -> Any:
+            if not any(isinstance(a, (Dual, Series, DoubleDouble)) for a in x):
+                return native(*x)
+            native(*map(head, x))
+            return self.t.call(formula, *x)
+
+        return value
 
     def log(self, x: Any, *base: Any) -> Any:
         one = self.of_math(math.log, "log")

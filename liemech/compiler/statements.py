@@ -16,8 +16,8 @@ from .expressions import OPERATORS, Expressions, Later
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import UNROLL, forms
-from .phi import ACTIVE, NO_LANE, Open, Retype
-from .scopes import CHANGES, RETURN, Env, has
+from .phi import ACTIVE, NO_LANE, Open, Returns, Retype
+from .scopes import CHANGES, FOUND, HAS_FOUND, RETURN, Env, breaks, has
 
 
 class Statements(Expressions):
@@ -144,6 +144,9 @@ class Statements(Expressions):
                     raise NotCompilable(f"{len(items)} values are assigned to {len(targets)} names")
                 for t, v in zip(targets, items, strict=True):
                     self.assign(t, v, env)
+            case ast.Subscript(value=ast.Name(id=name)) if type(env.get(name)) is dict:
+                self.sharing.require_own(env[name], target.value, env)
+                self.assign(target.value, {**env[name], self.key(target.slice, env): value}, env)
             case ast.Subscript(value=ast.Name(id=name)) if isinstance(env.get(name), list):
                 self.sharing.require_own(env[name], target.value, env)
                 changed, index = list(env[name]), self.expression(target.slice, env)
@@ -168,10 +171,16 @@ class Statements(Expressions):
     def returned(self, value: Any, env: Env) -> bool:
         frame = self.frames[-1]
         if any(loop.dynamic for loop in frame.loops):
-            raise NotCompilable(
-                "`return` inside a loop of unknown length: set a "
-                "variable, `break`, and return after it"
-            )
+            if sum(loop.dynamic for loop in frame.loops) > 1 or not frame.loops[-1].dynamic:
+                raise NotCompilable(
+                    "`return` inside two loops, of which one is of unknown length: set a "
+                    "variable, `break`, and return after it"
+                )
+            if FOUND not in env:
+                raise Returns(self.zeros(value))
+            self.assign(ast.Name(FOUND), value, env)
+            self.assign(ast.Name(HAS_FOUND), True, env)
+            return self.leave(frame.loops[-1], "break", env)
         if RETURN in env:
             mask = self.everyone(self.active(env))
             value = self.blended(RETURN, mask, (value, env), (env[RETURN], env))
@@ -227,7 +236,22 @@ class Statements(Expressions):
                 env.update(before)
                 if wanted.number is None:
                     self.lasting.add(form)
-        return self.loop(test, lambda variables: None, node.body, env)
+        inside = FOUND in env
+        self.loop(test, lambda variables: None, node.body, env)
+        endless = isinstance(node.test, ast.Constant) and not breaks(node.body)
+        return inside or self.after(env, endless)
+
+    def after(self, env: Env, always: bool = False) -> bool:
+        """Behind a loop of the run: return what a `return` inside has found; `always`: there is no
+        other way out of it.
+        """
+        if FOUND not in env:
+            return True
+        found, left = env.pop(FOUND), env.pop(HAS_FOUND)
+        value = ast.Return(Later(lambda: found))
+        if always:
+            return self.statement(value, env)
+        return self.statement(ast.If(Later(lambda: left), [value], []), env)
 
     def for_loop(self, node: ast.For, env: Env) -> bool:
         if node.orelse:
@@ -280,13 +304,15 @@ class Statements(Expressions):
         def advance(variables: Env) -> None:
             variables[counter] = self.emitter.successor(variables[counter])
 
-        return self.loop(
+        inside = FOUND in env  # of a loop around this one
+        self.loop(
             lambda variables: variables[counter] < stop,
             advance,
             [first, *node.body],
             env,
             (counter,),
         )
+        return inside or self.after(env)
 
     def with_else(self, node: ast.For | ast.While, env: Env) -> bool:
         """A loop with `else`: what is there runs unless the loop was left by `break`."""

@@ -14,7 +14,6 @@ import builtins
 import dataclasses
 import decimal
 import fractions
-import functools
 import inspect
 import types
 from collections.abc import Callable, Hashable
@@ -73,6 +72,9 @@ _READING = (
     "startswith endswith format upper lower strip replace"
 )
 """Methods of lists, dicts, texts, arrays and numbers that change nothing."""
+
+
+_OF_DICTS = "dict.keys", "dict.values", "dict.items", "dict.get"
 
 
 class Interpreter(Statements):
@@ -162,6 +164,10 @@ class Interpreter(Statements):
             else (isinstance(function, Hashable) and function in _PYTHON) or _of_numbers(function)
         ):
             raise NotCompilable(f"`{name}` is not known to native code: {instead_of(function)}")
+        if name in _OF_DICTS and not varies([*args]):
+            self.reads.settled(*args)
+            found = function(*args)
+            return found if name == "dict.get" else list(found)
         if "out" in options or (isinstance(function, np.ufunc) and len(args) > function.nin):
             raise NotCompilable(f"`{name}` changes an array in place: assign its result to a name")
         if varies([*args, *options.values(), *([function.__self__] if method else [])]):

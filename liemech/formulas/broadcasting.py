@@ -23,7 +23,8 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from .annotations import kind_of, own_annotations
 from .complex_numbers import Complex
-from .numbers import Pair, StandIn
+from .numbers import CarriesMore, Pair, StandIn
+from .of_math import taking_all
 from .overriding import breaks, kept, promise
 from .vectors import Mat, Vec, of_floats
 
@@ -361,7 +362,10 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
                     if found != shape:
                         return _checked(signature, self, args, options)
         try:
-            result = formula(self, *args)
+            try:
+                result = formula(self, *args)
+            except CarriesMore:
+                result = taking_all(formula)(self, *args)
         except Exception as error:
             _blame(signature, self, args, error)
             raise

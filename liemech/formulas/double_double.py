@@ -19,7 +19,7 @@ import math
 from typing import Any
 
 from . import functions as f
-from .numbers import INTEGER_POWER, ByValue, StandIn, whole_power
+from .numbers import INTEGER_POWER, ByValue, CarriesMore, StandIn, whole_power
 
 
 class DoubleDouble(ByValue):
@@ -151,10 +151,7 @@ class DoubleDouble(ByValue):
         return self * f.copysign(1.0, self.value)
 
     def __float__(self) -> float:
-        raise TypeError(
-            "a number of two doubles cannot become a float: take functions from liemech.formulas "
-            "(sin, exp, ...), not from math"
-        )
+        raise CarriesMore("a number of two doubles")
 
     def __repr__(self) -> str:
         return f"({self.value} + {self.low})"

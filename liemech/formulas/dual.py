@@ -19,7 +19,7 @@ from ..errors import NotCompilable
 from . import functions as f
 from .complex_numbers import outranks
 from .functions import LOG_2, LOG_10
-from .numbers import AN_INT, INTEGER_POWER, ByValue, StandIn, whole_power
+from .numbers import AN_INT, INTEGER_POWER, ByValue, CarriesMore, StandIn, whole_power
 
 DEPTH: ContextVar[int] = ContextVar(
     "how many derivatives are being taken, one inside the other", default=0
@@ -208,11 +208,7 @@ class Dual(ByValue):
         return Dual(abs(self.value), _scaled(sign, self.slope), self.level)
 
     def __float__(self) -> float:
-        raise TypeError(
-            "a number that carries a derivative cannot become a float: take functions from "
-            "liemech.formulas (sin, exp, sqrt, ...), not from math; of a function that is not "
-            "there, write the gradient or force yourself"
-        )
+        raise CarriesMore("a number that carries a derivative")
 
     def __repr__(self) -> str:
         return f"({self.value} + e {self.slope})"

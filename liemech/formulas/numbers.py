@@ -91,6 +91,17 @@ def _arrays(x: Any) -> Any:
     return {name: _arrays(value) for name, value in x.items()} if type(x) is dict else x
 
 
+class CarriesMore(TypeError):
+    """A number that carries more than a double was to become one."""
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(
+            f"{kind} cannot become a float: take functions from liemech.formulas (sin, exp, sqrt, "
+            "...), not from math; of a function that is not there, write the gradient or force "
+            "yourself"
+        )
+
+
 class Pair(Operand):
     """A number made of two, its `parts`, as they lie in memory.  Of two kinds the one of the higher
     level holds the other.

@@ -118,7 +118,7 @@ def kept(promised: tuple[int, str, str], where: str, result: Any) -> Any:
     """The result of a formula, an array or a list as a vector or matrix; WrongResult if it is
     something else than promised.
     """
-    axes, wanted, remedy = promised
+    _axes, wanted, remedy = promised
     made = small(result) if isinstance(result, (list, tuple, np.ndarray)) else result
     if not breaks(promised, made):
         return made

@@ -188,7 +188,7 @@ def differences(x: Any) -> Vec:
 
 def concatenated(parts: Any, axis: int = 0) -> Any:
     """Vectors one behind the other, or matrices below (axis 0) or beside (axis 1) each other."""
-    if not any([isinstance(part, Mat) for part in parts]):
+    if not any(isinstance(part, Mat) for part in parts):
         return vec(*[a for part in parts for a in part])
     if axis == 0:
         return mat(*[row for part in parts for row in part])

@@ -20,7 +20,7 @@ from typing import Any
 from ..errors import InvalidType, NotCompilable
 from . import functions as f
 from .functions import LOG_2, LOG_10
-from .numbers import INTEGER_POWER, Operand, Pair, StandIn, whole_power
+from .numbers import INTEGER_POWER, CarriesMore, Operand, Pair, StandIn, whole_power
 from .products import Products, cauchy, plus
 from .pytree import build, layout_of, leaves
 from .vectors import vec
@@ -165,6 +165,9 @@ class Series(Operand):
         return self[0] != _head(other)
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __float__(self) -> float:
+        raise CarriesMore("a power series")
 
     def __repr__(self) -> str:
         return f"<power series {id(self):x}>"

@@ -62,7 +62,7 @@ def _some_arguments(system: System, formula: Any) -> list[Any]:
         elif shape[0] > LARGEST:
             raise ValueError
         elif kind == "Element":
-            found.append(small(np.eye(*shape, 1)[:, 0]))
+            found.append(small(np.eye(shape[0])[0]))
         else:
             rng = np.random.default_rng(k)
             found.append(small(rng.uniform(0.5, 1.0, shape)))
