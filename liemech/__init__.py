@@ -10,7 +10,6 @@ Spaces are objects, their elements arrays.  A method steps a system, `integrate`
 `Trajectory` the samples.
 """
 
-import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

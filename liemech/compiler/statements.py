@@ -118,8 +118,9 @@ class Statements(Expressions):
         if isinstance(old, list):
             self.sharing.require_own(old, target, env)
         elif _changes_in_place(np.ndarray if isinstance(old, Array) else type(old), node.op):
+            kind = "ndarray" if isinstance(old, Array) else type(old).__name__
             raise NotCompilable(
-                f"`{ast.unparse(node)}` changes an object of {'ndarray' if isinstance(old, Array) else type(old).__name__} in place, under "
+                f"`{ast.unparse(node)}` changes an object of {kind} in place, under "
                 "all of its names: write `x = x + ...`"
             )
         self.assign(target, self.operate(node, old, self.expression(node.value, env)), env)
@@ -165,7 +166,8 @@ class Statements(Expressions):
             case _:
                 raise NotCompilable(
                     f"`{ast.unparse(target)} = ...`: formulas do not change objects in place; make "
-                    "a new one, of a record by dataclasses.replace, of lists with all their items"
+                    "a new one, of a record by dataclasses.replace; instead of an array fill a list, "
+                    "`out = [0.0] * n`, and return liemech.vec(*out)"
                 )
 
     def returned(self, value: Any, env: Env) -> bool:

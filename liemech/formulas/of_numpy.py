@@ -38,8 +38,11 @@ def square(x: Any) -> Any:
 
 def clip(x: Any, least: Any, most: Any) -> Any:
     """x, or the bound that it is beyond; None is no bound."""
-    x = x if least is None else functions.where(x != x, x, functions.where(x > least, x, least))
-    return x if most is None else functions.where(x != x, x, functions.where(x < most, x, most))
+    if least is None or most is None:
+        return np.minimum(x, most) if least is None else np.maximum(x, least)
+    above = functions.where(x < least, least, x)
+    inside = functions.where(above > most, most, above)
+    return functions.where(least != least, least, functions.where(most != most, most, inside))
 
 
 def truncated_remainder(x: Any, y: Any) -> Any:
@@ -110,15 +113,15 @@ OF_VECTORS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...]]] = {
 
 _ANY, _SEVERAL = (Vec, Mat), (tuple, list)
 AXIS: dict[str, Callable[..., Any]] = {
-    "sum": r.total, "max": r.largest, "min": r.smallest, "mean": r.mean, "prod": r.product, "var": r.variance, "std": r.deviation,
+    "sum": r.total, "max": r.largest, "min": r.smallest, "mean": r.mean, "prod": r.product,
 }  # fmt: skip
 METHODS: dict[str, Callable[..., Any]] = {
-    **AXIS, "trace": r.trace, "diagonal": r.diagonal_of, "copy": r.copy, "flatten": r.flat, "ravel": r.flat, "cumsum": r.cumulative,
+    **AXIS, "trace": r.trace, "diagonal": r.diagonal_of, "copy": r.copy, "flatten": r.flat, "ravel": r.flat,
 }  # fmt: skip
 """Methods of vectors and matrices that arrays have."""
 WITH_OPTIONS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...], tuple[str, ...]]] = {
     **{getattr(np, name): (formula, (_ANY,), ("axis",)) for name, formula in AXIS.items()},
-    np.linalg.norm: (r.length, (_ANY,), ("ord",)),
+    np.linalg.norm: (r.length, (_ANY,), ()),
     np.trace: (r.trace, (Mat,), ()),
     np.diag: (r.diagonal_matrix, (_ANY,), ()),
     np.diagonal: (r.diagonal_of, (Mat,), ()),
@@ -126,15 +129,12 @@ WITH_OPTIONS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...], tuple[str, ..
     np.ravel: (r.flat, (_ANY,), ()),
     np.zeros_like: (r.zeros_like, (_ANY,), ()),
     np.ones_like: (r.ones_like, (_ANY,), ()),
-    np.cumsum: (r.cumulative, (Vec,), ()),
     np.roll: (r.rolled, (Vec, int), ()),
-    np.flip: (r.reversed_, (Vec,), ()),
     np.diff: (r.differences, (Vec,), ()),
     np.concatenate: (r.concatenated, (_SEVERAL,), ("axis",)),
     np.hstack: (r.beside, (_SEVERAL,), ()),
     np.vstack: (r.below, (_SEVERAL,), ()),
     np.stack: (r.stacked, (_SEVERAL,), ("axis",)),
-    np.column_stack: (r.columns, (_SEVERAL,), ()),
     np.kron: (r.kronecker, (_ANY, _ANY), ()),
     np.tensordot: (r.contracted, (_ANY, _ANY), ("axes",)),
     np.einsum: (r.einsum, (str,), ()),

@@ -86,39 +86,11 @@ def product(x: Any, axis: Any = None) -> Any:
     return _reduced(_multiplied, x, axis)
 
 
-def variance(x: Any, axis: Any = None) -> Any:
-    """The mean square of the distances from the mean."""
-    return _reduced(_spread, x, axis)
-
-
-def deviation(x: Any, axis: Any = None) -> Any:
-    """The root of the variance."""
-    return _reduced(lambda items: sqrt(_spread(items)), x, axis)
-
-
-def _spread(items: Any) -> Any:
-    middle = sum(items) / len(items)
-    return sum([(x - middle) * (x - middle) for x in items]) / len(items)
-
-
-def cumulative(x: Any) -> Vec:
-    """x_1, x_1 + x_2, ..."""
-    found = [x[0]]
-    for a in x[1:]:
-        found = [*found, found[-1] + a]
-    return vec(*found)
-
-
-def length(x: Any, ord: Any = None) -> Any:
+def length(x: Any) -> Any:
     """The Euclidean length of a vector, the Frobenius norm of a matrix: the root of the sum of all
-    squares.  ord : of vectors 1, 2 or inf too.
+    squares.
     """
-    if ord is None or (ord == 2 and not isinstance(x, Mat)):
-        return sqrt(total([a * a for a in _all(x)]))
-    if isinstance(x, Mat) or ord not in (1, float("inf")):
-        raise InvalidType(f"a norm of order {ord!r}: write it with sums, abs and sqrt")
-    sizes = [abs(a) for a in x]
-    return total(sizes) if ord == 1 else largest(sizes)
+    return sqrt(sum([a * a for a in _all(x)]))
 
 
 def trace(x: Any) -> Any:
@@ -176,11 +148,6 @@ def rolled(x: Any, shift: int) -> Vec:
     return vec(*[x[(i - shift) % n] for i in range(n)])
 
 
-def reversed_(x: Any) -> Vec:
-    """The components in the opposite order."""
-    return vec(*x[::-1])
-
-
 def differences(x: Any) -> Vec:
     """x_2 - x_1, x_3 - x_2, ..."""
     return vec(*[x[i + 1] - x[i] for i in range(len(x) - 1)])
@@ -212,11 +179,6 @@ def stacked(parts: Any, axis: int = 0) -> Any:
         return vec(*parts)
     rows = mat(*parts)
     return rows if axis == 0 else rows.T
-
-
-def columns(parts: Any) -> Mat:
-    """Vectors as the columns of a matrix."""
-    return mat(*parts).T
 
 
 def kronecker(a: Any, b: Any) -> Any:
