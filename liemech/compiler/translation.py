@@ -164,7 +164,7 @@ class Interpreter(Statements):
             else (isinstance(function, Hashable) and function in _PYTHON) or _of_numbers(function)
         ):
             raise NotCompilable(f"`{name}` is not known to native code: {instead_of(function)}")
-        if name in _OF_DICTS and not varies([*args]):
+        if name in _OF_DICTS and not varies([*args[:1]]):
             self.reads.settled(*args)
             found = function(*args)
             return found if name == "dict.get" else list(found)

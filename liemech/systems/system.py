@@ -237,9 +237,9 @@ def _other_rotation(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
         )
     if shape == (3, 3) and found[-1:] == (4,):
         return (
-            ": of a quaternion (w, x, y, z) take UnitQuaternions().matrix([w, x, y, z]), of scipy's "
-            "(x, y, z, w) Rotation.from_quat([x, y, z, w]).as_matrix(); or let the body turn by "
-            "quaternions, group=UnitQuaternions()"
+            ": of a quaternion q = (x, y, z, w), the order of scipy, take UnitQuaternions().matrix(q), "
+            "of (w, x, y, z) that of np.roll(q, -1); or let the body turn by quaternions, "
+            "group=UnitQuaternions()"
         )
     if shape == (3, 3) and found[-1:] == (3,):
         return ": of a rotation vector take SO3().exp(v); of Euler angles scipy's Rotation.from_euler"
