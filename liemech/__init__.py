@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         check_group,
         check_method,
         check_poisson,
+        check_poisson_field,
         check_retraction,
         check_system,
         poisson_defect,
@@ -159,6 +160,7 @@ if TYPE_CHECKING:
     from .models.surfaces import ParticleOnEllipsoid
     from .models.toda import TodaLattice
     from .systems.canonical import CanonicalState, HamiltonianSystem
+    from .systems.canonical_transformation import CanonicalTransformation
     from .systems.constrained import (
         Constrained,
         ConstrainedLagrangianSystem,
@@ -167,6 +169,7 @@ if TYPE_CHECKING:
         Surface,
     )
     from .systems.constrained_body import ConstrainedBody, NonholonomicBody
+    from .systems.constrained_parts import ConstrainedPart, SplitConstrainedSystem
     from .systems.constraint import Constraint, VelocityConstraint
     from .systems.darboux import (
         Andoyer,
@@ -189,9 +192,11 @@ if TYPE_CHECKING:
     from .systems.poisson import PoissonState, PoissonSystem
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
+    from .systems.sundman import SundmanTransformed
     from .systems.tabulated import PiecewisePolynomial
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
     from .systems.time_transformed import LogarithmicHamiltonian, TimeTransformed
+    from .systems.vector_field import SplitField, VectorField
     from .tableaus.tableau import ButcherTableau
 
 _LATER = {
@@ -201,6 +206,7 @@ _LATER = {
             "check_group",
             "check_method",
             "check_poisson",
+            "check_poisson_field",
             "check_retraction",
             "check_system",
         ),
@@ -311,6 +317,7 @@ _LATER = {
     "models.toda": ("TodaLattice",),
     "plots": ("plots",),
     "systems.canonical": ("CanonicalState", "HamiltonianSystem"),
+    "systems.canonical_transformation": ("CanonicalTransformation",),
     "systems.constrained": (
         "Constrained",
         "ConstrainedLagrangianSystem",
@@ -319,6 +326,7 @@ _LATER = {
         "Surface",
     ),
     "systems.constrained_body": ("ConstrainedBody", "NonholonomicBody"),
+    "systems.constrained_parts": ("ConstrainedPart", "SplitConstrainedSystem"),
     "systems.constraint": ("Constraint", "VelocityConstraint"),
     "systems.darboux": (
         "Andoyer",
@@ -341,9 +349,11 @@ _LATER = {
     "systems.poisson": ("PoissonState", "PoissonSystem"),
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
+    "systems.sundman": ("SundmanTransformed",),
     "systems.tabulated": ("PiecewisePolynomial",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
     "systems.time_transformed": ("LogarithmicHamiltonian", "TimeTransformed"),
+    "systems.vector_field": ("SplitField", "VectorField"),
     "tableaus": ("tableaus",),
     "tableaus.tableau": ("ButcherTableau",),
     "viewer": ("viewer",),
@@ -423,6 +433,7 @@ __all__ = [
     "ButcherTableau",
     "Canonical",
     "CanonicalState",
+    "CanonicalTransformation",
     "Cayley",
     "CayleyAdjoint",
     "CayleySquare",
@@ -438,6 +449,7 @@ __all__ = [
     "ConstrainedLagrangianSystem",
     "ConstrainedSystem",
     "ConstrainedBody",
+    "ConstrainedPart",
     "Constraint",
     "CovariantVariational",
     "CrouchGrossman",
@@ -554,12 +566,15 @@ __all__ = [
     "SphereAction",
     "SphericalMidpoint",
     "SphericalPendulum",
+    "SplitConstrainedSystem",
+    "SplitField",
     "SplitHamiltonian",
     "Splitting",
     "State",
     "StormerVerlet",
     "Straight",
     "Surface",
+    "SundmanTransformed",
     "Suslov",
     "SymplecticEuler",
     "System",
@@ -579,6 +594,7 @@ __all__ = [
     "UnitQuaternions",
     "UniversalJoint",
     "Vec",
+    "VectorField",
     "VectorSpace",
     "VelocityConstraint",
     "chain",
@@ -586,6 +602,7 @@ __all__ = [
     "check_group",
     "check_method",
     "check_poisson",
+    "check_poisson_field",
     "check_retraction",
     "check_system",
     "coadjoint",

@@ -9,6 +9,7 @@
     ├── MissingExtra         an optional package is needed; says how to install it                 (also an ImportError)
     ├── MissingProgram       a program is needed that this machine has not; says how to install it (also an OSError)
     ├── BrowserFailure       the browser that draws pictures did not do what it was told          (also a RuntimeError)
+    ├── BufferOverrun        native code wrote where it must not: with LIEMECH_GUARD=1            (also a SystemError)
     ├── LawViolation         a group, algebra, tableau or structure breaks a law it must obey      (also a ValueError)
     └── IntegrationFailure   a run that ended early; `.trajectory` holds every accepted sample     (also an ArithmeticError)
         ├── NoConvergence       an implicit step could not be solved
@@ -68,6 +69,10 @@ class MissingProgram(LiemechError, OSError):
 
 class BrowserFailure(LiemechError, RuntimeError):
     """The browser that draws pictures, or the page in it, did not do what it was told."""
+
+
+class BufferOverrun(LiemechError, SystemError):
+    """Native code has written outside of the memory that it was given: a fault of liemech."""
 
 
 class LawViolation(LiemechError, ValueError):

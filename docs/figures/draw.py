@@ -41,7 +41,7 @@ SECTIONS = {
             "three_rotations",
             "open_question",
         ),
-        "figure_three",
+        "kinds_of_generating_functions",
     ),
     "Tops and bodies of one's own": (
         "heavy_top",
@@ -51,7 +51,7 @@ SECTIONS = {
         "magnetic_moment",
     ),
     "Positions and momenta": (
-        "figure_two",
+        "pendulum_curves",
         "pendulums",
         "double_pendulum",
         "chaos_in_a_galaxy",
@@ -165,6 +165,7 @@ def main() -> None:
         path.stem: program(str(path)) for path in examples
     }
     makers |= {name: measured(name) for name in MEASURED}
+    makers["diagrams"] = program(str(HERE / "diagrams.py"))
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"of {', '.join(makers)}; all of them if left out"
     )

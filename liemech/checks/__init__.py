@@ -6,6 +6,7 @@ The checks go through the tables of laws, at several points, and report.
 
 from .check import check_action, check_group, check_method, check_retraction, check_system
 from .poisson_defect import poisson_defect
+from .poisson_field import check_poisson_field
 from .poisson_laws import check_poisson
 from .report import Finding, Observation, Report
 
@@ -17,6 +18,7 @@ __all__ = [
     "check_group",
     "check_method",
     "check_poisson",
+    "check_poisson_field",
     "check_retraction",
     "check_system",
     "poisson_defect",

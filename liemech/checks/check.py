@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
+from ..formulas import check_finite
 from ..formulas.broadcasting import small
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
@@ -28,6 +29,7 @@ from .method_claims import Trial, claims
 from .report import Finding, Report
 from .sample_points import At, sample_points
 from .sample_states import members, pace, sample_states
+from .special_points import SPECIAL
 from .system_laws import RUNS, laws_of
 
 LONGEST = 12.0
@@ -73,10 +75,14 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
     points : some points of the space, one per row; left out, the action is asked for random ones.
     The rest as in `check_group`.
     """
+    if not isinstance(getattr(action, "group", None), LieGroup):
+        raise InvalidType(f"check_action: action must be an action of a group; got {action!r}")
     where, rng = sample_points(action.group, seed), np.random.default_rng(seed)
     some = [action.random(rng) for _ in where] if points is None else list(points)
     if not some:
         raise InvalidInput("check_action: points is empty; give at least one point of the space")
+    for point in some if points is not None else ():
+        check_finite(np.asarray(point), "check_action: points")
     where = [
         dataclasses.replace(at, point=small(np.asarray(some[i % len(some)])))
         for i, at in enumerate(where)
@@ -97,7 +103,9 @@ def check_system(
     Gradients are compared with energies, Lagrangians with Hamiltonians (the Legendre transform
     there and back), forces with potentials, the power of a load with the change of energy; Casimirs
     must commute with all coordinates, and what `constants` names must not change along the motion.
-    Formulas that follow from others are not looked at.
+    Formulas that follow from others are not looked at.  At zero, equal components and on the axes
+    first and second derivatives are compared with differences: branches for such points often know
+    a value and no slope.
 
     states : where to look, `system.state(...)`, one or an ensemble; left out, at random states of
     size one.
@@ -116,6 +124,7 @@ def check_system(
         where = sample_states(system, states, seed)
         for laws, subject, own in laws_of(system):
             yield from verdicts(laws, subject, where, own)
+        yield from verdicts(SPECIAL, system, where, lambda name: True)
         yield from verdicts(RUNS if native else [], system, where, lambda name: True)
 
     return _finished(repr(system), findings(), raises)

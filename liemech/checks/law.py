@@ -53,7 +53,9 @@ class Same:
         )
 
     def slips(self, allowed: float) -> str:
-        """Which of the usual slips give this left side."""
+        """Which of the usual slips give this left side; of no numbers, that they are none."""
+        if not all(np.isfinite(flat(side)).all() for side in (self.left, self.right)):
+            return "a formula gives nan or infinity here, whatever the law"
         fit = (
             slip
             for slip, value in self.instead().items()

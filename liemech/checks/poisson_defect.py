@@ -13,40 +13,62 @@ from ..formulas.broadcasting import small
 from ..groups.poisson_structure import Canonical, LiePoissonStructure, PoissonStructure
 from ..integrators.method import Method
 from ..systems.canonical import CanonicalState, HamiltonianSystem
+from ..systems.constrained import ConstrainedSystem
 from ..systems.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.local_coordinates import InducedStructure, LocalChart
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
 from .sample_points import STEP, size
 from .sample_states import CENTRAL
 
+NEAR = 2.0**-26
+"""How far the coordinates of a state may lead from it, relative to its size: it is then on the
+manifold of the chart.
+"""
 
-def poisson_defect(method: Method, system: System, state: State, h: float) -> float:
+
+def poisson_defect(
+    method: Method, system: System, state: State, h: float, chart: LocalChart | None = None
+) -> float:
     """How far a step Phi of length h is from a Poisson map: max |Phi' B(y) Phi'^T - B(Phi(y))|/max
     |B(Phi(y))|.
 
-    system : a PoissonSystem, a LiePoissonSystem (its momenta) or a HamiltonianSystem.  state : one
-    state, `system.state(...)`.  Rounding, 1e-12 or less, for a Poisson map.  Phi' is exact to
+    system : a PoissonSystem, a LiePoissonSystem (its momenta) or a HamiltonianSystem; a
+    ConstrainedSystem with a chart.  state : one state, `system.state(...)`.
+    chart : a LocalChart of the manifold on which the system moves, with its `coordinates`: the step
+    is looked at in them, B is that of `InducedStructure`.  It is a Poisson map there if and only if
+    it is symplectic on the manifold, in whatever coordinates.
+    Rounding, 1e-12 or less, for a Poisson map.  Phi' is exact to
     rounding where the step is explicit: the step is made with numbers that carry their derivative.
     Steps that are iterated have derivatives that lag behind; for them Phi' is taken by differences
     too, of order eight, and the smaller defect counts.
 
     Raises IncompatibleSystem for other systems, and what the method refuses; InvalidInput for
-    ensembles.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1.
+    ensembles, and for a state that is not in the chart.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.4.1 and VII.4.3;
+    the slides, (2.20).
     """
     if not isinstance(method, Method):
         raise InvalidType(
             f"poisson_defect: method must be a Method, such as Splitting(order=2); got {method!r}"
         )
-    structure, y = _point(system, state)
+    structure, y = _point(system, state) if chart is None else _in_chart(system, state, chart)
     method.require(system)
 
-    def step(x: Any) -> Vec:
-        begin = method.start(system, _state(system, x), h)
-        end = method.observe(method.step(system, 0.0, begin, h))
-        return vec(*[component for name in system.coordinates for component in getattr(end, name)])
+    def end(x: Any) -> Vec:
+        begin = method.start(system, _state(system, x if chart is None else chart.embedding(x)), h)
+        last = method.observe(method.step(system, 0.0, begin, h))
+        return vec(*[component for name in system.coordinates for component in getattr(last, name)])
 
+    def step(x: Any) -> Vec:
+        return end(x) if chart is None else chart.coordinates(end(x))
+
+    if chart is not None and _off(chart, end(y)):
+        raise InvalidInput(
+            f"poisson_defect: a step of {method!r} leaves the manifold of {chart!r}; it has no "
+            "coordinates there"
+        )
     after = step(y)
     B, there = (np.array(structure.matrix(x), dtype=float) for x in (y, after))
     unit = float(np.abs(there).max(initial=0.0)) or 1.0
@@ -96,17 +118,52 @@ def _point(system: Any, state: Any) -> tuple[PoissonStructure, Vec]:
         structure = LiePoissonStructure(system.group)
     elif isinstance(system, (HamiltonianSystem, DrivenHamiltonianSystem)):
         structure = Canonical(system.degrees)
+    elif isinstance(system, ConstrainedSystem):
+        raise IncompatibleSystem(
+            f"poisson_defect: {system!r} moves on a submanifold; give coordinates of it, chart=..., "
+            "a LocalChart, or use check_method, which needs none"
+        )
     else:
         raise IncompatibleSystem(
             "poisson_defect needs a PoissonSystem, "
             f"LiePoissonSystem or HamiltonianSystem; got {system!r}"
         )
+    return structure, _numbers(system, state)
+
+
+def _in_chart(system: Any, state: Any, chart: Any) -> tuple[PoissonStructure, Vec]:
+    """The induced structure, and the coordinates of the state in the chart."""
+    if not isinstance(system, (ConstrainedSystem, HamiltonianSystem)):
+        raise IncompatibleSystem(
+            "poisson_defect: with a chart, a ConstrainedSystem or a HamiltonianSystem is needed; "
+            f"got {system!r}"
+        )
+    if not isinstance(chart, LocalChart):
+        raise InvalidType(f"poisson_defect: chart must be a LocalChart; got {chart!r}")
+    x = _numbers(system, state)
+    if _off(chart, x):
+        raise InvalidInput(
+            f"poisson_defect: the state {list(map(float, x))} is not in {chart!r}: its coordinates "
+            f"lead to {list(map(float, chart.embedding(chart.coordinates(x))))}"
+        )
+    return InducedStructure(chart), chart.coordinates(x)
+
+
+def _off(chart: LocalChart, x: Vec) -> bool:
+    """Do the coordinates of a point not lead back to it?"""
+    there = np.array(x, dtype=float)
+    back = np.array(chart.embedding(chart.coordinates(x)), dtype=float)
+    return back.shape != there.shape or not size(back - there) <= NEAR * size(there)
+
+
+def _numbers(system: Any, state: Any) -> Vec:
+    """The coordinates of one state."""
     if not isinstance(state, State) or state.bodies is not None:
         raise InvalidInput(
             f"poisson_defect: state must be one state, system.state(...); got {state!r}"
         )
     parts = [small(np.asarray(getattr(state, name))) for name in system.coordinates]
-    return structure, vec(*[x for part in parts for x in part])
+    return vec(*[x for part in parts for x in part])
 
 
 def _state(system: Any, x: Any) -> State:

@@ -16,9 +16,11 @@ from ..errors import InvalidInput, InvalidType
 from ..formulas import Vec, derivative, dot, gradient, jacobian, real_array
 from ..formulas.broadcasting import check_finite
 from ..groups.poisson_structure import PoissonStructure
+from ..groups.skew_matrices import like_sizes
 from .law import Law, Same, axiom, verdicts
 from .report import Finding, Report
-from .sample_points import flat, size
+from .sample_points import flat
+from .seeds import generator
 
 PLACES = 6
 """How many points are drawn."""
@@ -26,20 +28,20 @@ PLACES = 6
 CLOSE = 256.0
 """Roundings per dimension of entries and their derivatives."""
 
-NO_RANK = 1e-9
-"""Singular values below this part of the largest one are zero."""
-
 POISSON: list[Law] = []
 
 
 @dataclass(frozen=True)
 class AtPoint:
-    """A point, and the rank that the structure has almost everywhere."""
+    """A point, the rank that the structure has almost everywhere, and how far the coordinates of
+    all points reach, (n,).
+    """
 
     name: str
     B: Any
     y: Vec
     generic: int
+    reach: np.ndarray
 
     @property
     def dim(self) -> int:
@@ -49,6 +51,21 @@ class AtPoint:
     def matrix(self) -> np.ndarray:
         """B(y)."""
         return np.array(self.B.matrix(self.y), dtype=float)
+
+    @cached_property
+    def terms(self) -> np.ndarray:
+        """What rounding of B(y) is relative to, entry by entry, so that units do not matter: what
+        an entry is made of, and the largest entry in units in which rows are of like size, or those
+        of the points.
+        """
+        terms = self.B.terms(self.y)
+        terms = np.maximum(terms, terms.T)
+        floors = []
+        for units in (1.0 / like_sizes(terms), self.reach):
+            whole = np.outer(units, units)
+            if whole.all():
+                floors.append((terms / whole).max() * whole)
+        return terms + np.minimum.reduce(floors)
 
     @cached_property
     def slopes(self) -> np.ndarray:
@@ -65,6 +82,24 @@ class AtPoint:
                 for l in range(n)
             ]
         )
+
+    @cached_property
+    def terms_of_slopes(self) -> np.ndarray:
+        """What rounding of d_l b_ij is relative to, with l first: where it is not zero, b_ij over
+        the reach of y_l.
+        """
+        with np.errstate(all="ignore"):
+            along = self.terms / self.reach[:, None, None]
+        slopes = np.abs(self.slopes)
+        return slopes + np.where((slopes > 0.0) & np.isfinite(along), along, 0.0)
+
+    def duration(self, index: int) -> float:
+        """A time in which the motion of a coordinate changes others by up to a quarter."""
+        moved, reach = self.reach > 0.0, self.reach
+        rates = np.abs(self.matrix[moved, index]) / reach[moved]
+        bends = np.abs(self.slopes[:, moved, index]) * reach[:, None] / reach[moved]
+        fastest = max(rates.max(initial=0.0), bends.max(initial=0.0))
+        return 0.25 / fastest if fastest > 0.0 else 0.25
 
     def __str__(self) -> str:
         return f"{self.name}, y = ({', '.join(f'{c:.3g}' for c in self.y[:8])})"
@@ -89,12 +124,12 @@ def matrix(B: Any, at: AtPoint) -> Iterator[Same]:
 
 @axiom(POISSON, "skew symmetry", "b_ij = -b_ji")
 def skew_symmetry(B: Any, at: AtPoint) -> Iterator[Same]:
-    b, scale = at.matrix, float(np.abs(at.matrix).max(initial=0.0))
+    b, terms = at.matrix, at.terms
     for i, j in itertools.combinations_with_replacement(range(at.dim), 2):
         yield Entry(
             b[i, j],
             -b[j, i],
-            scale,
+            float(terms[i, j]),
             entries=f"b_{i + 1},{j + 1} = {b[i, j]:.3g} or b_{j + 1},{i + 1} = {b[j, i]:.3g}",
         )
 
@@ -106,25 +141,21 @@ def skew_symmetry(B: Any, at: AtPoint) -> Iterator[Same]:
     slack=CLOSE,
 )
 def jacobi(B: Any, at: AtPoint) -> Iterator[Same]:
-    b, d = at.matrix, at.slopes
-    nested = np.einsum("lij,lk->ijk", d, b)
-    total = nested + nested.transpose(2, 0, 1) + nested.transpose(1, 2, 0)  # cyclic: ijk, jki, kij
-    terms = np.einsum("lij,lk->ijk", np.abs(d), np.abs(b))
-    # rounding of the slopes
-    scale = float(terms.max(initial=0.0)) + float(np.abs(b).max(initial=0.0)) ** 2 / (
-        size(at.y) or 1.0
-    )
+    def cyclic(d: np.ndarray, b: np.ndarray) -> np.ndarray:
+        nested = np.einsum("lij,lk->ijk", d, b)
+        return nested + nested.transpose(2, 0, 1) + nested.transpose(1, 2, 0)  # ijk, jki, kij
+
+    total, terms = cyclic(at.slopes, at.matrix), cyclic(at.terms_of_slopes, at.terms)
     for i, j, k in itertools.combinations(range(at.dim), 3):
         at_fault = f"b_{i + 1},{j + 1}, b_{j + 1},{k + 1}, b_{k + 1},{i + 1}, or what these are multiplied by"
-        yield Entry(total[i, j, k], 0.0, scale, entries=at_fault)
+        yield Entry(total[i, j, k], 0.0, terms[i, j, k], entries=at_fault)
 
 
 @axiom(POISSON, "closed product", "sharp(y, a) = B(y) a", "sharp", slack=CLOSE)
 def closed_product(B: Any, at: AtPoint) -> Iterator[Same]:
-    terms = float(np.abs(at.matrix).max(initial=0.0))
     for j, unit in enumerate(np.eye(at.dim)):
         given = flat(B.sharp(at.y, Vec.of(unit.tolist())))
-        yield Entry(given, at.matrix[:, j], terms, entries=f"the component a_{j + 1}")
+        yield from _entries(given, at.matrix[:, j], at.terms[:, j], f"the component a_{j + 1}")
 
 
 @axiom(POISSON, "Leibniz' rule", "{F G, H} = F {G, H} + G {F, H}", slack=CLOSE)
@@ -134,18 +165,21 @@ def leibniz(B: Any, at: AtPoint) -> Iterator[Same]:
     first, second = float(B.bracket(G, H)(at.y)), float(B.bracket(F, H)(at.y))
     whole = float(B.bracket(lambda y: F(y) * G(y), H)(at.y))
     a, b, c = (np.abs(flat(gradient(x, at.y))) for x in (F, G, H))
-    terms = (abs(f) * b + abs(g) * a) @ np.abs(at.matrix) @ c
+    terms = (abs(f) * b + abs(g) * a) @ at.terms @ c
     yield Same(whole, f * first + g * second, float(terms))
 
 
 @axiom(POISSON, "Casimirs", "B dC = 0", "casimirs", slack=CLOSE)
 def casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
-    slopes = np.array(jacobian(lambda y: B.casimirs(y), at.y), dtype=float).reshape(-1, at.dim)
-    for i, row in enumerate(slopes):
-        terms = float((np.abs(at.matrix) @ np.abs(row)).max(initial=0.0))
-        yield Entry(
-            at.matrix @ row, np.zeros(at.dim), terms + size(row), entries=f"Casimir {i + 1}"
-        )
+    y, n = np.abs(flat(at.y)), at.dim
+    for i, _ in enumerate(flat(B.casimirs(at.y))):
+
+        def slope(x: Vec, i: int = i) -> Any:
+            return gradient(lambda z: B.casimirs(z)[i], x)
+
+        row = flat(slope(at.y))
+        sizes = np.abs(row) + np.abs(flat(jacobian(slope, at.y)).reshape(n, n)) @ y
+        yield from _entries(at.matrix @ row, np.zeros(n), at.terms @ sizes, f"Casimir {i + 1}")
 
 
 @axiom(
@@ -156,13 +190,26 @@ def casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
     slack=CLOSE,
 )
 def coordinate_flow(B: Any, at: AtPoint) -> Iterator[Same]:
-    for i in range(at.dim):
-        for s in (0.0, 0.25):
-            there = B.coordinate_flow(at.y, i, s)
-            rate = flat(derivative(partial(B.coordinate_flow, at.y, i), s))
+    y, n = np.abs(flat(at.y)), at.dim
+    for i in range(n):
+        for s in (0.0, at.duration(i)):
+
+            def rate(x: Vec, i: int = i, s: float = s) -> Any:
+                return derivative(partial(B.coordinate_flow, x, i), s)
+
+            there, found = B.coordinate_flow(at.y, i, s), flat(rate(at.y))
+            terms = B.terms(there)[:, i] + np.abs(found)
+            terms = terms + np.abs(flat(jacobian(rate, at.y)).reshape(n, n)) @ y
             b = np.array(B.matrix(there), dtype=float)
-            scale = float(np.abs(b).max(initial=0.0)) + size(rate)
-            yield Entry(rate, b[:, i], scale, entries=f"the motion of y_{i + 1}")
+            yield from _entries(found, b[:, i], terms, f"the motion of y_{i + 1}")
+
+
+def _entries(
+    left: np.ndarray, right: np.ndarray, sizes: np.ndarray, entries: str
+) -> Iterator[Entry]:
+    """Components, each with the size of its own rounding."""
+    for a, b, size in zip(left, right, sizes, strict=True):
+        yield Entry(a, b, float(size), entries=entries)
 
 
 @axiom(
@@ -171,7 +218,7 @@ def coordinate_flow(B: Any, at: AtPoint) -> Iterator[Same]:
     "B has one rank almost everywhere, even, the one named; Casimirs are no more than what is left",
 )
 def rank(B: Any, at: AtPoint) -> Iterator[Same]:
-    found = _rank(at.matrix)
+    found = B.rank_at(at.y)
     yield Entry(
         found, at.generic, entries=f"the point: B has rank {found} here, {at.generic} elsewhere"
     )
@@ -184,11 +231,6 @@ def rank(B: Any, at: AtPoint) -> Iterator[Same]:
         at.dim - at.generic,
         entries=f"`casimirs`, which are {number}",
     )
-
-
-def _rank(b: np.ndarray) -> int:
-    sizes = np.linalg.svd(b, compute_uv=False)
-    return int((sizes > NO_RANK * sizes[0]).sum()) if sizes.size and sizes[0] > 0.0 else 0
 
 
 def _polynomial(n: int, seed: int) -> Any:
@@ -213,8 +255,8 @@ def check_poisson(
     Returns a Report, which prints as a table.  Raises LawViolation: the first law broken, the
     entries, where and by how much.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2, the identity
-    (2.10).
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2; the slides,
+    (2.9) and (2.10).
     """
     given: Any = structure
     if not isinstance(given, PoissonStructure):
@@ -245,7 +287,7 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
         check_finite(array, "check_poisson: points")
         found = [(f"point {i}", Vec.of(row)) for i, row in enumerate(array.tolist())]
     else:
-        rng = np.random.default_rng(seed)
+        rng = generator("check_poisson", seed)
         drawn = rng.normal(size=(PLACES, n))
         found = [("random", Vec.of(row)) for row in drawn.tolist()]
         if not all(_defined(structure, y) for _, y in found):
@@ -253,16 +295,16 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
         found = [(name, y) for name, y in found if _defined(structure, y)]
         if not found:
             raise InvalidInput(
-                f"check_poisson: {structure!r} is not defined at random "
-                "points; give some, points=[[...], ...]"
+                f"check_poisson: {structure!r} is not defined at random points; give some, points=[[...], ...]"
             )
     ranks = []
     for _, y in found:
         try:
-            ranks.append(_rank(np.array(structure.matrix(y), dtype=float)))
+            ranks.append(structure.rank_at(y))
         except Exception:  # for the laws to tell
             ranks.append(0)
-    return [AtPoint(name, structure, y, max(ranks)) for name, y in found]
+    reach = np.abs([flat(y) for _, y in found]).max(axis=0)
+    return [AtPoint(name, structure, y, max(ranks), reach) for name, y in found]
 
 
 def _defined(structure: PoissonStructure, y: Vec) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from ..formulas import Vec
 from ..formulas.broadcasting import small
 from ..groups.lie_group import LieGroup
+from .seeds import generator
 
 STEP = 0.01
 """The step of differences, where velocities have size one: truncation below 1e-15, for the Cayley
@@ -280,7 +281,7 @@ class At:
 
 def sample_points(group: LieGroup, seed: int) -> list[At]:
     """The points at which the laws of a group are checked."""
-    units, rng = Units(group), np.random.default_rng(seed)
+    rng, units = generator("check", seed), Units(group)
     n = units.dim
 
     def unit() -> np.ndarray:

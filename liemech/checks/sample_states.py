@@ -19,7 +19,9 @@ from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
+from ..systems.vector_field import VectorField
 from .sample_points import STENCIL, STEP, flat, size
+from .seeds import generator
 
 PLACES = 5
 """How many states are drawn."""
@@ -101,7 +103,7 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
         return [
             AtState(f"state {i}", system, state, 0.0) for i, state in enumerate(members(states))
         ]
-    rng, reason = np.random.default_rng(seed), ""
+    rng, reason = generator("check_system", seed), ""
     found: list[AtState] = []
     for _ in range(4 * PLACES):
         at = AtState("random", system, random_state(system, rng), float(rng.normal()))
@@ -143,8 +145,8 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
         return _consistent(system, rng)
     if isinstance(system, HamiltonianSystem):
         return CanonicalState(*(small(x) for x in rng.normal(size=(2, system.degrees))))
-    if isinstance(system, PoissonSystem):
-        y = rng.normal(size=system.structure.dim)
+    if isinstance(system, VectorField):
+        y = rng.normal(size=system.dim)
         try:
             return PoissonState(small(np.asarray(system.state(y).y)))
         except InvalidInput:

@@ -18,6 +18,7 @@ from ..simulation.drift import constants_and_terms
 from ..simulation.integrate import integrate
 from ..systems.canonical import CanonicalSystem, HamiltonianSystem
 from ..systems.constrained import ConstrainedSystem, SeparableConstrainedSystem
+from ..systems.constrained_parts import SplitConstrainedSystem
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.lagrangian import Lagrangian
 from ..systems.lie_poisson import LiePoissonSystem
@@ -26,7 +27,9 @@ from ..systems.parts import Part
 from ..systems.poisson import PoissonSystem
 from ..systems.potential import Potential
 from ..systems.separable import SeparableEnergy, SeparableSystem
+from ..systems.vector_field import VectorField
 from .law import Law, Same, axiom, factors, replaced
+from .part_laws import CONSTRAINED_PARTS, FIELDS
 from .sample_points import STEP, flat, size, slope
 from .sample_states import AtState
 
@@ -333,8 +336,12 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
         yield CANONICAL, system, partial(replaced, system, base)
     if isinstance(system, ConstrainedSystem):
         yield CONSTRAINED, system, partial(replaced, system, ConstrainedSystem)
+    if isinstance(system, SplitConstrainedSystem):
+        yield CONSTRAINED_PARTS, system, lambda name: True
     if isinstance(system, PoissonSystem):
         yield PARTS, system, lambda name: True
+    elif isinstance(system, VectorField):
+        yield FIELDS, system, lambda name: True
     yield KEPT, system, lambda name: True
 
 

@@ -1,8 +1,9 @@
 """Systems and methods from text: `RKMK(order=4)`,
 `HeavyTop([1.0, 1.5, 0.7], 1.3, centre=[0.6, 0.0, 0.8])`.
 
-Only public classes of the library, or of a module that is named, are called, with numbers, lists
-and each other; nothing else is evaluated.
+Only public classes of the library are called, with numbers, lists and each other, and records of a
+module of the user's, if it may be named: in what the user types, and in files that the user trusts.
+No function is called, and nothing else is evaluated.
 """
 
 from __future__ import annotations
@@ -21,21 +22,32 @@ import numpy as np
 
 import liemech as lm
 
+LARGEST = 10**6
+"""Sizes of systems beyond it would fill the memory before anything could be said of them."""
 
-def read(text: str, kind: type, where: str) -> Any:
+
+def read(text: str, kind: type, where: str, own: bool = True) -> Any:
     """The object that a text describes, of some kind: `RKMK(order=4)`, `Cayley`,
     `my_module:Gyrostat(0.3)`.
 
+    own : may it name a module of the user's, which is imported?
     Raises InvalidInput, which says where, what is wrong, and what is allowed.
     """
     module, _, rest = text.rpartition(":") if ":" in text.partition("(")[0] else ("", "", text)
+    modules = _own(module, text, where, own)
     try:
         tree = ast.parse(rest.strip(), mode="eval").body
+        found = _value(tree, kind, where, modules)
     except SyntaxError as wrong:
         raise lm.errors.InvalidInput(
-            f"{where}: {text!r} cannot be read, {wrong.msg}; write it as RKMK(order=4)"
+            f"{where}: {_short(text)} cannot be read, {wrong.msg}; write it as RKMK(order=4)"
         ) from None
-    found = _value(tree, kind, where, [imported(module, where)] if module else [])
+    except lm.errors.LiemechError:
+        raise
+    except (ValueError, ArithmeticError, RecursionError, MemoryError) as wrong:
+        raise lm.errors.InvalidInput(
+            f"{where}: {_short(text)} cannot be read, {wrong}; write it as RKMK(order=4)"
+        ) from None
     if isinstance(found, type):
         found = _call(found, (), {}, where)
     if not isinstance(found, kind):
@@ -45,30 +57,57 @@ def read(text: str, kind: type, where: str) -> Any:
     return found
 
 
-def build(name: Any, arguments: Mapping[str, Any], kind: type, where: str) -> Any:
+def build(
+    name: Any, arguments: Mapping[str, Any], kind: type, where: str, own: bool = True
+) -> Any:
     """An object of a class by its name, with arguments by theirs; text among them is read in its
-    turn.
+    turn.  own : as in `read`.
     """
     if not isinstance(name, str):
         raise lm.errors.InvalidInput(
             f"{where}: name must be a text such as {names(kind)[0]!r}; got {name!r}"
         )
     module, _, rest = name.rpartition(":")
-    cls = _public(rest, kind, where, [imported(module, where)] if module else [])
-    return _call(
-        cls,
-        (),
-        {key: _argument(value, f"{where}: {key}") for key, value in arguments.items()},
-        where,
-    )
+    found = _public(rest, kind, where, _own(module, name, where, own))
+    given = {key: _argument(value, f"{where}: {key}", own) for key, value in arguments.items()}
+    if not isinstance(found, type):  # an object of a module of the user's
+        if given:
+            raise lm.errors.InvalidInput(
+                f"{where}: {name!r} is an object and takes no {', '.join(given)}"
+            )
+        return found
+    return _call(found, (), given, where)
+
+
+def _own(module: str, text: str, where: str, own: bool) -> list[Any]:
+    """The module of the user's that a text names, if it names one."""
+    if not module:
+        return []
+    if not own:
+        raise lm.errors.InvalidInput(
+            f"{where}: {_short(text)} names a module of yours, {module}, and a file can name classes "
+            "of the library only; if you trust it, --trusted imports the modules that it names, "
+            "which runs their code"
+        )
+    return [imported(module, where)]
+
+
+def _short(text: str) -> str:
+    shown = repr(text)
+    return shown if len(shown) < 100 else f"{shown[:97]}..."
+
+
+def modules_of_the_folder() -> None:
+    """Let Python find modules in the folder where the command runs."""
+    if "" not in sys.path:
+        sys.path.insert(0, "")
 
 
 def imported(module: str, where: str) -> Any:
     """A module of the user's, from the folder where the command runs or from wherever Python finds
     it.
     """
-    if "" not in sys.path:
-        sys.path.insert(0, "")
+    modules_of_the_folder()
     try:
         return import_module(module)
     except ModuleNotFoundError as missing:
@@ -100,14 +139,13 @@ def names(kind: type) -> list[str]:
     ]
 
 
-def _argument(value: Any, where: str) -> Any:
+def _argument(value: Any, where: str, own: bool) -> Any:
     """A value of a file: numbers and lists as they are, text and tables as objects."""
     if isinstance(value, str):
-        return read(value, lm.Record, where)
+        return read(value, lm.Record, where, own)
     if isinstance(value, Mapping):
-        return build(
-            value.get("name"), {k: v for k, v in value.items() if k != "name"}, lm.Record, where
-        )
+        given = {k: v for k, v in value.items() if k != "name"}
+        return build(value.get("name"), given, lm.Record, where, own)
     return value
 
 
@@ -175,12 +213,11 @@ def _made(value: Any, where: str) -> Any:
 
 def _public(name: str, kind: type, where: str, modules: list[Any]) -> Any:
     """What modules of the user's have under a name, or a public class of the library."""
-    found = next((getattr(module, name) for module in modules if hasattr(module, name)), None)
-    if found is None and name in lm.__all__:
-        found = getattr(lm, name)
-    if found is not None and (
-        not isinstance(found, type) or issubclass(found, (kind, lm.Vec, lm.Mat))
-    ):
+    mine = [vars(module)[name] for module in modules if name in vars(module)]
+    found = mine[0] if mine else getattr(lm, name) if name in lm.__all__ else None
+    if isinstance(found, type) and issubclass(found, (kind, lm.Vec, lm.Mat)):
+        return found
+    if mine and isinstance(found, kind):  # an object that the module has made
         return found
     there = f" in {modules[0].__name__}" if modules else ""
     raise lm.errors.InvalidInput(
@@ -202,9 +239,16 @@ def _instead(name: str, kind: type) -> str:
 
 def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
     """An object; what its class says of wrong arguments begins with the place."""
-    if not callable(cls):
-        return cls
-    allowed = list(inspect.signature(cls).parameters)
+    if not isinstance(cls, type):
+        raise lm.errors.InvalidInput(f"{where}: {cls!r} is an object; write it without brackets")
+    signature = inspect.signature(cls)
+    allowed = list(signature.parameters)
+    for key, value in [*zip(allowed, values, strict=False), *options.items()]:
+        annotation = getattr(signature.parameters.get(key), "annotation", None)
+        if annotation in (int, "int") and type(value) is int and abs(value) > LARGEST:
+            raise lm.errors.InvalidInput(
+                f"{where}: {cls.__name__}: {key} = {value} is larger than {LARGEST}, and no size here"
+            )
     for key in options:
         if key not in allowed and cls not in (lm.Vec, lm.Mat):
             raise lm.errors.InvalidInput(
@@ -214,7 +258,8 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
         return cls(*values, **options)
     except lm.errors.LiemechError as wrong:
         raise lm.errors.InvalidInput(f"{where}: {wrong}") from None
-    except (TypeError, ValueError) as wrong:
+    except Exception as wrong:  # whatever a class makes of arguments that nobody meant
+        told = f"{wrong}" or type(wrong).__name__
         raise lm.errors.InvalidInput(
-            f"{where}: {wrong}; {cls.__name__}{inspect.signature(cls)}"
-        ) from None
+            f"{where}: {told}; {cls.__name__}{inspect.signature(cls)}"
+        ) from wrong

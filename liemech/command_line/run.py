@@ -122,7 +122,7 @@ def _scene(options: Any) -> Scene:
     if options.scene in SCENES:
         scene = SCENES[options.scene]()
     elif options.scene.endswith(".toml"):
-        scene = scene_file(Path(options.scene))
+        scene = scene_file(Path(options.scene), options.trusted)
     else:
         raise lm.errors.InvalidInput(
             f"{options.scene!r} is neither a scene nor a .toml file; there are {', '.join(SCENES)}"
@@ -246,6 +246,11 @@ def _options(arguments: Sequence[str]) -> tuple[Any, Parser]:
         "--explain",
         action="store_true",
         help="tell what would be computed and what would not, and stop",
+    )
+    add(
+        "--trusted",
+        action="store_true",
+        help="import the modules that a file names; this runs their code",
     )
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the result as JSON")

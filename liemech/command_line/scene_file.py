@@ -18,6 +18,8 @@
     [run]
     h = 0.1
     steps = 1000
+
+A file names classes of the library and nothing else, unless the user says that it is trusted.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ import numpy as np
 
 import liemech as lm
 
+from ..simulation.files import opened
 from .constructors import build
 from .scene import Scene
 
@@ -41,17 +44,28 @@ RUN = ("h", "steps", "every", "t_end", "rtol", "atol", "t0")
 COUNTS = ("steps", "every")
 
 
-def scene_file(path: Path) -> Scene:
-    """The scene that a file describes.  Raises InvalidInput: the file, the key, and what is
-    allowed.
+LONGEST = 10_000_000
+"""Bytes of a file; longer ones are no scenes."""
+
+
+def scene_file(path: Path, trusted: bool = False) -> Scene:
+    """The scene that a file describes.  trusted : modules that it names are imported.
+
+    Raises InvalidInput: the file, the key, and what is allowed.
     """
     where = str(path)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        with opened(path) as file:
+            content = file.read(LONGEST + 1)
+        if len(content) > LONGEST:
+            raise lm.errors.InvalidInput(f"{where}: is longer than {LONGEST} bytes, and no scene")
+        data = tomllib.loads(content.decode("utf-8"))
     except (OSError, UnicodeDecodeError) as refused:
         raise lm.errors.InvalidInput(f"{where}: cannot be read, {refused}") from None
     except tomllib.TOMLDecodeError as wrong:
         raise lm.errors.InvalidInput(f"{where}: is no TOML, {wrong}") from None
+    except (RecursionError, ValueError) as wrong:
+        raise lm.errors.InvalidInput(f"{where}: is no scene, {wrong}") from None
     _strict(data, ("title", *LISTS, *TABLES), where, "the file")
     for name in TABLES:
         if not isinstance(data.get(name), Mapping):
@@ -64,18 +78,17 @@ def scene_file(path: Path) -> Scene:
     lists: dict[str, Any] = {
         name: _names(data[name], f"{where}: {name}") for name in LISTS if name in data
     }
-    system = _object(data["system"], lm.System, f"{where} [system]")
-    method = _object(data["method"], lm.Method, f"{where} [method]")
+    system = _object(data["system"], lm.System, f"{where} [system]", trusted)
+    method = _object(data["method"], lm.Method, f"{where} [method]", trusted)
     start = _start(system, data["start"], f"{where} [start]")
     return Scene(title, system, method, start, **_run(data["run"], f"{where} [run]"), **lists)
 
 
-def _object(table: Mapping[str, Any], kind: type, where: str) -> Any:
+def _object(table: Mapping[str, Any], kind: type, where: str, trusted: bool) -> Any:
     if "name" not in table:
         raise lm.errors.InvalidInput(f"{where}: needs a name, the class of a {kind.__name__}")
-    return build(
-        table["name"], {key: value for key, value in table.items() if key != "name"}, kind, where
-    )
+    given = {key: value for key, value in table.items() if key != "name"}
+    return build(table["name"], given, kind, where, trusted)
 
 
 def _start(system: Any, table: Mapping[str, Any], where: str) -> Any:
@@ -99,8 +112,8 @@ def _start(system: Any, table: Mapping[str, Any], where: str) -> Any:
         elif isinstance(g, Mapping):
             given["g"] = np.array(group.exp(np.array(g.get("exp"), dtype=float)))
         return system.state(**given)
-    except (lm.errors.LiemechError, TypeError, ValueError) as wrong:
-        raise lm.errors.InvalidInput(f"{where}: {wrong}") from None
+    except Exception as wrong:  # whatever becomes of values that nobody meant
+        raise lm.errors.InvalidInput(f"{where}: {wrong}") from wrong
 
 
 def _run(table: Mapping[str, Any], where: str) -> dict[str, Any]:

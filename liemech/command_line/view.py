@@ -8,7 +8,7 @@ from pathlib import Path
 
 import liemech as lm
 
-from .constructors import imported
+from .constructors import imported, modules_of_the_folder
 from .options import Parser, output
 
 
@@ -34,6 +34,11 @@ def view(arguments: Sequence[str]) -> int:
         help="where classes of yours are, which the run is made of",
     )
     add(
+        "--trusted",
+        action="store_true",
+        help="import whatever modules the file names; this runs their code",
+    )
+    add(
         "--out",
         type=output(".html"),
         metavar="PAGE",
@@ -48,7 +53,9 @@ def view(arguments: Sequence[str]) -> int:
         else:
             for module in options.modules:
                 imported(module, "argument --modules")
-            run = lm.Trajectory.load(options.file, options.modules)
+            if options.trusted:
+                modules_of_the_folder()
+            run = lm.Trajectory.load(options.file, options.modules, options.trusted)
             scene = lm.viewer.Scene(run, options.show, title=options.file.stem)
             page = scene.save(options.out or options.file.with_suffix(".html"))
     except (lm.errors.LiemechError, OSError) as wrong:

@@ -15,6 +15,7 @@ import contextlib
 import dataclasses
 import functools
 import inspect
+import itertools
 import os
 import time
 import weakref
@@ -28,11 +29,12 @@ import numpy as np
 from ..errors import InvalidInput, NotCompilable, NotCompiledWarning, warn
 from ..formulas.broadcasting import MEMBERSHIP, Batch, row_of
 from ..formulas.complex_numbers import Complex
-from ..formulas.pytree import Layout, is_any_number, layout_of, leaves
+from ..formulas.pytree import NUMBER, Layout, is_any_number, layout_of, leaves, vector_layout
 from ..formulas.sums import total as total_of
 from ..formulas.vectors import Mat, Vec, vec
 from . import kernel
 from .driver import accepted, any_body, attempt, itself, numbers, read, write
+from .interrupts import in_threads
 
 SHARE = 50_000
 """Rows that are worth a thread of their own."""
@@ -222,13 +224,13 @@ class Job:
     def kept(self, batch: Batch) -> Job:
         """The same without what belongs to this batch: its owner, group and values may go."""
         static = {k: None if k in batch.rest else default for k, default in self.static.items()}
-        *_, plan, _, widths = self.arguments
-        return dataclasses.replace(self, arguments=(plan, (), widths), static=static)
+        *_, plan, _, results = self.arguments
+        return dataclasses.replace(self, arguments=(plan, (), results), static=static)
 
     def of(self, batch: Batch) -> Job:
         """The same for another batch of this form, whose numbers may be others."""
         static = self.static | batch.rest
-        *_, plan, _, widths = self.arguments
+        *_, plan, _, results = self.arguments
         arguments = (
             batch.formula,
             batch.owner,
@@ -236,7 +238,7 @@ class Job:
             MEMBERSHIP,
             plan,
             tuple(static.values()),
-            widths,
+            results,
         )
         return Job(arguments, self.example, self.parts, self.layouts, self.rows, static)
 
@@ -263,7 +265,7 @@ def _job(batch: Batch, example: Any) -> Job | None:
         else:
             plan.append((len(static), None, False))
             static[name] = value
-    widths = tuple([layout.width for layout in layouts])
+    results = tuple([vector_layout(layout.width) for layout in layouts])
     arguments = (
         batch.formula,
         batch.owner,
@@ -271,9 +273,9 @@ def _job(batch: Batch, example: Any) -> Job | None:
         MEMBERSHIP,
         tuple(plan),
         tuple(static.values()),
-        widths,
+        results,
     )
-    one = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(widths))]
+    one = [kernel.Rows(np.empty((1, 1))) for _ in range(1 + len(batch.arrays) + len(results))]
     job = Job(arguments, example, parts, layouts, one, static)
     return None if job.key in _refused else job
 
@@ -385,8 +387,9 @@ def _share_out(run: Callable[[int, int], None], n: int, lanes: int) -> None:
     )
     threads, whole = max(1, min(processors, n // SHARE)), n // lanes
     bounds = [whole * i // threads * lanes for i in range(threads + 1)]
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(run, bounds[:-1], bounds[1:]))
+    works = [functools.partial(run, *ends) for ends in itertools.pairwise(bounds)]
+    with ThreadPoolExecutor(max(1, threads - 1)) as pool:
+        in_threads(works, pool)
     if n % lanes:
         run(n - lanes, n)
 
@@ -409,24 +412,25 @@ def _each(
     tolerance: Any,
     plan: Any,
     static: Any,
-    widths: Any,
+    results: Any,
     suspect: Any,
     *rows: Any,
 ) -> None:
     arguments: list[Any] = []
     for at, layout, _ in plan:
         arguments = [*arguments, static[at] if layout is None else read(rows[at], 0, layout)]
-    value, total = attempt(_guarded, formula, owner, space, tolerance, plan, widths, arguments)
+    value, total = attempt(_guarded, formula, owner, space, tolerance, plan, results, arguments)
     start = 0
-    for k in range(len(widths)):
-        write(rows[len(rows) - len(widths) + k], 0, vec(*value[start : start + widths[k]]))
-        start = start + widths[k]
+    for k in range(len(results)):
+        end = start + results[k].width
+        write(rows[len(rows) - len(results) + k], 0, vec(*value[start:end]), results[k])
+        start = end
     if any_body(not accepted(total, itself)):
-        write(suspect, 0, vec(1.0))
+        write(suspect, 0, 1.0, NUMBER)
 
 
 def _guarded(
-    formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, widths: Any, arguments: Any
+    formula: Any, owner: Any, space: Any, tolerance: Any, plan: Any, results: Any, arguments: Any
 ) -> tuple[Vec, float]:
     """The numbers of the result and their sum, finite only if they are; raises where plain Python
     must look at the arguments.
@@ -443,7 +447,7 @@ def _guarded(
     if not sound:
         raise InvalidInput("not finite, or no element")
     value = numbers(formula(owner, *arguments))
-    if len(value) != sum(widths):
+    if len(value) != sum([layout.width for layout in results]):
         raise NotCompilable("the result has another form than in plain Python")
     return value, total_of([*value])
 

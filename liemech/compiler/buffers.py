@@ -6,8 +6,10 @@ from typing import Any
 
 from llvmlite import ir
 
-from ..formulas.pytree import Layout, build, layout_of, leaves
-from .ir_numbers import F64, I32, I64, Emitter
+from ..errors import NotCompilable
+from ..formulas.pytree import Layout, build, carried_layout, fits, leaves
+from .driver import refusal
+from .ir_numbers import F64, I32, I64, Emitter, Num
 
 
 class Array:
@@ -32,17 +34,42 @@ class Array:
 
     def read(self, start: Any, layout: Layout) -> Any:
         first = self.first(start)
-        return build(layout, iter([self.load(first, i) for i in range(layout.width)]))
+        numbers = enumerate(layout.kinds)
+        return build(layout, iter([self._found(self.load(first, i), kind) for i, kind in numbers]))
 
-    def write(self, start: Any, value: Any) -> None:
+    def write(self, start: Any, value: Any, layout: Layout) -> None:
         first = self.first(start)
-        for i, x in enumerate(leaves(value, layout_of(value))):
-            self.store(first, i, x)
+        unchanged(value, layout)
+        for i, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
+            self.store(first, i, self._kept(x, kind))
+
+    def _found(self, x: Num, kind: str) -> Num:
+        """The number in its kind that lies in memory: integers and truth values as bits."""
+        if kind not in ("integer", "truth"):
+            return x
+        e, b = self.emitter, self.emitter.builder
+        whole = e.each(lambda v: b.bitcast(v, e.type("i", x.varying)), x.values)
+        return whole if kind == "integer" else whole != 0
+
+    def _kept(self, x: Any, kind: str) -> Any:
+        """The float that has the bits of an integer or truth value."""
+        if kind not in ("integer", "truth"):
+            return x
+        e, b = self.emitter, self.emitter.builder
+        varying = isinstance(x, Num) and x.varying
+        return e.each(lambda v: b.bitcast(v, e.type("f", varying)), e.cast(x, "i", varying))
 
     def after(self, place: ir.Value, count: Any) -> ir.Value:
         """The address so many numbers further."""
         count = ir.Constant(I64, count) if isinstance(count, int) else count
         return self.emitter.builder.gep(place, [count], source_etype=F64)
+
+
+def unchanged(value: Any, layout: Layout) -> None:
+    """As `driver.unchanged`, while translating: what is written is what memory was made for."""
+    found = carried_layout(value)
+    if not fits(found, layout):
+        raise NotCompilable(refusal(found, layout))
 
 
 class Columns(Array):

@@ -12,6 +12,7 @@ import functools
 import hashlib
 import json
 import os
+import shlex
 import stat
 import sys
 import tempfile
@@ -20,6 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..errors import warn
 from . import IMPORTED
 
 LIMIT = 256 * 2**20
@@ -48,7 +50,7 @@ def own_source() -> str | None:
 @functools.cache
 def folder() -> Path | None:
     """$LIEMECH_CACHE_DIR, or the first of: beside the package, the user's cache; None if that
-    cannot be written or is not safe.
+    cannot be written or is not safe, with a warning of a folder that was named.
     """
     chosen = os.environ.get("LIEMECH_CACHE_DIR")
     package = Path(__file__).parent / "__pycache__"
@@ -58,14 +60,25 @@ def folder() -> Path | None:
         user = Path.home() / "Library" / "Caches" / "liemech"
     else:
         user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "liemech"
+    why = ""
     for place in [Path(chosen).resolve()] if chosen else [package, user]:
         try:
             place.mkdir(mode=0o700, parents=True, exist_ok=True)
             if _is_safe(place.lstat()):
                 with tempfile.TemporaryFile(dir=place):
                     return place
-        except OSError:
-            continue
+            why = (
+                "others may write to it or it is another user's, and what is in it will be run; give "
+                f"it to yourself alone, chmod 700 {shlex.quote(str(place))}, or name another folder"
+            )
+        except OSError as error:
+            why = f"{error}; name a folder to which you can write"
+    if chosen and chosen != os.devnull:  # the one that says: nowhere
+        warn(
+            f"$LIEMECH_CACHE_DIR, {chosen}, is not used: {why}.  Native code is kept nowhere, and "
+            "every process compiles anew",
+            RuntimeWarning,
+        )
     return None
 
 

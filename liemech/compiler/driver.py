@@ -15,7 +15,16 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
+from ..formulas.pytree import (
+    Layout,
+    build,
+    carried_layout,
+    difference,
+    fits,
+    is_any_number,
+    layout_of,
+    leaves,
+)
 from ..formulas.vectors import Vec
 
 
@@ -28,13 +37,53 @@ class Rejected:
 
 def read(array: np.ndarray, start: int, layout: Layout) -> Any:
     """The value of this layout that lies at `array[start:]`."""
-    return build(layout, iter(array[start : start + layout.width].tolist()))
+    numbers = array[start : start + layout.width].tolist()
+    if layout.exact:
+        integers = array.view(np.int64)
+        for i, kind in enumerate(layout.kinds):
+            if kind in ("integer", "truth"):
+                numbers[i] = (int if kind == "integer" else bool)(integers[start + i])
+    return build(layout, iter(numbers))
 
 
-def write(array: np.ndarray, start: int, value: Any, layout: Layout | None = None) -> None:
-    """Lay the numbers of a value, which may be known to have this layout, down at `array[start:]`."""
-    for i, x in enumerate(leaves(value, layout or layout_of(value))):
-        array[start + i] = x
+def write(array: np.ndarray, start: int, value: Any, layout: Layout) -> None:
+    """Lay the numbers of a value, which has this layout, down at `array[start:]`: an integer or a
+    truth value as one of 64 bits.  Raises InvalidType.
+    """
+    unchanged(value, layout)
+    integers = array.view(np.int64) if layout.exact else array
+    for i, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
+        (integers if kind in ("integer", "truth") else array)[start + i] = x
+
+
+def unchanged(value: Any, layout: Layout) -> None:
+    """Refuse a value that does not fit the layout: it has no place in the memory that was made for
+    it.  (The compiler sees so while it translates.)  Raises InvalidType, OverflowError.
+    """
+    found = carried_layout(value)
+    if not fits(found, layout):
+        raise InvalidType(refusal(found, layout))
+    if layout.exact:
+        for x, kind in zip(leaves(value, layout), layout.kinds, strict=True):
+            if kind == "integer" and isinstance(x, int) and not -HUGE <= x < HUGE:
+                raise OverflowError(
+                    f"{x} is carried along from step to step, where integers have 64 bits: keep it "
+                    "below 2**63, or make it a float"
+                )
+
+
+HUGE = 2**63
+"""Integers of 64 bits are at least -HUGE and less than HUGE."""
+
+
+def refusal(found: Layout, layout: Layout) -> str:
+    """Why a value does not fit a layout."""
+    name = layout.detail[0].__name__ if layout.kind == "record" else "the value"
+    return (
+        f"integrate: {difference(found, layout, name)}. What is carried along from step to step "
+        "keeps its structure: numbers, liemech.vec(...), liemech.mat(...), tuples and records, not "
+        "arrays; a number that is absent at first begins as 0.0, a float, not as None or 0"
+    )
 
 
 def numbers(value: Any) -> Vec:

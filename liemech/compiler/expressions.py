@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import NotCompilable
+from ..errors import InvalidType, NotCompilable
+from ..formulas.dual import Dual
 from ..formulas.numbers import ByValue
 from ..formulas.pytree import is_any_number
-from ..formulas.vectors import Mat, Vec
+from ..formulas.series import Series
+from ..formulas.vectors import Entries, Equal, Mat, Unequal, Vec
 from . import arrays, large
 from .advice import instead_of_syntax
 from .arrays import Array
@@ -23,6 +25,7 @@ from .iterators import Stream
 from .loops import Loops
 from .reads import varies
 from .scopes import Closure, Env, Frame, Function, Undefined
+from .tokens import looks_itself
 
 OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -72,15 +75,26 @@ class Expressions(Loops):
     def truth(self, value: Any) -> Any:
         if isinstance(value, Num):
             return value if value.kind == "b" else value != 0
+        if isinstance(value, (Dual, Series)):
+            return self.truth(value != 0.0)
         if isinstance(value, ByValue):
             return self.truth(value.value)
         if isinstance(value, Array):
             raise arrays.refuse("the truth")
-        if hasattr(type(value), "__bool__") or hasattr(type(value), "__len__"):
+        if isinstance(value, Entries):
+            value = value.together
+        if isinstance(value, (Equal, Unequal)):
+            return self.call(all if isinstance(value, Equal) else any, value)
+        if any(self.reads.of_class(value, name) for name in ("__bool__", "__len__")):
             self.reads.settled(value)
-        return bool(value)
+        try:
+            return bool(value)
+        except InvalidType as error:  # of a vector
+            raise NotCompilable(str(error)) from None
 
     def where(self, condition: Any, yes: Any, no: Any) -> Any:
+        if isinstance(condition, (Vec, Mat, Entries)):
+            raise NotCompilable(f"where: one condition; got a {type(condition).__name__}")
         condition = self.truth(condition)
         if isinstance(condition, bool):
             return yes if condition else no
@@ -215,6 +229,11 @@ class Expressions(Loops):
         if varies(value):
             raise NotCompilable("a text of numbers known only at run time (`raise` may have one)")
         self.reads.settled(value, inside=True)
+        if looks_itself(value):
+            raise NotCompilable(
+                f"an object of {type(value).__qualname__} says itself how it looks as a text: name "
+                "the text before the run"
+            )
 
     def items(self, nodes: list[ast.expr], env: Env) -> list[Any]:
         found: list[Any] = []
@@ -393,6 +412,7 @@ class Expressions(Loops):
                 "a float, a tuple or a slice known only at run time is used as an index: write "
                 "int(x), a[i][j] for a[i, j], a.T[i] for a[:, i]"
             )
+        self.reads.settled(value)
         if isinstance(value, dict):
             raise NotCompilable("a key of a dict must be known now: write `if` and `elif`, or a list")
         if index.kind == "b":
@@ -401,11 +421,15 @@ class Expressions(Loops):
             self.emitter.unless_numpy("a truth value as an index")
         if isinstance(value, np.ndarray):
             self.emitter.meet_numpy()
-        result, *others = _entries(value)  # an index known at run time: pick by comparison
-        count = len(others) + 1
+        entries = _entries(value)
+        count = len(entries)
         self.fail_if(
             self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count))
         )
+        result = large.picked(self.emitter, entries, index)
+        if result is not None:
+            return result
+        result, *others = entries  # pick by comparison
         for i, other in enumerate(others, 1):
             result = self.where((index == i) | (index == i - count), other, result)
         return result
@@ -584,6 +608,8 @@ def _known(test: Any) -> bool:
 
 def in_words(error: TypeError) -> str:
     """What Python says of operands of which one is a number of the run, and what to do."""
+    if isinstance(error, InvalidType):
+        return str(error)
     said = str(error).replace("'Num'", "a number known only at run time")
     return (
         f"{said}; native code has floats, integers, liemech.Vec, Mat and formulas.Complex: write "

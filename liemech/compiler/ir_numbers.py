@@ -478,10 +478,17 @@ class Num(StandIn):
     def is_integer(self) -> bool:
         return self.kind == "i"
 
+    @property
+    def is_truth(self) -> bool:
+        return self.kind == "b"
+
     def settled(self, what: str) -> Num:
         if self.mixed:
             raise NotCompilable(what)
         return self
+
+    def fails(self) -> None:
+        self.emitter.fail_if(self)
 
     def elementary(self, name: str, *x: Any) -> Num:
         return self.emitter.call(f"llvm.{name}" if name in (*INSTRUCTIONS, "fma") else name, *x)

@@ -27,7 +27,7 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, gatherer, layout_of, leaves
-from . import driver
+from . import driver, guard, interrupts
 from .uncollected import uncollected
 
 Kind = Layout | str | tuple[str, Layout]
@@ -178,7 +178,16 @@ class Kernel:
         integers, the arrays.
         """
         words = bodies, begin, end, *integers, *map(address, arrays)
-        self.call(struct.pack(f"{len(words)}q", *words) + numbers)
+        self.on_memory(struct.pack(f"{len(words)}q", *words) + numbers, arrays)
+
+    def on_memory(self, block: bytes, buffers: Sequence[guard.Buffer]) -> None:
+        """Run on one block, which holds the addresses of these buffers."""
+        if guard.ON:
+            guard.checked(self, block, buffers)
+        else:
+            self.call(block)
+        if _raised[0] or _given_up[0]:
+            interrupts.stop_if_asked()
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""
@@ -187,6 +196,7 @@ class Kernel:
         return llvm.assembly(_translated(self.entry, self.kinds, self.lanes)[1])
 
 
+_raised, _given_up = interrupts.come
 _addressof, _byte_in = ctypes.addressof, ctypes.c_char.from_buffer
 
 
@@ -399,7 +409,7 @@ def _translation(
         from llvmlite import ir
 
         from . import llvm
-        from .buffers import Array, arguments, entrance
+        from .buffers import Array, arguments, entrance, unchanged
         from .ir_numbers import F64, I64, Emitter
         from .outlined import Builder, Names, drop_unused
         from .reads import Reads
@@ -441,7 +451,8 @@ def _translation(
     interpreter = Interpreter(emitter, reads)
     interpreter.intrinsics |= {
         driver.read: lambda array, at, layout: array.read(at, interpreter.outliner.fitting(layout)),
-        driver.write: lambda array, at, value, layout=None: array.write(at, value),
+        driver.write: lambda array, at, value, layout: array.write(at, value, layout),
+        driver.unchanged: unchanged,
         driver.attempt: interpreter.attempt,
         driver.accepted: interpreter.accepted,
         driver.any_body: emitter.any,

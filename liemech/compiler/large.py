@@ -8,17 +8,22 @@ vector anyway.
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import operator
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 
 from ..formulas import sums as formulas
 from ..formulas import tables
 from ..formulas.complex_numbers import Complex
+from ..formulas.pytree import Layout, build, carried_layout, leaves
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
-from .ir_numbers import F64, I32, I64, Emitter, Num
+from .ir_numbers import F64, HUGE, I32, I64, TYPES, Emitter, Num
 
 LARGE = 300
 """Products of numbers from which a product of matrices becomes a loop: 6 x 6 matrices are written
@@ -275,7 +280,9 @@ def _table(e: Emitter, type_: ir.Type, numbers: list[Any]) -> ir.Value:
     module = e.builder.module
     kind = ir.ArrayType(type_, len(numbers))
     constant = ir.Constant(kind, numbers)
-    same = (g for g in module.globals.values() if isinstance(g, ir.GlobalVariable))
+    same = (
+        g for g in module.globals.values() if isinstance(g, ir.GlobalVariable) and g.initializer
+    )
     table = next(
         (g for g in same if g.type.pointee == kind and g.initializer.constant == numbers), None
     )
@@ -286,6 +293,70 @@ def _table(e: Emitter, type_: ir.Type, numbers: list[Any]) -> ir.Value:
     return e.builder.gep(table, [zero, zero], inbounds=True, source_etype=kind)
 
 
+LONG = 16
+"""Entries from which constants, of which the run says which one is taken, are a table in memory."""
+
+
+def picked(e: Emitter, entries: Any, index: Num) -> Any:
+    """The entry of this index, of constants that all have one form: numbers of one kind, or tuples
+    and vectors of these.  None if they have not, or are few.
+
+    The index counts from the end if it is negative; one beyond both ends takes the first entry.
+    """
+    count = len(entries)
+    if count < LONG:
+        return None
+    layouts = {carried_layout(x) for x in entries}
+    if len(layouts) > 1:
+        return None
+    layout = layouts.pop()
+    if "list" in _kinds(layout) or layout.kind == "record" or not layout.width:
+        return None
+    rows = [leaves(x, layout) for x in entries]
+    types = [{type(row[k]) for row in rows} for k in range(layout.width)]
+    if not all(len(t) == 1 and t <= {bool, int, float} for t in types):
+        return None
+    integers = [x for row in rows for x in row if type(x) is int]
+    if not all(-HUGE <= x < HUGE for x in integers):
+        return None
+    place = e.select(index < 0, index + count, index)
+    place = e.select(e.logic("and_", place >= 0, place < count), place, 0)
+    numbers = []
+    for k, of in enumerate(types):
+        kind = {bool: "b", int: "i", float: "f"}[of.pop()]
+        pointer = _constants(e, [row[k] for row in rows], kind)
+        x = _loaded(e, functools.partial(_same, pointer), 0.0, place, "f" if kind == "f" else "i")
+        numbers.append(x != 0 if kind == "b" else x)
+    return build(layout, iter(numbers))
+
+
+def _same(pointer: ir.Value, at: ir.Value) -> ir.Value:
+    return pointer
+
+
+def _kinds(layout: Layout) -> set[str]:
+    return {layout.kind}.union(*[_kinds(part) for part in layout.parts])
+
+
+def _constants(e: Emitter, numbers: list[Any], kind: str) -> ir.Value:
+    """The address of the first of these constants, as read-only memory of the module: bytes, which
+    LLVM reads in no time.
+    """
+    module, n = e.builder.module, len(numbers)
+    data = np.array(numbers, dtype=np.float64 if kind == "f" else np.int64).tobytes()
+    name = f"constants.{hashlib.sha256(data).hexdigest()[:24]}"
+    type_ = ir.ArrayType(ir.IntType(8), 8 * n)
+    table = module.globals.get(name)
+    if table is None:
+        table = ir.GlobalVariable(module, type_, name)
+        text = 'c"\\' + data.hex("\\") + '"'
+        table.global_constant, table.linkage = True, "internal"
+        table.initializer, table.align = ir.FormattedConstant(type_, text), 8
+    zero = ir.Constant(I64, 0)
+    first = e.builder.gep(table, [zero, zero], inbounds=True, source_etype=type_)
+    return e.builder.bitcast(first, (F64 if kind == "f" else I64).as_pointer())
+
+
 def entry(e: Emitter, table: Table, i: Any) -> Any:
     """A number of a table, which lies where the run says; of one that is known now, in the code
     itself.
@@ -293,21 +364,30 @@ def entry(e: Emitter, table: Table, i: Any) -> Any:
     if not isinstance(i, Num) and table.content is not None:
         return tables.entry(table, i)
     b, place = e.builder, table.place
-    varying = any(isinstance(x, Num) and x.varying for x in (place, i))
     pointer = None if isinstance(place, Num) else _table(e, F64, table.array.tolist())
 
-    def load(at: ir.Value, index: ir.Value) -> ir.Value:
-        first = pointer or b.inttoptr(
+    def first(at: ir.Value) -> ir.Value:
+        return pointer or b.inttoptr(
             b.mul(b.fptosi(at, I64), ir.Constant(I64, 8)), F64.as_pointer()
         )
-        return b.load(b.gep(first, [index], source_etype=F64), typ=F64)
+
+    return _loaded(e, first, place, i, "f")
+
+
+def _loaded(e: Emitter, first: Callable[[ir.Value], ir.Value], place: Any, i: Any, kind: str) -> Num:
+    """The number that comes i after the first of those at a place, for every lane."""
+    b, type_ = e.builder, TYPES[kind]
+    varying = any(isinstance(x, Num) and x.varying for x in (place, i))
+
+    def load(at: ir.Value, index: ir.Value) -> ir.Value:
+        return b.load(b.gep(first(at), [index], source_etype=type_), align=8, typ=type_)
 
     places, indices = e.cast(place, "f", varying), e.cast(i, "i", varying)
     if not varying:
         return e.num([load(places[0], indices[0])])
     registers = []
     for at, index in zip(places, indices):
-        register: ir.Value = ir.Constant(e.type("f", True), ir.Undefined)
+        register: ir.Value = ir.Constant(e.type(kind, True), ir.Undefined)
         for lane in range(e.width):
             k = ir.Constant(I32, lane)
             register = b.insert_element(

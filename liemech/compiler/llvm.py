@@ -19,7 +19,7 @@ import llvmlite
 import llvmlite.binding as llvm
 
 from ..formulas.functions import LIBM
-from . import callbacks
+from . import callbacks, interrupts
 
 VERSION: str = llvmlite.__version__
 SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_char_p)
@@ -163,7 +163,7 @@ def _prepare() -> None:
 @functools.cache
 def _functions() -> dict[str, int]:
     """The functions of the C library that plain Python uses too, under names that LLVM does not
-    know, so that it changes nothing about them; and those that call Python back.
+    know, so that it changes nothing about them; and those that call Python back or ask it.
     """
     library = _c_library()
     of_c = {
@@ -171,7 +171,7 @@ def _functions() -> dict[str, int]:
         or 0
         for f in (*LIBM, pow)
     }
-    return of_c | callbacks.addresses()
+    return of_c | callbacks.addresses() | interrupts.addresses()
 
 
 def _c_library() -> ctypes.CDLL:

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
+from .asking import Look
 from .branches import Branches
 from .ir_numbers import Num, kind_of
 from .phi import (
@@ -113,9 +114,10 @@ class Loops(Branches):
         body: list[ast.stmt],
         env: Env,
         counters: tuple[str, ...] = (),
+        brief: bool = False,
     ) -> bool:
         """A loop whose number of turns is known at run time only; `test` sees the variables at its
-        head, `step` at its end.
+        head, `step` at its end.  brief : it has few turns, and nobody waits for its end.
         """
         for name in {*changed_names(body), *counters} & env.keys():
             if isinstance(env[name], Undefined):
@@ -130,7 +132,9 @@ class Loops(Branches):
             marks = {FOUND, HAS_FOUND} if FOUND in env else set()
             carried = sorted((changed | marks | {*map(has, changed)}) & env.keys())
             try:
-                going_on = self._loop(test, step, body, env, carried, types, masked, counters)
+                going_on = self._loop(
+                    test, step, body, env, carried, types, masked, counters, brief
+                )
                 # an int that becomes a float may do so in this call only
                 if not any(mixed for *_, mixed in types.values()):
                     self.loop_forms[form] = masked, types, grown
@@ -205,6 +209,7 @@ class Loops(Branches):
         types: dict[int, tuple[str, bool, bool]],
         masked: bool,
         counters: tuple[str, ...],
+        brief: bool,
     ) -> bool:
         e, b, frame = self.emitter, self.builder, self.frames[-1]
         before, head, outer = b.block, b.append_basic_block(), self.base
@@ -238,6 +243,7 @@ class Loops(Branches):
         if masked:
             active = entering(e.constant(True, "b", True) if here is None else here)
             phis.pop()
+        look = None if brief or not self.escapes else Look(self, before, head)
         b.position_at_end(before)
         b.branch(head)
         b.position_at_end(head)
@@ -259,6 +265,8 @@ class Loops(Branches):
         frame.loops.pop()
         if self.join(loop.continues + ([Open(b.block, inside)] if alive else []), inside):
             step(inside)
+            if look is not None:
+                look.after_turn(self)
             index, retyped = 0, {}
             grown: Env = {}
             changed: list[str] = []
@@ -314,6 +322,8 @@ class Loops(Branches):
                 come_from(
                     active, e.cast(e.logic("and_", lanes, e.negation(broken)), "b", True), b.block
                 )
+            if look is not None:
+                look.again(b.block)
             # what has failed everywhere might never end
             if self.raises > raises and not masked and not counters:
                 going, given_up = e.any(e.negation(e.load(self.failed))), b.append_basic_block()

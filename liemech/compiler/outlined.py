@@ -815,6 +815,7 @@ class Outliner:
             match kind:
                 case "structure":
                     whole = _of_parts(x[0], [restored(y) for y in x[1]])
+                    t.reads.made_again(whole, x[0])
                     if id(x[0]) in t.sharing.shared:
                         t.sharing.share([whole, *lists(call.parts)])
                     return whole

@@ -65,7 +65,7 @@ class PythonFunctions:
             isinstance: self.isinstance,
             type: self.type,
             hasattr: self.hasattr,
-            callable: lambda x: isinstance(x, Closure) or callable(x),
+            callable: lambda x: isinstance(x, Closure) or self.t.reads.of_class(x, "__call__"),
             bool: lambda x=False: self.t.truth(x),
             float: self.float,
             int: self.cut,
@@ -124,13 +124,13 @@ class PythonFunctions:
         self.table[functions.fma] = functions.fma
         for f in functions.LIBM:
             self.table[f] = f
-            self.table.setdefault(
-                getattr(math, f.__name__), self.of_math(getattr(math, f.__name__), f.__name__)
-            )
+            there = getattr(math, f.__name__)
+            if there.__name__ == f.__name__:  # not another one, put there by the user
+                self.table.setdefault(there, self.of_math(there, f.__name__))
         for python, symbol in FUNCTIONS.items():
             self.table.setdefault(python, self.called_back(python, symbol))
         for python in OF_MATH.keys() & self.table.keys():
-            self.table[python] = self.taking_all(self.table[python], OF_MATH[python])
+            self.table[python] = self.taking_all(self.table[python], python)
         for function in OF_NUMPY:
             self.table[function] = self.or_formula(function, self.table.get(function))
         for f in [f for f in self.table if isinstance(f, types.FunctionType) and not is_own(f)]:
@@ -433,15 +433,19 @@ class PythonFunctions:
         """A function of `math`: the C library's, which fails where Python raises."""
         return self.plain_number(lambda *x: self.raising(self.e.call(name, *x), *x), function)
 
-    def taking_all(self, native: Callable[..., Any], formula: Any) -> Callable[..., Any]:
+    def taking_all(self, native: Callable[..., Any], function: Any) -> Callable[..., Any]:
         """A function of `math`, of numbers that carry more the formula; it fails where Python's
         raises.
         """
+        formula = OF_MATH[function]
 
         def value(*x: Any) -> Any:
             if not any(isinstance(a, (Dual, Series, DoubleDouble)) for a in x):
                 return native(*x)
-            native(*map(head, x))
+            try:
+                native(*map(head, x))
+            except (ArithmeticError, ValueError) as error:
+                raise NotCompilable(f"`math.{function.__name__}` raises here: {error}") from None
             return self.t.call(formula, *x)
 
         return value

@@ -50,6 +50,8 @@ class Reads:
         self._origins: dict[int, tuple[Any, str, Any]] = {}
         # by the identity of the compiler's copy of an argument: the argument
         self._given: dict[int, Any] = {}
+        # by the identity of a record with parts exchanged: the record as it was read
+        self._before: dict[int, Any] = {}
         self._twice: set[int] = set()  # what several paths lead to, by identity
         self._alive: list[Any] = [entry]
         self.known: Known = {}
@@ -60,6 +62,14 @@ class Reads:
     def argument(self, index: int, copy: Any, value: Any) -> None:
         """The compiler computes with a copy of an argument, whose numbers are those of native code."""
         self._admit(copy, value, None, "argument", index)
+
+    def exchanged(self, made: Any, before: Any) -> None:
+        """A record is another one with parts exchanged: what that one has beside its fields, and
+        constants that Python computes of them, are its own too.
+        """
+        if made is not before:
+            self._before[id(made)] = before
+            self._alive.append(made)
 
     # -------------------------------------------------------------- questions of the translation
 
@@ -120,7 +130,16 @@ class Reads:
         outside = of_python(type(value)) or isinstance(
             value, (type, types.ModuleType, types.FunctionType)
         )
-        return self._read(value, "has", name) if outside else hasattr(value, name)
+        if not outside and (id(value) not in self._origins or tokens.known(value, False)):
+            return hasattr(value, name)  # what is there does not change, or the token tells
+        return self._read(value, "has", name)
+
+    def of_class(self, value: Any, name: str) -> bool:
+        """Has the class of an object this member?"""
+        cls = type(value)
+        if of_python(cls) and id(cls) in self._origins:
+            return bool(self._read(cls, "defines", name))
+        return _member(cls, 0, name) is not _MISSING
 
     def identical(self, left: Any, right: Any) -> bool:
         """`left is right`.  Of records and containers it is written down: nothing else tells that
@@ -186,6 +205,18 @@ class Reads:
                     f"Python would have to compute with {what} before the "
                     "run: formulas use attributes and calls; make it a tuple, a dict or a float"
                 )
+            self._unwritten(value, inside)
+
+    def _unwritten(self, value: Any, inside: bool) -> None:
+        """Write down that the class of a value (`inside`: and of its parts) has no operators of its
+        own; it may get some.
+        """
+        cls = type(value)
+        if of_python(cls) and id(cls) in self._origins:
+            self._read(cls, "plain", "")
+        if inside and cls not in ATOMS:
+            for *_, part in tokens.parts(value):
+                self._unwritten(part, inside)
 
     def attribute(self, value: Any, name: str, call: Callable[..., Any]) -> Any:
         """`value.name`; properties are formulas, which `call` translates."""
@@ -215,6 +246,8 @@ class Reads:
         if name in own and not hasattr(type(member), "__set__"):
             copied = id(owner) in self._given or id(owner) not in self._origins
             return own[name] if copied else self._read(owner, "attribute", name)
+        if member is _MISSING and id(owner) in self._before:
+            return self.attribute(self._before[id(owner)], name, call)
         if member is _MISSING or "__getattribute__" in {
             n for c in cls.__mro__[:-1] for n in vars(c)
         }:
@@ -253,6 +286,12 @@ class Reads:
         """A cached property: a constant that Python computes, or a formula where it depends on
         numbers of the run.
         """
+        if id(owner) in self._before:
+            try:
+                value = self.attribute(self._before[id(owner)], name, call)
+            except NotCompilable:
+                return call(member.func, owner)
+            return call(member.func, owner) if varies(value) else value
         if id(owner) not in self._origins:
             return call(member.func, owner)
         if self._is_made(owner):
@@ -370,6 +409,12 @@ class Reads:
             self._alive.append(copy)
             self._origins[id(copy)] = self._origins[id(value)]
             self._given[id(copy)] = self._given.get(id(value), value)
+        self.made_again(copy, value)
+
+    def made_again(self, copy: Any, value: Any) -> None:
+        """A record like one that may have had parts exchanged."""
+        if id(value) in self._before and id(copy) not in self._before:
+            self.exchanged(copy, self._before[id(value)])
 
     # -------------------------------------------------------------- comparison
 
@@ -666,6 +711,10 @@ def _asked(holder: Any, how: str, name: Any) -> Any:
             return type(holder)
         case "has":
             return hasattr(holder, name)
+        case "defines":
+            return _member(holder, 0, name) is not _MISSING
+        case "plain":
+            return not tokens.has_operators(holder)
         case "own":
             return name in vars(holder)
         case "argument":

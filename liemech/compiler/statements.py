@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import NotCompilable
 from .advice import instead_of_syntax
 from .arrays import Array
+from .asking import EVERY
 from .expressions import OPERATORS, Expressions, Later
 from .ir_numbers import Num
 from .iterators import Stream
@@ -313,6 +314,7 @@ class Statements(Expressions):
             [first, *node.body],
             env,
             (counter,),
+            brief=isinstance(start, int) and isinstance(stop, int) and stop - start <= EVERY,
         )
         return inside or self.after(env)
 

@@ -119,12 +119,12 @@ def known(value: Any, inside: bool = True) -> bool:
         return True
     if isinstance(value, (types.FunctionType, types.MethodType)):
         return False  # Python would run what nobody has read
-    if of_python(type(value)) and any(
-        _has_operators(c) for c in type(value).__mro__ if of_python(c)
-    ):
+    if of_python(type(value)) and has_operators(type(value)):
         return False
     if isinstance(value, Record):
         return True
+    if isinstance(value, np.ndarray) and type(value) not in _ARRAYS:
+        return False
     if (
         not has_content(value)
         or isinstance(value, types.ModuleType)
@@ -136,6 +136,9 @@ def known(value: Any, inside: bool = True) -> bool:
 
 MADE: set[type] = set()
 """Classes of objects that only the compiler makes."""
+
+_ARRAYS = np.ndarray, np.memmap
+"""Arrays whose bytes tell all; a masked one has a mask, a subclass what its author wrote."""
 
 
 def has_content(value: Any) -> bool:
@@ -155,48 +158,59 @@ def of_python(cls: type) -> bool:
 _HEAP = 1 << 9  # Python's flag of classes made while it runs
 _SETTLED = {"builtins", "enum", "fractions", "decimal", "numpy"}
 
-_TWO = (
-    "add",
-    "sub",
-    "mul",
-    "truediv",
-    "floordiv",
-    "mod",
-    "pow",
-    "matmul",
-    "and",
-    "or",
-    "xor",
-    "lshift",
-    "rshift",
-)
-_ONE = (
-    "neg",
-    "pos",
-    "abs",
-    "invert",
-    "bool",
-    "len",
-    "iter",
-    "next",
-    "float",
-    "int",
-    "index",
-    "complex",
-    "round",
-    "array",
-)
-_OTHER = ("lt", "le", "gt", "ge", "ne", "getitem", "contains", "call")
-_OPERATORS = {f"__{name}__" for name in (*_TWO, *(f"r{n}" for n in _TWO), *_ONE, *_OTHER)}
-
-
-def _has_operators(cls: type) -> bool:
-    """Does a class define operators of its own?  (The `==` of a dataclass compares its fields and
-    has no file.)
+_QUIET = """
+    __module__ __qualname__ __doc__ __dict__ __weakref__ __slots__ __annotations__ __annotate__
+    __annotate_func__ __annotations_cache__ __static_attributes__ __firstlineno__ __classdictcell__
+    __classcell__ __orig_bases__ __parameters__ __type_params__ __match_args__ __final__
+    __abstractmethods__ __subclasshook__ __init_subclass__ __class_getitem__ __set_name__
+    __protocol_attrs__ __non_callable_proto_members__ __dataclass_fields__ __dataclass_params__
+    __new__ __init__ __post_init__ __replace__ __del__ __setattr__ __delattr__ __missing__ __copy__
+    __deepcopy__ __reduce__ __reduce_ex__ __getstate__ __setstate__ __getnewargs__
+    __getnewargs_ex__ __sizeof__ __dir__
     """
-    equal = vars(cls).get("__eq__")
-    written = isinstance(equal, types.FunctionType) and equal.__code__.co_filename != "<string>"
-    return written or not _OPERATORS.isdisjoint(vars(cls))
+_HARMLESS = frozenset(_QUIET.split())
+"""Names with two underscores of a class that no operator, function or loop of Python's asks for, or
+that the compiler asks about itself (`__missing__`).
+"""
+
+_TEXTS = {"__repr__", "__str__", "__format__", "__bytes__"}
+"""Those that say how an object looks: `textual` asks about them."""
+
+
+def has_operators(cls: type) -> bool:
+    """Does a class, or one of its bases, define something that Python's operators, loops and
+    functions run?  (The methods that a dataclass or a named tuple is given have no file of the
+    user's.)
+    """
+    return any(
+        name.startswith("__") and name.endswith("__") and name not in _HARMLESS | _TEXTS
+        and _is_written(member)
+        for c in cls.__mro__ if of_python(c)
+        for name, member in vars(c).items()
+    )  # fmt: skip
+
+
+def _is_written(member: Any) -> bool:
+    """Did somebody write it, other than `dataclass`, `enum` or `collections.namedtuple`?"""
+    if member is None:  # `__hash__` beside an `__eq__`
+        return False
+    code = getattr(member, "__code__", None)
+    if code is None:
+        return not isinstance(member, types.BuiltinFunctionType)
+    return not code.co_filename.startswith("<") and str(member.__module__) not in _MAKERS
+
+
+_MAKERS = {"enum", "dataclasses", "collections", "typing"}
+
+
+def looks_itself(value: Any) -> bool:
+    """Does a class of the user's say how an object, or one in it, looks as a text?"""
+    own = any(
+        name in vars(c) and _is_written(vars(c)[name])
+        for c in type(value).__mro__ if of_python(c)
+        for name in _TEXTS
+    )  # fmt: skip
+    return own or any(looks_itself(x) for *_, x in parts(value))
 
 
 def is_own(value: Any) -> bool:

@@ -32,19 +32,22 @@ from ..formulas.pytree import (
     PAIRS,
     compensated,
     double_double,
+    exchanged,
     fill,
     fitted,
+    inside,
     is_any_number,
     layout_of,
     leaves,
     paired,
     plain,
     rounded,
+    with_fields,
 )
 from ..formulas.records import Record
 from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
-from . import driver, large
+from . import driver, large, tokens
 from .advice import instead_of, instead_of_syntax
 from .arrays import Array, refuse, vector
 from .expressions import in_words
@@ -64,6 +67,7 @@ DEPTH = 40  # nested calls
 _ARITHMETIC = vectors.__name__, series.__name__, products.__name__
 _OUTSIDE = {vars(builtins)[name] for name in OUTSIDE.split()}
 _PYTHON = {f for f in vars(builtins).values() if callable(f) and f not in _OUTSIDE}
+_TEXTS = str, repr, ascii, format
 _UNSEEN = "fromfile save savez savez_compressed savetxt empty empty_like copyto put putmask place fill_diagonal"
 """NumPy's functions that act outside or look there."""
 _READING = (
@@ -92,6 +96,8 @@ class Interpreter(Statements):
             getattr: self.named,
             dataclasses.replace: self.replaced,
             **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
+            **{f: f for f in (inside, with_fields)},
+            exchanged: lambda x, kind, new: exchanged(x, kind, new, self.reads.exchanged),
             tangent: lambda formula, *x: tangent(
                 lambda y: vector(self.call(formula, y)), *map(vector, x)
             ),
@@ -164,6 +170,13 @@ class Interpreter(Statements):
             else (isinstance(function, Hashable) and function in _PYTHON) or _of_numbers(function)
         ):
             raise NotCompilable(f"`{name}` is not known to native code: {instead_of(function)}")
+        if method and (
+            not tokens.known(function.__self__, False) or self.reads.from_outside(function)
+        ):
+            raise NotCompilable(
+                f"`{name}` asks an object of {type(function.__self__).__qualname__}, whose content "
+                "nobody has read: give its value to a name or a field before the run"
+            )
         if name in _OF_DICTS and not varies([*args[:1]]):
             self.reads.settled(*args)
             found = function(*args)
@@ -175,6 +188,9 @@ class Interpreter(Statements):
                 f"`{name}` of numbers known only at run time: {instead_of(function)}"
             )
         self.reads.settled(*args, *options.values(), inside=function not in (dict, range, slice))
+        if function in _TEXTS or (method and isinstance(function.__self__, str)):
+            for x in (*args, *options.values()):
+                self.textual(x)
         return function(*args, **options)
 
     def deeper(self) -> None:

@@ -13,7 +13,7 @@ from . import of_numpy  # noqa: F401 (NumPy's functions become formulas)
 from .broadcasting import check_finite, real_array
 from .complex_numbers import Complex
 from .derivatives import derivative, gradient, jacobian
-from .dual import Dual
+from .dual import Dual, constant
 from .elimination import determinant, inverse, solve, solve3
 from .functions import (
     acos,
@@ -48,6 +48,17 @@ from .functions import (
 )
 from .pytree import plain
 from .records import Record, record
+from .removable import (
+    atan_over,
+    coshm1_over,
+    expm1_over,
+    log1p_over,
+    segment_over,
+    sinc,
+    sinh_over,
+    stumpff,
+    versine_over,
+)
 from .vectors import (
     cross,
     diagonal,
@@ -86,12 +97,15 @@ __all__ = [
     "asinh",
     "atan",
     "atan2",
+    "atan_over",
     "atanh",
     "cbrt",
     "check_finite",
+    "constant",
     "copysign",
     "cos",
     "cosh",
+    "coshm1_over",
     "cross",
     "degrees",
     "derivative",
@@ -101,6 +115,7 @@ __all__ = [
     "exp",
     "exp2",
     "expm1",
+    "expm1_over",
     "fabs",
     "gradient",
     "horner",
@@ -111,6 +126,7 @@ __all__ = [
     "log",
     "log10",
     "log1p",
+    "log1p_over",
     "log2",
     "mat",
     "norm",
@@ -120,15 +136,20 @@ __all__ = [
     "radians",
     "real_array",
     "record",
+    "segment_over",
     "sin",
+    "sinc",
     "sinh",
+    "sinh_over",
     "solve",
     "solve3",
     "sqrt",
+    "stumpff",
     "sum",
     "tan",
     "tanh",
     "transpose",
     "vec",
+    "versine_over",
     "where",
 ]

@@ -37,8 +37,14 @@ def derivative(formula: Callable[[Any], Any], x: Any, direction: Any = 1.0) -> A
 
 
 def gradient(formula: Callable[[Any], Any], x: Any) -> Vec:
-    """The vector df/dx_j of a formula from vectors to numbers.  x : (n,)."""
-    return vec(*[derivative(formula, x, unit) for unit in axes(x)])
+    """The vector df/dx_j of a formula from vectors to numbers.  x : (n,).  Raises InvalidType if it
+    returns a vector (`jacobian`).
+    """
+    slopes = [derivative(formula, x, unit) for unit in axes(x)]
+    for slope in slopes:
+        if isinstance(slope, (tuple, list, Mat)):
+            raise InvalidType("gradient: of a formula that returns a number; of a vector: jacobian")
+    return vec(*slopes)
 
 
 def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:

@@ -19,7 +19,7 @@ from ..errors import NotCompilable
 from . import functions as f
 from .complex_numbers import outranks
 from .functions import LOG_2, LOG_10
-from .numbers import AN_INT, INTEGER_POWER, ByValue, CarriesMore, StandIn, whole_power
+from .numbers import AN_INT, INTEGER_POWER, ONLY_THERE, ByValue, CarriesMore, Operand, StandIn, raise_if, whole_power
 
 DEPTH: ContextVar[int] = ContextVar(
     "how many derivatives are being taken, one inside the other", default=0
@@ -139,7 +139,8 @@ class Dual(ByValue):
             return n.__rpow__(self)
         exponent, by_exponent = n.parts if isinstance(n, Dual) and n.level == self.level else (n, 0)
         value = self.value**exponent
-        rise = exponent * self.value ** (exponent - 1.0 * (exponent != 0.0))  # x^0 = 1 at x = 0 too
+        some = 1.0 * (constant(exponent) != 0.0)
+        rise = exponent * self.value ** (exponent - some)  # x^0 = 1 at x = 0 too
         return Dual(
             value,
             _sum(_scaled(rise, self.slope), _by_exponent(self.value, value, by_exponent)),
@@ -207,6 +208,22 @@ class Dual(ByValue):
         sign = 1.0 * (self.value >= 0.0) - 1.0 * (self.value < 0.0)
         return Dual(abs(self.value), _scaled(sign, self.slope), self.level)
 
+    # Equal numbers whose slopes differ are equal at this one point only.
+
+    def __eq__(self, other: object) -> Any:
+        equal = super().__eq__(other)
+        _not_only_here(equal, self, other)
+        return equal
+
+    def __ne__(self, other: object) -> Any:
+        _not_only_here(super().__eq__(other), self, other)
+        return super().__ne__(other)
+
+    def __bool__(self) -> bool:
+        return bool(self != 0.0)
+
+    __hash__ = None
+
     def __float__(self) -> float:
         raise CarriesMore("a number that carries a derivative")
 
@@ -236,12 +253,36 @@ def _by_exponent(base: Any, value: Any, slope: Any) -> Any:
     """What an exponent with this slope adds to the slope of value = base^exponent; at base 0
     nothing.
     """
-    return slope if type(slope) is int else value * f.log(base + 1.0 * (base == 0.0)) * slope
+    return slope if type(slope) is int else value * f.log(base + 1.0 * (constant(base) == 0.0)) * slope
 
 
 def value_of(x: Any) -> Any:
     """A number without its derivatives."""
     return value_of(x.value) if isinstance(x, Dual) else x
+
+
+def _not_only_here(equal: Any, a: Any, b: Any) -> None:
+    """Refuse that two numbers are equal although they move apart."""
+    if equal is False or a is b or outranks(b) or not isinstance(b, (int, float, StandIn, Operand)):
+        return
+    motion = _motion(a - b)
+    if type(motion) is not int:
+        raise_if(equal & (constant(motion) != 0.0), ONLY_THERE.format("a number that carries a derivative"))
+
+
+def _motion(x: Any) -> Any:
+    """The sizes of all slopes of a number, added; the integer 0 if it has none."""
+    return _motion(x.value) + size_of(x.slope) if isinstance(x, Dual) else 0
+
+
+def constant(x: Any) -> Any:
+    """A number alone: without its derivatives, and of a power series the first term.
+
+    For comparisons with a point where a formula has one slope on all of its branches.
+    """
+    if isinstance(x, Dual):
+        return constant(x.value)
+    return constant(x[0]) if hasattr(x, "term") else x
 
 
 def size_of(x: Any) -> Any:

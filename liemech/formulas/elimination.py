@@ -4,23 +4,30 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from ..errors import InvalidType
 from .complex_numbers import Complex
 from .double_double import DoubleDouble, is_long
+from .dual import constant
 from .pytree import plain
 from .sums import abs2
 from .vectors import Mat, Vec, cross, dot, mat, vec
 
 INFINITE = float("inf")
+_SEQUENCES = (tuple, list, np.ndarray)
 
 
-def solve(m: Mat, rhs: Any) -> Vec:
+def solve(m: Mat, rhs: Any) -> Any:
     """The solution x of m x = rhs by Gaussian elimination with partial pivoting; a singular matrix
-    is a division by zero.
+    is a division by zero, or gives inf or nan if the right side is a matrix.
 
-    m : (n, n), rhs : (n,).  Raises InvalidType if m is not square or rhs has another length.
+    m : (n, n), rhs : (n,), or (n, k) for k right sides.  Raises InvalidType if m is not square or
+    rhs has another length.
     """
     n = _square("solve", m, rhs)
+    if not isinstance(rhs, Vec) and n and isinstance(rhs[0], _SEQUENCES):
+        return solve_matrix(m, rhs)
     rows = _of_one_kind([vec(*m[i], rhs[i]) for i in range(n)])
     for k in range(n):
         # a compare-and-swap network brings the largest entry of the column to row k
@@ -61,7 +68,7 @@ def solve3(m: Mat, rhs: Any) -> Vec:
     x_i = det(m with column i replaced by rhs) / det m.  Raises InvalidType if m is not of three
     columns of length 3.
     """
-    if len(m) != 3 or len(m[0]) != 3:
+    if len(m) != 3 or _columns("solve3", m) != 3:
         raise InvalidType(f"solve3: a matrix of {len(m)} rows and {len(m[0])} columns")
     a, b, c = m.T
     bc = cross(b, c)
@@ -92,10 +99,18 @@ def solve_matrix(m: Mat, rhs: Mat) -> Mat:
 def _square(what: str, m: Mat, rhs: Any) -> int:
     """n, of a matrix (n, n) and a right side of length n."""
     n = len(m)
-    if len(m[0]) != n or len(rhs) != n:
+    columns = _columns(what, m)
+    if columns != n or len(rhs) != n:
         side = "" if rhs is m else f", and a right side of {len(rhs)}"
-        raise InvalidType(f"{what}: a matrix of {n} rows and {len(m[0])} columns{side}")
+        raise InvalidType(f"{what}: a matrix of {n} rows and {columns} columns{side}")
     return n
+
+
+def _columns(what: str, m: Any) -> int:
+    """How many columns a matrix has."""
+    if not isinstance(m[0], _SEQUENCES):
+        raise InvalidType(f"{what}: of a matrix; got a vector of {len(m)} components")
+    return len(m[0])
 
 
 def _size(x: Any) -> Any:
@@ -107,7 +122,7 @@ def _reciprocal(x: Any) -> Any:
     """1/x, infinite for zero."""
     if isinstance(x, Complex):
         return x.conjugate() * _reciprocal(abs2(x))
-    return 1.0 / x if x != 0.0 else INFINITE + 0.0 * x
+    return 1.0 / x if constant(x) != 0.0 else INFINITE + 0.0 * x
 
 
 def unit(m: Mat) -> Mat:

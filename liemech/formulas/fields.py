@@ -242,6 +242,10 @@ def _number(owner: Any, name: str, value: Any) -> Any:
         raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}")
     try:
         return float(value)
+    except OverflowError:
+        raise InvalidInput(
+            f"{type(owner).__name__}.{name} is larger than a float can be, which is 1.8e308"
+        ) from None
     except (TypeError, ValueError):
         if not hasattr(value, "free_symbols"):
             raise InvalidType(f"{type(owner).__name__}.{name} is a number; got {value!r}") from None

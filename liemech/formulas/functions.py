@@ -196,4 +196,6 @@ def where(condition: Any, yes: Any, no: Any) -> Any:
         return np.where(condition, yes, no)
     if hasattr(condition, "free_symbols"):
         return _sympy("Piecewise")((yes, condition), (no, True))
+    if getattr(condition, "axes", 0):
+        raise TypeError(f"where: one condition; got a {type(condition).__name__}")
     return yes if condition else no

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InvalidInput
+
 INTEGER_POWER = 64
 """Up to here powers with an int as exponent are products, which are fast and exist where the
 logarithm does not.
@@ -31,9 +33,17 @@ class StandIn:
         """Does it take the place of an int?"""
         return False
 
+    @property
+    def is_truth(self) -> bool:
+        """Does it take the place of a bool?"""
+        return False
+
     def settled(self, what: str) -> Any:
         """The number, which is a float on every way to this place."""
         return self
+
+    def fails(self) -> None:
+        """Python raises here if this truth value holds."""
 
     def elementary(self, name: str, *x: Any) -> Any:
         """The elementary function of this name, of numbers of which one is `self`."""
@@ -96,9 +106,9 @@ class CarriesMore(TypeError):
 
     def __init__(self, kind: str) -> None:
         super().__init__(
-            f"{kind} cannot become a float: take functions from liemech.formulas (sin, exp, sqrt, "
-            "...), not from math; of a function that is not there, write the gradient or force "
-            "yourself"
+            f"{kind} cannot become a float: fill a list, not np.zeros(...), and take functions from "
+            "liemech.formulas (sin, exp, sqrt, ...), not from math; of a function that is not there, "
+            "write the gradient or force yourself"
         )
 
 
@@ -149,6 +159,23 @@ class ByValue(Pair):
 
 def _value(x: Any) -> Any:
     return _value(x.value) if isinstance(x, ByValue) else x
+
+
+def raise_if(condition: Any, message: str) -> None:
+    """Raise InvalidInput if a condition holds, which may be known only at run time."""
+    if isinstance(condition, StandIn):
+        condition.fails()
+    elif condition is True:
+        raise InvalidInput(message)
+
+
+ONLY_THERE = (
+    "`==` or `!=` of {}: they are equal here and not beside, so the branch "
+    "for this one point knows a value and no slope. Of what is 0/0 there take sinc, expm1_over, "
+    "log1p_over, ... from liemech.formulas; where both branches have the same slope compare "
+    "liemech.formulas.constant(x)"
+)
+"""Why an equality that holds is refused."""
 
 
 def whole_power(x: Any, n: int) -> Any:

@@ -22,7 +22,7 @@ from ..errors import InvalidType
 from . import functions
 from . import reductions as r
 from .complex_numbers import Complex
-from .elimination import determinant, inverse, solve, solve_matrix
+from .elimination import determinant, inverse, solve
 from .numbers import OF_NUMPY, Operand
 from .pytree import plain
 from .reductions import larger, smaller
@@ -66,10 +66,6 @@ def hypot(x: Any, y: Any) -> Any:
     return unit * functions.sqrt(x * x + y * y)
 
 
-def _solve(m: Mat, rhs: Any) -> Any:
-    return solve(m, rhs) if isinstance(rhs, Vec) else solve_matrix(m, rhs)
-
-
 OPERATORS: dict[Any, Callable[..., Any]] = {
     np.add: operator.add, np.subtract: operator.sub, np.multiply: operator.mul, np.negative: operator.neg,
     np.absolute: operator.abs,
@@ -105,7 +101,7 @@ OF_VECTORS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...]]] = {
     np.cross: (cross, (Vec, Vec)),
     np.outer: (outer, (Vec, Vec)),
     np.transpose: (transpose, ((Vec, Mat),)),
-    np.linalg.solve: (_solve, (Mat, (Vec, Mat))),
+    np.linalg.solve: (solve, (Mat, (Vec, Mat))),
     np.linalg.inv: (inverse, (Mat,)),
     np.linalg.det: (determinant, (Mat,)),
 }
@@ -122,6 +118,8 @@ METHODS: dict[str, Callable[..., Any]] = {
 WITH_OPTIONS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...], tuple[str, ...]]] = {
     **{getattr(np, name): (formula, (_ANY,), ("axis",)) for name, formula in AXIS.items()},
     np.linalg.norm: (r.length, (_ANY,), ()),
+    np.all: (r.every, (Vec,), ()),
+    np.any: (r.some, (Vec,), ()),
     np.trace: (r.trace, (Mat,), ()),
     np.diag: (r.diagonal_matrix, (_ANY,), ()),
     np.diagonal: (r.diagonal_of, (Mat,), ()),
@@ -212,7 +210,8 @@ def by_components(formula: Callable[..., Any], *x: Any) -> Any:
         shapes = " and ".join(str(a.shape) for a in x if isinstance(a, (Vec, Mat)))
         raise InvalidType(f"vectors or matrices of shapes {shapes} cannot be combined")
     columns = ([*a] if _axes(a) == _axes(whole) else [a] * len(whole) for a in x)
-    return type(whole)(*(by_components(formula, *row) for row in zip(*columns, strict=True)))
+    made = Mat if _axes(whole) == 2 else Vec
+    return made(*(by_components(formula, *row) for row in zip(*columns, strict=True)))
 
 
 def _most(kind: Any) -> int:

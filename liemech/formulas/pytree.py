@@ -36,7 +36,11 @@ _COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of s
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
-    """The structure of a value: `kind` is number, pair, vec, mat, tuple, record, table or static."""
+    """The structure of a value: `kind` is number, integer, truth, pair, vec, mat, tuple, list,
+    record, table or static.
+
+    Integers and truth values are such where they may change: in what a method carries along.
+    """
 
     kind: str
     parts: tuple[Layout, ...] = ()
@@ -46,7 +50,19 @@ class Layout:
     @functools.cached_property
     def width(self) -> int:
         """How many numbers the value holds."""
-        return 1 if self.kind in ("number", "table") else sum(part.width for part in self.parts)
+        return 1 if self.kind in _ONE else sum(part.width for part in self.parts)
+
+    @functools.cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """What its numbers are, in order: number, integer, truth or table."""
+        if self.kind in _ONE:
+            return (self.kind,)
+        return tuple([kind for part in self.parts for kind in part.kinds])
+
+    @functools.cached_property
+    def exact(self) -> bool:
+        """Are there integers or truth values among its numbers?"""
+        return not {"integer", "truth"}.isdisjoint(self.kinds)
 
     @functools.cached_property
     def plain(self) -> bool:
@@ -105,7 +121,9 @@ class Layout:
         )
 
 
-NUMBER, TABLE = Layout("number"), Layout("table")
+NUMBER, INTEGER, TRUTH, TABLE = map(Layout, ("number", "integer", "truth", "table"))
+_SINGLE = "number", "integer", "truth"
+_ONE = *_SINGLE, "table"
 
 
 class _Itself:
@@ -194,11 +212,11 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
             _know(value, layout)
             return layout
     if number(value):
-        return NUMBER
+        return NUMBER if number is not _changing else _of_number(value)
     if isinstance(value, Vec):
         ordinary = _FLOAT.issuperset(map(type, value)) or all(map(is_any_number, value))
         return (
-            _vector(len(value))
+            vector_layout(len(value))
             if ordinary
             else _sequence("vec", tuple([layout_of(x, number) for x in value]))
         )
@@ -207,13 +225,77 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
     if isinstance(value, PAIRS):
         return _pair(tuple([layout_of(x, number) for x in value.parts]), value.form)
     # else a constant of native code
-    if isinstance(value, Table) and (number is is_number or value.content is None):
+    if isinstance(value, Table) and (number is not is_any_number or value.content is None):
         return TABLE
     if isinstance(value, list) or (
-        isinstance(value, tuple) and (number is is_any_number or not is_static(value))
+        isinstance(value, tuple) and (number is not is_number or not is_static(value))
     ):
-        return _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
+        whole = _sequence(type(value).__name__, tuple([layout_of(x, number) for x in value]))
+        if whole.width or number is not _changing or not is_static(value):
+            return whole
     return Layout("static", (), value)
+
+
+def carried_layout(value: Any) -> Layout:
+    """The layout of what a method carries along from step to step, in which integers, truth values
+    and tuples of numbers are numbers too: they may change.  Entries of vectors are floats.
+    """
+    return layout_of(value, _changing)
+
+
+def _changing(value: Any) -> bool:
+    return is_any_number(value)
+
+
+def _of_number(value: Any) -> Layout:
+    """A float, an integer or a truth value, as Python has it."""
+    if isinstance(value, StandIn):
+        return TRUTH if value.is_truth else INTEGER if value.is_integer else NUMBER
+    return TRUTH if isinstance(value, bool) else INTEGER if isinstance(value, int) else NUMBER
+
+
+def fits(found: Layout, layout: Layout) -> bool:
+    """Can a value laid out so be written where the other layout is: a float may come from an
+    integer, everything else is the same?
+    """
+    if found is layout or found == layout:
+        return True
+    if layout.kind == "number":
+        return found.kind in ("integer", "truth")
+    return (
+        (found.kind, len(found.parts)) == (layout.kind, len(layout.parts))
+        and layout.kind != "static"
+        and found.detail == layout.detail
+        and all(map(fits, found.parts, layout.parts))
+    )
+
+
+def difference(found: Layout, layout: Layout, name: str) -> str:
+    """What the first part is, in words, in which a value does not fit a layout."""
+    record = layout.kind == "record"
+    if found.kind == layout.kind and found.detail == layout.detail and layout.kind != "static":
+        if len(found.parts) != len(layout.parts) and layout.kind in ("tuple", "list"):
+            return f"{name} had {len(layout.parts)} parts and has {len(found.parts)}"
+        names = layout.detail[1] if record else [f"[{i}]" for i in range(len(layout.parts))]
+        for part, old, new in zip(names, layout.parts, found.parts, strict=False):
+            if not fits(new, old):
+                return difference(new, old, f"{name}.{part}" if record else f"{name}{part}")
+    return f"{name} was {_in_words(layout)} and becomes {_in_words(found)}"
+
+
+def _in_words(layout: Layout) -> str:
+    words = {
+        "number": "a float",
+        "integer": "an int",
+        "truth": "a bool",
+        "vec": f"a vector of {len(layout.parts)}",
+        "mat": f"a matrix of {len(layout.parts)} rows",
+        "pair": "a number that carries more",
+    }
+    if layout.kind == "record":
+        cls: Any = layout.detail[0]
+        return f"a {cls.__name__}"
+    return words.get(layout.kind, repr(layout))
 
 
 _FLOAT = frozenset([float])
@@ -260,7 +342,8 @@ def _sequence(kind: str, parts: tuple[Layout, ...]) -> Layout:
 
 
 @functools.lru_cache(_MANY)
-def _vector(n: int) -> Layout:
+def vector_layout(n: int) -> Layout:
+    """The layout of a vector of so many floats."""
     return Layout("vec", (NUMBER,) * n)
 
 
@@ -285,7 +368,7 @@ def leaves(value: Any, layout: Layout) -> list[Any]:
 
 def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
     """Append the numbers of a value."""
-    if layout.kind == "number":
+    if layout.kind in _SINGLE:
         found.append(value)
     elif layout.kind == "table":
         found.append(value.place)
@@ -312,7 +395,7 @@ def gatherer(layout: Layout) -> Callable[[Any], list[Any]]:
 
 def _places(layout: Layout, value: str) -> Iterator[str]:
     """Where the numbers of a value are, as texts."""
-    if layout.kind == "number":
+    if layout.kind in _SINGLE:
         yield value
     elif layout.kind == "table":
         yield f"{value}.place"
@@ -332,7 +415,7 @@ def build(layout: Layout, numbers: Iterator[Any]) -> Any:
     """The value of this layout with the given numbers; records are filled in without running their
     checks.
     """
-    if layout.kind == "number":
+    if layout.kind in _SINGLE:
         return next(numbers)
     if layout.kind == "static":
         return layout.detail
@@ -388,6 +471,49 @@ def fill(cls: type, fields: dict[str, Any]) -> Any:
     for name, value in fields.items():
         object.__setattr__(made, name, value)
     return made
+
+
+def inside(value: Any, kind: type) -> list[Any]:
+    """The records of a kind that a value holds, in order."""
+    if isinstance(value, kind):
+        return [value]
+    if isinstance(value, Record):
+        return [x for part in fields_of(value).values() for x in inside(part, kind)]
+    if type(value) in (tuple, list):
+        return [x for part in value for x in inside(part, kind)]
+    return []
+
+
+def exchanged(
+    value: Any, kind: type, others: Iterable[Any], told: Callable[[Any, Any], None] | None = None
+) -> Any:
+    """The value with other records of a kind, as many as `inside` finds, in order.  What a record
+    has beside its fields, the new one has too, unless there are records of the kind in it.
+
+    told : of every new record that one and the old one.
+    """
+    given = iter(others)
+
+    def changed(x: Any) -> Any:
+        if isinstance(x, kind):
+            return next(given)
+        if not inside(x, kind):
+            return x
+        if not isinstance(x, Record):
+            return type(x)([changed(part) for part in x])
+        fields = fields_of(x)
+        beside = {n: y for n, y in vars(x).items() if n not in fields and not inside(y, kind)}
+        made = fill(type(x), beside | {n: changed(part) for n, part in fields.items()})
+        if told is not None:
+            told(made, x)
+        return made
+
+    return changed(value)
+
+
+def with_fields(value: Any, **fields: Any) -> Any:
+    """A record with other values of some fields, unchecked."""
+    return fill(type(value), fields_of(value) | fields)
 
 
 # ------------------------------------------------------------------ numbers that remember

@@ -15,10 +15,11 @@ from __future__ import annotations
 import dataclasses
 import functools
 import types
+import weakref
 from collections.abc import Callable
 from typing import Any, TypeVar, cast, dataclass_transform
 
-from ..errors import InvalidType
+from ..errors import InvalidType, LiemechError
 from .annotations import own_annotations
 from .broadcasting import Broadcasting, bare
 from .fields import MISSING, converters, immutable
@@ -27,6 +28,15 @@ from .overriding import require_signatures
 T = TypeVar("T", bound=type)
 
 _complete: set[type] = set()  # classes known to be frozen dataclasses
+
+_known: weakref.WeakValueDictionary[tuple[str, str], type] = weakref.WeakValueDictionary()
+
+
+def known(module: str, name: str) -> Any:
+    """The class of records that was defined last under this name, of the library or of its user;
+    None if this process has none.  It is looked up in a list, nothing is imported or evaluated.
+    """
+    return _known.get((module, name))
 
 
 class Record(Broadcasting):
@@ -38,6 +48,7 @@ class Record(Broadcasting):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
+        _known[cls.__module__, cls.__qualname__] = cls
         for name in ("__init__", "__post_init__"):
             if name in vars(cls):
                 setattr(cls, name, _then_checked(vars(cls)[name]))
@@ -47,6 +58,7 @@ class Record(Broadcasting):
             _require_dataclass(cls)
             _require_methods_in_sight(cls)
             require_signatures(cls, bare)
+            _require_final_methods(cls)
             _complete.add(cls)
         return super().__new__(cls)
 
@@ -82,6 +94,16 @@ def _convert(self: Any, last: bool) -> None:
                 easy.add(type(value))
 
 
+def refilled(cls: Any, fields: dict[str, Any]) -> Any:
+    """A record with these fields, all of them, which are converted and checked by their annotations:
+    neither `__init__` nor `__post_init__` is called.
+    """
+    made = object.__new__(cls)
+    made.__setstate__(fields)
+    _convert(made, True)
+    return made
+
+
 def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
     """An `__init__` or `__post_init__` of a subclass, after which all fields are checked; that of a
     base leaves it to the last.
@@ -89,7 +111,13 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(initialise)
     def method(self: Any, *args: Any, **options: Any) -> None:
-        initialise(self, *args, **options)
+        try:
+            initialise(self, *args, **options)
+        except LiemechError:
+            raise
+        except Exception as error:
+            _blame(self, error)
+            raise
         cls = type(self)
         if method is cls.__post_init__ or method is vars(cls).get("__init__"):
             _convert(self, True)
@@ -98,6 +126,22 @@ def _then_checked(initialise: Callable[..., None]) -> Callable[..., None]:
                     object.__delattr__(self, name)
 
     return method
+
+
+def _blame(self: Any, error: Exception) -> None:
+    """Raise what is wrong with a field for whose value a class could not be made; return if none
+    is.
+    """
+    cls: Any = type(self)
+    for name, convert, _, _ in converters(cls):
+        value = getattr(self, name, MISSING)
+        if value is not MISSING:
+            try:
+                convert(self, name, value)
+            except LiemechError as reason:
+                raise reason from error
+            except Exception:  # no reason
+                continue
 
 
 def _require_dataclass(cls: Any) -> None:
@@ -132,6 +176,20 @@ def _require_methods_in_sight(cls: Any) -> None:
                     f"{base.__name__}.{field.name} is a method or a property, and {field.name} is a "
                     f"field: one would hide the other; give the field its value, {cls.__name__}(..., "
                     f"{field.name}=...), or name the method otherwise"
+                )
+
+
+def _require_final_methods(cls: Any) -> None:
+    """A method that follows from the others is the base's: what else is written counts on it."""
+    for derived in cls.__mro__:
+        for name in vars(derived):
+            base = next((b for b in derived.__mro__[1:] if name in vars(b)), None)
+            if base is not None and getattr(vars(base)[name], "__final__", False):
+                says = (vars(base)[name].__doc__ or "").strip().split("\n")[0].split(". ")[0]
+                raise InvalidType(
+                    f"{derived.__name__} replaces {base.__name__}.{name}{says and f' ({says})'}, "
+                    "which follows from what a subclass writes, and on which other formulas count; "
+                    "give yours another name, or write what it follows from"
                 )
 
 

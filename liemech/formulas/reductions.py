@@ -93,6 +93,16 @@ def length(x: Any) -> Any:
     return sqrt(sum([a * a for a in _all(x)]))
 
 
+def every(x: Any) -> Any:
+    """Does it hold for all components?"""
+    return all(_all(x))
+
+
+def some(x: Any) -> Any:
+    """Does it hold for a component?"""
+    return any(_all(x))
+
+
 def trace(x: Any) -> Any:
     """x_11 + x_22 + ..."""
     return sum(diagonal_of(x))

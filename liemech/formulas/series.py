@@ -20,7 +20,7 @@ from typing import Any
 from ..errors import InvalidType, NotCompilable
 from . import functions as f
 from .functions import LOG_2, LOG_10
-from .numbers import INTEGER_POWER, CarriesMore, Operand, Pair, StandIn, whole_power
+from .numbers import INTEGER_POWER, ONLY_THERE, CarriesMore, Operand, Pair, StandIn, raise_if, whole_power
 from .products import Products, cauchy, plus
 from .pytree import build, layout_of, leaves
 from .vectors import vec
@@ -136,6 +136,12 @@ class Series(Operand):
             return NotImplemented
         return _integral(Series(base ** self[0]), lambda power: f.log(base) * power, self)
 
+    def __mod__(self, other: Any) -> Any:
+        """What is left over beyond whole multiples of a number: the first term only changes."""
+        if isinstance(other, Series):
+            return NotImplemented
+        return _made(lambda k: self.term(k) if k else self[0] % other, self)
+
     def __neg__(self) -> Series:
         return _made(lambda k: _each(lambda c: -c, self.term(k)), self)
 
@@ -159,10 +165,21 @@ class Series(Operand):
         return self[0] >= _head(other)
 
     def __eq__(self, other: object) -> Any:
-        return self[0] == _head(other)
+        equal = self[0] == _head(other)
+        self._not_only_here(equal)
+        return equal
 
     def __ne__(self, other: object) -> Any:
+        self._not_only_here(self[0] == _head(other))
         return self[0] != _head(other)
+
+    def __bool__(self) -> bool:
+        return bool(self != 0.0)
+
+    def _not_only_here(self, equal: Any) -> None:
+        """Refuse that a series is equal to a number where it begins: it goes on."""
+        if self._rule is not None or self._products is not None or len(self._terms) > 1:
+            raise_if(equal, ONLY_THERE.format("a power series"))
 
     __hash__ = None  # type: ignore[assignment]
 

@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import InvalidType
 from .complex_numbers import Complex
 from .functions import sqrt
-from .numbers import Operand, of_an_int
+from .numbers import Operand, StandIn, of_an_int
 
 MANY = 1024
 """An array of more numbers is none of a formula, but samples."""
@@ -31,25 +31,54 @@ def _by_components(op: Callable[[Any, Any], Any], scalars: bool = False) -> Any:
 
     def method(self: Vec, other: Any) -> Any:
         if type(other) is not Vec:
+            if scalars and type(other) is float:
+                return _make(Vec, [op(x, other) for x in self])
             if isinstance(other, np.ndarray) and not other.ndim:
                 other = other.item()
             if scalars and not isinstance(other, _VECTORS):
-                if not isinstance(other, (Mat, *_NO_NUMBERS)):
+                if not isinstance(other, _NO_NUMBERS):
                     return _make(Vec, [op(x, other) for x in self])
-                if op not in (operator.add, operator.sub):
+                if isinstance(other, Mat) and op not in (operator.add, operator.sub):
                     return NotImplemented
             if are_samples(other, 1):
                 return op(np.asarray(self), other)
         return _make(Vec, map(op, self, _same_length(self, other)))
 
     def reflected(self: Vec, other: Any) -> Any:
+        if scalars and type(other) is float:
+            return _make(Vec, [op(other, x) for x in self])
         if _begins_a_sum(other, op):
             return self
-        if scalars and not isinstance(other, (*_VECTORS, Mat, *_NO_NUMBERS)):
+        if scalars and not isinstance(other, (*_VECTORS, *_NO_NUMBERS)):
             return _make(Vec, [op(other, x) for x in self])
         return _make(Vec, map(op, _same_length(self, other), self))
 
     return method, reflected
+
+
+def _comparison(op: Callable[[Any, Any], Any], whole: bool = False) -> Any:
+    """A comparison, component by component, as of arrays; `whole`: vectors of different lengths are
+    different.
+    """
+
+    def method(self: Vec, other: Any) -> Any:
+        made = _WHOLE.get(op, Truths)
+        if type(other) is Vec and len(other) == len(self):
+            return _make(made, map(op, self, other))
+        if isinstance(other, np.ndarray) and not other.ndim:
+            other = other.item()
+        if not isinstance(other, _VECTORS):
+            if isinstance(other, Mat) or not isinstance(other, _NUMBERS):
+                return NotImplemented
+            return _make(Truths, [op(x, other) for x in self])
+        if are_samples(other, 1):
+            return op(np.asarray(self), other)
+        other = small(other)
+        if whole and not (isinstance(other, Vec) and len(other) == len(self)):
+            return NotImplemented
+        return _make(made, map(op, self, _same_length(self, other)))
+
+    return method
 
 
 def _begins_a_sum(x: Any, op: Callable[[Any, Any], Any]) -> bool:
@@ -66,24 +95,32 @@ class Vec(tuple[Any, ...], Operand):
     """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * / % **` act component by component, with
     scalars too.
 
-    Lists, tuples and arrays of the same length may stand beside it.  Raises InvalidType if the
-    lengths differ.
+    Lists, tuples and arrays of the same length may stand beside it.  Comparisons act component by
+    component too; `if u == v` asks for all.  Raises InvalidType if the lengths differ, if a
+    component is no number, and where the truth of a vector is asked for.
     """
 
     __slots__ = ()
     axes = 1
 
     def __new__(cls, *components: Any) -> Vec:
+        if not _FLOATS.issuperset(map(type, components)):
+            _numbers(components)
         return _make(cls, components)
 
     @classmethod
     def of(cls, values: Iterable[Any]) -> Vec:
         """The vector with the given components, numbers made floats and pairs of floats."""
         made = tuple(values)
-        return _make(cls, made if _FLOATS.issuperset(map(type, made)) else map(_component, made))
+        if _FLOATS.issuperset(map(type, made)):
+            return _make(cls, made)
+        _numbers(made)
+        return _make(cls, map(_component, made))
 
     def __getitem__(self, index: Any) -> Any:
         """A component, or the vector of a slice."""
+        if index.__class__ is bool:
+            raise InvalidType("a truth value as an index of a Vec: write int(x)")
         found = _component_at(self, index)
         return _make(Vec, found) if index.__class__ is slice else found
 
@@ -93,6 +130,18 @@ class Vec(tuple[Any, ...], Operand):
     __truediv__, __rtruediv__ = _by_components(operator.truediv, scalars=True)
     __pow__, __rpow__ = _by_components(operator.pow, scalars=True)
     __mod__, __rmod__ = _by_components(operator.mod, scalars=True)
+    __lt__, __le__ = _comparison(operator.lt), _comparison(operator.le)
+    __gt__, __ge__ = _comparison(operator.gt), _comparison(operator.ge)
+    __eq__, __ne__ = _comparison(operator.eq, whole=True), _comparison(operator.ne, whole=True)
+    __hash__ = tuple.__hash__
+
+    def __contains__(self, x: Any) -> bool:
+        if isinstance(x, _NESTED):
+            raise InvalidType(f"`in` a Vec, which holds numbers, of {type(x).__name__}")
+        return any(x == y for y in self)
+
+    def __bool__(self) -> bool:
+        raise InvalidType(f"{_NO_TRUTH}; got a {type(self).__name__} of {len(self)} components")
 
     def __neg__(self) -> Vec:
         return _make(Vec, [-x for x in self])
@@ -118,7 +167,7 @@ class Vec(tuple[Any, ...], Operand):
         return _product(self, _same_length(self, other))
 
     def __rmatmul__(self, other: Any) -> Any:
-        return small(other) @ self
+        return _factor(other, self) @ self
 
     @property
     def T(self) -> Vec:
@@ -150,9 +199,117 @@ class Vec(tuple[Any, ...], Operand):
         return f"Vec({', '.join(map(str, self))})"
 
 
+class Truths(Vec):
+    """What a comparison says of every component.  They count as 1 and 0 beside numbers; `&` and `|`
+    join those of two comparisons, which `+` and `-` would not do.
+    """
+
+    __slots__ = ()
+    __and__, __rand__ = _by_components(operator.and_)
+    __or__, __ror__ = _by_components(operator.or_)
+
+    def __add__(self, other: Any) -> Any:
+        return _beside_numbers(other) and super().__add__(other)
+
+    def __sub__(self, other: Any) -> Any:
+        return _beside_numbers(other) and super().__sub__(other)
+
+    def __neg__(self) -> Vec:
+        raise InvalidType("the truths of a comparison have no negative: write 1.0 - (u < v)")
+
+    def any(self) -> Any:
+        """Does it hold for a component?"""
+        return any(self)
+
+    def all(self) -> Any:
+        """Does it hold for all components?"""
+        return all(self)
+
+
+class Equal(Truths):
+    """u == v, component by component; true if all are equal."""
+
+    __slots__ = ()
+
+    def __bool__(self) -> bool:
+        return all(self)
+
+
+class Unequal(Truths):
+    """u != v, component by component; true if one differs."""
+
+    __slots__ = ()
+
+    def __bool__(self) -> bool:
+        return any(self)
+
+
+class Entries:
+    """What a comparison says of every entry of a matrix; true as a comparison of vectors is."""
+
+    __hash__ = None  # type: ignore[assignment]
+    axes = 2
+
+    def __init__(self, rows: Iterable[Any], kind: type[Vec]) -> None:
+        self.rows = tuple(rows)
+        self.together = _make(kind, [x for row in self.rows for x in row])
+
+    def __bool__(self) -> bool:
+        return bool(self.together)
+
+    def __eq__(self, other: object) -> bool:
+        raise InvalidType("comparisons of matrices are not compared: write .all() or .any()")
+
+    def any(self) -> Any:
+        """Does it hold for an entry?"""
+        return any(self.together)
+
+    def all(self) -> Any:
+        """Does it hold for all entries?"""
+        return all(self.together)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(list(map(tuple, self.rows)), dtype=dtype)
+
+    def __repr__(self) -> str:
+        return f"Entries({', '.join(map(str, map(tuple, self.rows)))})"
+
+
+def _beside_numbers(other: Any) -> bool:
+    """The truths of two comparisons are neither added nor subtracted."""
+    if isinstance(other, Truths) or (isinstance(other, np.ndarray) and other.dtype == bool):
+        raise InvalidType("truths of comparisons are joined by `&` and `|`, not by `+` and `-`")
+    return True
+
+
+_WHOLE: dict[Any, type[Vec]] = {operator.eq: Equal, operator.ne: Unequal}
 _VECTORS = (np.ndarray, list, tuple)
-_NO_NUMBERS = (type(None), str, bytes, dict, set, slice)
+_NUMBERS = (int, float, complex, np.generic, StandIn, Operand)
 _FLOATS = frozenset([float])
+_NO_TRUTH = (
+    "a vector or matrix is neither true nor false: write any(...), all(...) or len(...), or compare "
+    "one number"
+)
+
+
+def _numbers(components: Iterable[Any]) -> None:
+    """Raise InvalidType if a component is a vector or a matrix itself."""
+    for x in components:
+        if isinstance(x, np.ndarray) and x.ndim:
+            raise InvalidType("a NumPy array where a number belongs, write liemech.vec")
+        if isinstance(x, _NESTED) and not isinstance(x, np.ndarray):
+            raise InvalidType(
+                f"a Vec holds numbers; got {type(x).__name__} among them: liemech.mat(u, v) is the "
+                "matrix with rows u, v, liemech.vec(*u, *v) has them one after the other"
+            )
+
+
+def _factor(x: Any, beside: Any) -> Any:
+    """A vector or matrix to stand before `@`."""
+    x = small(x)
+    if not isinstance(x, (Vec, Mat)):
+        raise InvalidType(f"`@` between {type(x).__name__} and {type(beside).__name__}: write `*`")
+    return x
 
 
 def _component(x: Any) -> Any:
@@ -203,7 +360,7 @@ class Mat(Operand):
     rows: tuple[Vec, ...]
 
     def __init__(self, *rows: Iterable[Any]) -> None:
-        made = tuple([row if type(row) is Vec else _make(Vec, row) for row in rows])
+        made = tuple([row if type(row) is Vec else Vec(*row) for row in rows])
         if len(set(map(len, made))) > 1:
             raise InvalidType(
                 "the rows of a Mat have the same length; got rows of "
@@ -238,8 +395,12 @@ class Mat(Operand):
 
     def __getitem__(self, index: Any) -> Any:
         """An entry A[i, j], a row A[i], a column A[:, j], a block A[:2, 1:]."""
+        if index.__class__ is bool:
+            raise InvalidType("a truth value as an index of a Mat: write int(x)")
         if not isinstance(index, tuple):
             return Mat(*self.rows[index]) if index.__class__ is slice else self.rows[index]
+        if len(index) != 2:
+            raise InvalidType(f"a Mat has two axes; got {len(index)} indices")
         i, j = index
         if i.__class__ is not slice:
             return self.rows[i][j]
@@ -322,10 +483,30 @@ class Mat(Operand):
         return _make(Vec, [_product(row, other) for row in self.rows])
 
     def __rmatmul__(self, other: Any) -> Any:
-        return small(other) @ self
+        return _factor(other, self) @ self
 
     def __eq__(self, other: object) -> Any:
-        return self.rows == other.rows if isinstance(other, Mat) else NotImplemented
+        return self._compared(operator.eq, other)
+
+    def __ne__(self, other: object) -> Any:
+        return self._compared(operator.ne, other)
+
+    def _compared(self, op: Callable[[Any, Any], Any], other: Any) -> Any:
+        """Entry by entry, as of arrays; matrices of different shapes are different."""
+        if isinstance(other, np.ndarray) and other.ndim:
+            return op(np.asarray(self), other)
+        other = small(other)
+        if isinstance(other, Mat) and other.shape == self.shape:
+            return Entries(map(op, self.rows, other.rows), _WHOLE[op])
+        if isinstance(other, (Vec, Mat)) or not isinstance(other, _NUMBERS):
+            return NotImplemented
+        return Entries([op(row, other) for row in self.rows], Truths)
+
+    def __bool__(self) -> bool:
+        raise InvalidType(f"{_NO_TRUTH}; got a Mat of shape {self.shape}")
+
+    def __contains__(self, x: Any) -> bool:
+        raise InvalidType("`in` a Mat: write `any(x in row for row in A)` of a number")
 
     def __hash__(self) -> int:
         return hash(self.rows)
@@ -339,6 +520,8 @@ class Mat(Operand):
         return f"Mat({', '.join(repr(tuple(row)) for row in self.rows)})"
 
 
+_NESTED = (*_VECTORS, Mat)
+_NO_NUMBERS = (Mat, type(None), str, bytes, dict, set, slice)
 _set_rows: Any = Mat.rows.__set__  # type: ignore[attr-defined, misc]
 
 
@@ -372,12 +555,16 @@ def mat(*rows: Any) -> Mat:
 
 
 def dot(a: Any, b: Any) -> Any:
-    """Scalar product a . b.  a, b : (n,).  Raises InvalidType if the lengths differ."""
+    """Scalar product a . b.  a, b : (n,).  Raises InvalidType if the lengths differ, or for a
+    matrix.
+    """
     if len(a) != len(b):
         raise InvalidType(f"dot: the vectors have {len(a)} and {len(b)} components")
     total: Any = None
     for x, y in zip(a, b):
         total = x * y if total is None else total + x * y
+    if isinstance(total, (Vec, Mat, list)):
+        raise InvalidType("dot: of two vectors; of a matrix write A @ u or u @ A")
     return 0.0 if total is None else total
 
 

@@ -337,10 +337,11 @@ class MatrixLieGroup(LieGroup):
         )
 
     def nearest(self, g: Ambient) -> Element:
-        """The element of least |h - g|: the polar factor, where elements are orthogonal or unitary.
+        """The element of least |h - g|: the polar factor, if all orthogonal or unitary matrices are
+        elements.
 
         Raises InvalidInput for an array that is as close to several, or, on other groups, farther
-        away than |g|/4.
+        away than |g|/4; and where no exponentials were found that lead near to it.
         """
         return _constant(nearest(self, np.array(g)))
 

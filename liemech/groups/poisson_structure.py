@@ -11,10 +11,11 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
-from ..formulas import Mat, Record, Vec, dot, exp, gradient, log, mat, plain, record, vec
+from ..formulas import Mat, Record, Vec, dot, exp, gradient, jacobian, log, mat, plain, record, vec
 from ..formulas.broadcasting import check_finite, real_array
 from .lie_group import LieGroup
 from .matrix_group import whole_number
+from .skew_matrices import null_vectors, pairs
 
 Observable = Callable[[Any], Any]
 """A formula from points y, (n,), to numbers."""
@@ -82,8 +83,8 @@ class PoissonStructure(Record):
         F' = {F, H}.
         Raises InvalidType for what cannot be called.
         """
-        _require_formula("bracket", "F", F)
-        _require_formula("bracket", "G", G)
+        require_formula("bracket", "F", F)
+        require_formula("bracket", "G", G)
 
         def of(y: Any) -> Any:
             at = vec(*y)
@@ -105,7 +106,7 @@ class PoissonStructure(Record):
     @final
     def hamiltonian_vector_field(self, H: Observable) -> Callable[[Any], Vec]:
         """The velocity y' = B(y) dH(y) of the motion of H: a formula of y."""
-        _require_formula("hamiltonian_vector_field", "H", H)
+        require_formula("hamiltonian_vector_field", "H", H)
 
         def velocity(y: Any) -> Vec:
             at = vec(*y)
@@ -141,6 +142,20 @@ class PoissonStructure(Record):
                     )
         return self.bracket(F, G)
 
+    @final
+    def rank_at(self, y: Vec) -> int:
+        """The rank of B(y), whatever the units of the coordinates are.  y : (n,)."""
+        return 2 * len(pairs(np.array(self.matrix(y), dtype=float), self.terms(y)))
+
+    @final
+    def terms(self, y: Vec) -> np.ndarray:
+        """What the rounding of each entry of B(y) is relative to, |b_ij| + sum_l |d_l b_ij y_l|.
+        y : (n,), returns (n, n).
+        """
+        slopes = np.array(jacobian(lambda x: vec(*[b for row in self.matrix(x) for b in row]), y))
+        size = np.abs(np.array(self.matrix(y), dtype=float))
+        return size + (np.abs(slopes) @ np.abs(np.array(y))).reshape(size.shape)
+
     def __call__(self, y: Any) -> Any:
         """B(y), as `matrix`."""
         return self.matrix(y)
@@ -166,7 +181,7 @@ class PoissonStructure(Record):
         return (self.dim,) if kind == "Vec" else None
 
 
-def _require_formula(method: str, name: str, value: Any) -> None:
+def require_formula(method: str, name: str, value: Any) -> None:
     """Refuse what is no formula, where a formula says so too: by its type, without asking whether
     it can be called.
     """
@@ -386,36 +401,3 @@ def skew(value: Any, name: str) -> np.ndarray:
         pair = f"entries ({i + 1}, {j + 1}) and ({j + 1}, {i + 1}) are {array[i, j]:g} and {array[j, i]:g}"
         raise InvalidInput(f"{name} must be skew-symmetric; {pair}")
     return array
-
-
-def null_vectors(array: np.ndarray) -> tuple[Vec, ...]:
-    """A basis of the null space; the largest component of each is one.  Units are chosen first in
-    which rows are of like size.
-    """
-    units = like_sizes(array)
-    _, sizes, directions = np.linalg.svd(units[:, None] * array * units)
-    rank = int((sizes > len(array) * np.finfo(float).eps * sizes[0]).sum())
-    vectors = units * directions[rank:]
-    return tuple(Vec.of((v / v[np.abs(v).argmax()]).tolist()) for v in vectors)
-
-
-def like_sizes(array: np.ndarray) -> np.ndarray:
-    """Powers of two d for which the largest entries of all rows of d_i b_ij d_j are near one; 1 for
-    rows of zeros.
-
-    Source: Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices,
-    RAL-TR-2001-034.
-    """
-    units = np.ones(len(array))
-    for _ in range(TURNS):
-        largest = np.abs(units[:, None] * array * units).max(axis=1)
-        largest[largest == 0.0] = 1.0
-        change = np.exp2(-np.round(0.5 * np.log2(largest)))
-        if (change == 1.0).all():
-            break
-        units = units * change
-    return units
-
-
-TURNS = 100
-"""The most rounds of the search for units; each halves the orders of magnitude that are left."""

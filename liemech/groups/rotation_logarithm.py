@@ -7,7 +7,7 @@ half of them at 0.
 
 from __future__ import annotations
 
-from ..formulas import Mat, Vec, atan2, sqrt, vec
+from ..formulas import Mat, Vec, atan2, constant, sqrt, vec
 
 
 def rotation_quaternion(R: Mat) -> Vec:
@@ -54,6 +54,6 @@ def rotation_vector(R: Mat) -> Vec:
     q = rotation_quaternion(R)
     v = vec(q[0], q[1], q[2])
     size = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    if size == 0.0:
+    if constant(size) == 0.0:
         return 2.0 * v  # v is zero or its square underflows; q_w is 1
     return (2.0 * atan2(size, q[3]) / size) * v

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput, OutsideChart
-from ..formulas import Ambient, Element, Mat, Vec, atan2, cross, dot, mat, record, sqrt, vec
+from ..formulas import Ambient, Element, Mat, Vec, atan2, constant, cross, dot, mat, record, sqrt, vec
 from ..formulas.broadcasting import MEMBERSHIP
 from .lie_group import LieGroup
 from .rotation_coefficients import LIMIT, exp_coefficients, lost_in_square, sin_cos_root
@@ -167,7 +167,7 @@ class UnitQuaternions(LieGroup):
         """
         v = _vector(g)
         size = sqrt(dot(v, v))
-        if size == 0.0:  # v is zero, or its square underflows
+        if constant(size) == 0.0:  # v is zero, or its square underflows
             return 2.0 * v if g[3] > 0.0 else vec(WHOLE_TURN, 0.0, 0.0)
         return (2.0 * atan2(size, g[3]) / size) * v
 

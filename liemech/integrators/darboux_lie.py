@@ -12,12 +12,13 @@ import numpy as np
 from ..errors import InvalidInput, OutsideChart
 from ..formulas import Mat, Record, Vec, dot, outer, record, vec
 from ..groups.matrix_group import whole_number
+from ..groups.skew_matrices import pairs
 from ..systems.darboux import DarbouxChart
 from ..tableaus import BY_ORDER
 from .rkmk import combination
 
-NO_RANK = 1e-9
-"""A structure this small, relative to its largest entry, is zero."""
+NEXT = 2.0**-10
+"""How far beside the centre the rank is looked at, relative to the coordinates."""
 
 
 @record
@@ -50,8 +51,8 @@ class DarbouxLieChart(DarbouxChart):
     structure : of constant rank near the point.  centre : the point y_0, (n,).  steps : of order 8,
     for each motion.  `defect(y)` tells how canonical the coordinates are: rounding near y_0.
 
-    Raises InvalidInput where the rank at y_0 is zero; OutsideChart where a motion no longer
-    crosses.
+    Raises InvalidInput where the rank at y_0 is zero, or less than beside it; OutsideChart where a
+    motion no longer crosses.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.3.
     """
 
@@ -64,24 +65,28 @@ class DarbouxLieChart(DarbouxChart):
         whole_number("DarbouxLieChart.steps", self.steps, 1)
         if len(self.centre) != self.structure.dim:
             raise InvalidInput(
-                "DarbouxLieChart: centre must have "
-                f"{self.structure.dim} components; got {self.centre!r}"
+                f"DarbouxLieChart: centre must have {self.structure.dim} components; got {self.centre!r}"
             )
         B = np.array(self.structure.matrix(self.centre), dtype=float)
-        whole = np.abs(B).max(initial=0.0)
-        if not np.isfinite(B).all() or not whole > 0.0:
+        conjugate = pairs(B, self.structure.terms(self.centre)) if np.isfinite(B).all() else []
+        if not conjugate:
             here = list(self.centre)
             raise InvalidInput(
-                "DarbouxLieChart: the structure has rank zero or no "
-                f"value at {here}; take another centre"
+                f"DarbouxLieChart: the structure has rank zero or no value at {here}; take another centre"
+            )
+        beside = self._rank_beside()
+        if beside > 2 * len(conjugate):
+            raise InvalidInput(
+                f"DarbouxLieChart: the rank at the centre {list(self.centre)} is "
+                f"{2 * len(conjugate)}, beside it {beside}, so that there are no such coordinates "
+                "around it; take another centre"
             )
         found: list[Level] = []
-        y = np.array(self.centre)
-        while len(B) > 1 and np.abs(B).max() > NO_RANK * whole:
-            i, j = np.unravel_index(int(np.abs(B).argmax()), B.shape)
-            a, b = np.eye(len(B))[j], np.eye(len(B))[i]
+        left, y = np.arange(len(B)), np.array(self.centre)
+        for i, j in conjugate:
+            a, b = (left == j).astype(float), (left == i).astype(float)
             a = a / (b @ B @ a)  # {q, p} is one at the centre by itself
-            basis = np.eye(len(B))[:, [k for k in range(len(B)) if k not in (i, j)]]
+            basis = np.eye(len(B))[:, (left != i) & (left != j)]
             found.append(
                 Level(
                     Vec.of(y), Vec.of(a), Vec.of(b), Mat.of(basis.tolist()) if basis.size else None
@@ -91,7 +96,19 @@ class DarbouxLieChart(DarbouxChart):
                 basis.T @ np.asarray(_restricted(Mat.of(B.tolist()), found[-1])) @ basis,
                 basis.T @ y,
             )
+            left = left[(left != i) & (left != j)]
         object.__setattr__(self, "levels", tuple(found))
+
+    def _rank_beside(self) -> int:
+        """The rank at a point next to the centre; 0 where the structure has no value."""
+        y = np.array(self.centre)
+        sizes = np.where(y != 0.0, np.abs(y), np.abs(y[y != 0.0]).min(initial=np.inf))
+        sizes[sizes == np.inf] = 1.0
+        moved = y + NEXT * sizes * np.random.default_rng(1).uniform(0.5, 1.0, len(y))
+        try:
+            return self.structure.rank_at(Vec.of(moved.tolist()))
+        except (ArithmeticError, ValueError):
+            return 0
 
     @property
     def degrees(self) -> int:
@@ -144,8 +161,7 @@ class DarbouxLieChart(DarbouxChart):
             crossing = dot(level.b, velocity)
             if not crossing > 0.0:
                 raise OutsideChart(
-                    f"DarbouxLieChart: the motion of p_{k + 1} does not cross its section here; "
-                    "stay nearer to the centre"
+                    f"DarbouxLieChart: the motion of p_{k + 1} does not cross its section here; stay nearer to the centre"
                 )
             return vec(*(velocity / crossing), 1.0 / crossing)
 

@@ -45,17 +45,20 @@ def require_derivatives(method: Any, system: Any) -> None:
     name = type(hamiltonian).__name__
     mu, onward = (vec(*[float(cos(start + k)) for k in range(n)]) for start in (1.0, 2.0))
     try:
-        energy, xi = hamiltonian.energy(mu), system.velocity(mu)
+        energy = hamiltonian.energy(mu)
+        if not isinstance(energy, (int, float)):
+            raise InvalidInput(f"{name}.energy must return a number; it returned {energy!r}")
+        xi = system.velocity(mu)
         change = derivative(lambda m: system.velocity(m), mu, onward)
         slope = derivative(lambda m: system.energy(m), mu, onward)
+    except InvalidInput:
+        raise
     except Exception as error:
         raise IncompatibleSystem(
             f"{method!r} differentiates the Hamiltonian, and {name} does not bear it "
             f"({type(error).__name__}: {error}). Write its energy with + - * / ** and functions of "
             "liemech.formulas (sqrt, sin, exp, ...), or use RKMK with a gradient of yours"
         ) from error
-    if not isinstance(energy, (int, float)):
-        raise InvalidInput(f"{name}.energy must return a number; it returned {energy!r}")
     for found in (xi, change):
         if (
             not isinstance(found, Vec)

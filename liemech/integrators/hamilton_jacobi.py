@@ -57,6 +57,7 @@ class HamiltonJacobi(Method):
     """
 
     symplectic: ClassVar[bool] = True
+    analytic: ClassVar[bool] = True
 
     order: int = 4
     adjoint: bool = False
@@ -289,6 +290,7 @@ class SymmetricHamiltonJacobi(Method):
     """
 
     symmetric: ClassVar[bool] = True
+    analytic: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
 
     order: int = 4

@@ -30,7 +30,8 @@ class IndexReduction(Method):
 
     It has the order of the method; neither symmetric nor symplectic.  Raises InvalidInput for a
     method that keeps constraints.
-    Source: Hairer, Lubich, Wanner, VII.1.1 and VII.1.2 (1.6)-(1.9), IV.4 (standard projection).
+    Source: Hairer, Lubich, Wanner, VII.1.1, VII.1.2 and IV.4 (standard projection); the slides,
+    (1.6) and (1.9).
     """
 
     method: Method

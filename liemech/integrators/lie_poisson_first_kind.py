@@ -59,6 +59,7 @@ class FirstKindHamiltonJacobi(Implicit):
     """
 
     symplectic: ClassVar[bool] = True
+    analytic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("hamiltonian",)
 
     order: int = 2
@@ -89,8 +90,9 @@ class FirstKindHamiltonJacobi(Implicit):
 
     @property
     def name(self) -> str:
-        """The method, its order, the class function and the retraction."""
-        return f"Hamilton-Jacobi {self.order} of the first kind ({type(self.s0).__name__}, {type(self.retraction).__name__})"
+        """The method, its order, the class function, the retraction and a scale that is given."""
+        scale = "" if self.scale is None else f", scale {self.scale:g}"
+        return f"Hamilton-Jacobi {self.order} of the first kind ({type(self.s0).__name__}, {type(self.retraction).__name__}{scale})"
 
     def require(self, system: Any) -> None:
         """A Lie-Poisson system whose Hamiltonian can be differentiated, on a group on which S_0

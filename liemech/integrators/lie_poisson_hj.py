@@ -66,6 +66,7 @@ class LiePoissonHamiltonJacobi(Implicit):
     """
 
     symmetric: ClassVar[bool] = True
+    analytic: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("hamiltonian",)
 

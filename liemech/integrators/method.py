@@ -19,7 +19,7 @@ class Method(Record):
     may:      `needs` and `require`, what systems it accepts; a field `retraction`, which must fit the group;
               `start`, `observe`, `past`, `resume`, a memory from step to step;
               `error_order` with an adaptive `trial`, which may shorten its step (`shortens`), and its dense
-              output; `step_warning`; `name`
+              output; `analytic`, steps that are power series in time; `step_warning`; `name`
     follows:  `integrate` and whoever else owns a loop call `start` once and `step` again and again
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 and V.
@@ -32,6 +32,8 @@ class Method(Record):
     fictive: ClassVar[bool] = False
     # does a trial make its step as long as the tolerance allows, so that none is too long?
     shortens: ClassVar[bool] = False
+    # is a step a power series in time, so that it sees an input from where it begins only?
+    analytic: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -41,6 +43,12 @@ class Method(Record):
                     f"{type(self).__name__}: retraction must be Exponential(), "
                     f"Cayley() or one of yours; got {given!r}"
                 )
+
+    def symmetric_on(self, system: Any) -> bool:
+        """Is the method symmetric on a system, or on some system if that is None?  As it claims by
+        default.
+        """
+        return self.symmetric
 
     @property
     def error_order(self) -> int:
@@ -97,6 +105,11 @@ class Method(Record):
         for _, value in fields_of(self).items():
             if isinstance(value, Retraction):
                 value.require(system.group)
+
+    def _explain(self, arguments: dict[str, Any]) -> None:
+        """Raise what is wrong with the system for which a formula failed."""
+        if "system" in arguments:
+            self.require(arguments["system"])
 
     def step_warning(self, system: Any, start: Any, h: float) -> str | None:
         """What to warn of before a run with this start and step; nothing by default."""

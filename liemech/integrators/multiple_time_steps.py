@@ -12,6 +12,7 @@ from ..formulas import Record, Vec, gradient, jacobian, plain, record
 from ..formulas.broadcasting import small
 from ..systems.canonical import CanonicalState
 from ..systems.multirate import MultirateSystem
+from ..systems.vector_field import SplitField, has_flow, recognised_field
 from .method import Method, alternatives
 
 NEAR = 0.1
@@ -24,10 +25,10 @@ LOOKED_AT = 8
 @record
 class Impelled(Record):
     """What multiple time steps carry along: the state, and the force of each part there; None for a
-    mollified one.
+    mollified one, and for fields.
     """
 
-    state: CanonicalState
+    state: Any
     forces: Any
 
 
@@ -38,20 +39,26 @@ class MultipleTimeSteps(Method):
 
         Phi_h = slow(h/2) o (fast(h/N))^N o slow(h/2),   fast(h) = the method of Stormer and Verlet, or again of this kind
 
+    Of a SplitField, y' = f_1(y) + ... + f_m(y), fastest part first, slow(h) and fast(h) are the
+    motions of its parts, or steps of any symmetric `methods`.
+
     ratios : for a MultirateSystem of m parts, m - 1 whole numbers: how many steps with the first
     part there are in one with the second, and so on; (5, 2) makes ten steps with the fastest part,
     two with the second, one with the slowest.
     mollified : takes the slow potential at the mean A(q) of the positions that the fast motion goes
     through from rest in q, in a time h; its force is (dA/dq)^T f(A(q)), by differentiation.  For
-    two parts.
+    two parts of a MultirateSystem.
+    methods : for a SplitField, one for each part, None for its own motion: symmetric ones, such as
+    Splitting(order=2) of a part that is a sum again, or RKMK(tableau=tableaus.gauss(1)).
 
     Order 2, symmetric, symplectic; one slow force a step.  Where h w is near a multiple of pi, w a
     frequency of the fast part, the kicks are in resonance with it and the energy grows: a
-    StepWarning says so.  There the mollified force vanishes.
+    StepWarning says so of a MultirateSystem.  There the mollified force vanishes.
 
     Source: Grubmueller, Heller, Windemuth, Schulten, Mol. Simul. 6 (1991), 121; Tuckerman, Berne,
     Martyna, J. Chem. Phys. 97 (1992), 1990; mollified Garcia-Archilla, Sanz-Serna, Skeel, SIAM J.
-    Sci. Comput. 20 (1998), 930; Hairer, Lubich, Wanner, VIII.4 and XIII.1.
+    Sci. Comput. 20 (1998), 930; Hairer, Lubich, Wanner, VIII.4 and XIII.1; the slides, (3.10) and
+    (3.11).
     """
 
     order: ClassVar[int] = 2
@@ -60,6 +67,7 @@ class MultipleTimeSteps(Method):
 
     ratios: tuple[int, ...] = (10,)
     mollified: bool = False
+    methods: tuple[Method | None, ...] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.ratios, tuple | list):
@@ -81,7 +89,29 @@ class MultipleTimeSteps(Method):
                 "MultipleTimeSteps: mollified is for two parts, "
                 f"with one ratio; got {self.ratios!r}"
             )
+        if self.methods is not None:
+            self._check_methods(self.methods)
         super().__post_init__()
+
+    def _check_methods(self, methods: Any) -> None:
+        if not isinstance(methods, tuple) or len(methods) != len(self.ratios) + 1:
+            raise InvalidInput(
+                f"MultipleTimeSteps: methods is a tuple, for {len(self.ratios)} ratios of "
+                f"{len(self.ratios) + 1}, None for the motion of a part itself; got {methods!r}"
+            )
+        if self.mollified:
+            raise InvalidInput(
+                "MultipleTimeSteps: mollified is for a MultirateSystem, methods for a SplitField"
+            )
+        for method in methods:
+            if method is not None and not isinstance(method, Method):
+                raise InvalidType(f"MultipleTimeSteps: methods are Methods or None; got {method!r}")
+            if method is not None and (method.fictive or not method.symmetric_on(None)):
+                raise InvalidInput(
+                    f"MultipleTimeSteps: {method!r} is not symmetric with steps of one length, and "
+                    "so the whole would not be. Splitting(order=2) is, and on R^n "
+                    "RKMK(tableau=tableaus.gauss(1))"
+                )
 
     @property
     def name(self) -> str:
@@ -89,11 +119,19 @@ class MultipleTimeSteps(Method):
         return f"{'Mollified impulse' if self.mollified else 'Impulse'} {':'.join(map(str, self.ratios))}"
 
     def require(self, system: Any) -> None:
-        """A multirate system with one more part than there are ratios."""
+        """A multirate system, or a sum of fields, with one more part than there are ratios."""
+        if isinstance(system, SplitField):
+            self._require_fields(system)
+            return
+        if self.methods is not None:
+            raise IncompatibleSystem(
+                f"{self!r}: methods are for the parts of a SplitField; got {system!r}. Leave them "
+                "out for a MultirateSystem"
+            )
         if not isinstance(system, MultirateSystem):
             raise IncompatibleSystem(
                 f"{self!r} needs a MultirateSystem, whose potential is a sum of fast and slow "
-                f"parts; got {system!r}. {alternatives(system)}"
+                f"parts, or a SplitField; got {system!r}. {alternatives(system)}"
             )
         if len(system.parts) != len(self.ratios) + 1:
             raise IncompatibleSystem(
@@ -102,10 +140,36 @@ class MultipleTimeSteps(Method):
             )
         super().require(system)
 
-    def step_warning(self, system: Any, start: CanonicalState, h: float) -> str | None:
+    def _require_fields(self, system: SplitField) -> None:
+        """A sum of as many fields, each with a motion or a method."""
+        if len(system.parts) != len(self.ratios) + 1:
+            raise IncompatibleSystem(
+                f"{self!r} has {len(self.ratios)} ratios, for {len(self.ratios) + 1} parts; "
+                f"{system!r} has {len(system.parts)}"
+            )
+        if self.mollified:
+            raise IncompatibleSystem(f"{self!r}: mollified is for a MultirateSystem; got {system!r}")
+        for k, part in enumerate(system.parts):
+            method = None if self.methods is None else self.methods[k]
+            if method is None and not has_flow(part):
+                raise IncompatibleSystem(
+                    f"{self!r}: {recognised_field(part)}; or give it one of `methods`"
+                )
+            if method is not None:
+                method.require(part)
+                if not method.symmetric_on(part):
+                    raise IncompatibleSystem(
+                        f"{self!r}: {method!r} is not symmetric on {part!r}, and so the whole "
+                        "would not be"
+                    )
+        super().require(system)
+
+    def step_warning(self, system: Any, start: Any, h: float) -> str | None:
         """A warning of resonance or of unstable fast steps, by the frequencies at the start of all
         parts but the slowest.
         """
+        if isinstance(system, SplitField):
+            return None
         if start.bodies is None:
             return self._caution(system, start.q, start.p, h)
         for q, p in zip(start.q[:LOOKED_AT], start.p[:LOOKED_AT], strict=True):
@@ -150,21 +214,25 @@ class MultipleTimeSteps(Method):
 
     # ---------------------------------------------------------------- one step
 
-    def start(self, system: Any, state: CanonicalState, h: float) -> Impelled:
-        """The state and the forces there."""
+    def start(self, system: Any, state: Any, h: float) -> Impelled:
+        """The state and the forces there; of fields the state."""
+        if isinstance(system, SplitField):
+            return Impelled(state, None)
         q = plain(state.q)
         slowest = None if self.mollified else system.part_force(len(self.ratios), q)
         return Impelled(
             state, (*[system.part_force(k, q) for k in range(len(self.ratios))], slowest)
         )
 
-    def observe(self, memory: Impelled) -> CanonicalState:
-        """Positions and momenta."""
+    def observe(self, memory: Impelled) -> Any:
+        """The state."""
         return memory.state
 
     def step(self, system: Any, t: float, memory: Impelled, h: float) -> Impelled:
         """Kicks at all rates, each half before and half after those that are faster."""
         state, forces = memory.state, memory.forces
+        if isinstance(system, SplitField):
+            return Impelled(self._of_fields(system, len(self.ratios), state, h), None)
         if not self.mollified:
             return self._advanced(system, len(self.ratios), state, forces, h)
         fast = (forces[0],)
@@ -193,6 +261,23 @@ class MultipleTimeSteps(Method):
                 state, faster = after.state, after.forces
         force = system.part_force(k, plain(state.q))
         return Impelled(CanonicalState(state.q, state.p + (0.5 * h) * force), (*faster, force))
+
+    def _of_fields(self, system: Any, k: int, state: Any, h: float) -> Any:
+        """A step of length h of the fields 0 to k."""
+        if k == 0:
+            return self._moved(system, 0, state, h)
+        state = self._moved(system, k, state, 0.5 * h)
+        for _ in range(self.ratios[k - 1]):
+            state = self._of_fields(system, k - 1, state, h / self.ratios[k - 1])
+        return self._moved(system, k, state, 0.5 * h)
+
+    def _moved(self, system: Any, k: int, state: Any, h: float) -> Any:
+        """The motion of one field for the time h, or a step of its method."""
+        method = None if self.methods is None else self.methods[k]
+        if method is None:
+            return system.in_turn(state, [(k, h)])
+        part = system.parts[k]
+        return method.observe(method.step(part, 0.0, method.start(part, state, h), h))
 
     # ---------------------------------------------------------------- the mollified force
 

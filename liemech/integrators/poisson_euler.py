@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
 from ..formulas import Record, Vec, derivative, plain, record, vec
+from ..formulas.anything import degree, looked_at, made_of
 from ..systems.poisson import PoissonState, PoissonSystem
 from .method import Method
 
@@ -22,6 +23,18 @@ PROBES = [
     for u, v in np.random.default_rng(11).uniform(0.5, 1.0, size=(2, 2)) * size * signs
 ]
 """Points in the plane, of several sizes and all signs, at which b and H are looked at."""
+
+FAR_PROBES = [
+    tuple(
+        (random.uniform(0.5, 1.0, 2) * random.choice([-1.0, 1.0], 2) * [10.0**i, 10.0**j]).tolist()
+    )
+    for random in [np.random.default_rng(12)]
+    for i in range(-36, 37, 6)
+    for j in range(-36, 37, 6)
+]
+"""Points with u and v in all units, for formulas that need not be affine, or a sum, as they are
+written.
+"""
 
 
 @record
@@ -46,31 +59,43 @@ class PlanarEuler(Method):
                 f"{self!r} needs a PoissonSystem in the plane; got "
                 f"{system!r}. RKMK accepts every system"
             )
-        found = [self._looked_at(system, vec(*y)) for y in PROBES]
+        b = [looked_at(partial(_b, system), axis)[0] for axis in ([1, 0], [0, 1])]
+        slope = looked_at(lambda y: system.gradient(y)[0], [1, 1])[0]
+        bent = [x is None or degree(x) > 1 for x in b]
+        mixed = slope is None or 1 in made_of(slope)
+        places = [*PROBES, *(FAR_PROBES if mixed or any(bent) else ())]
+        with np.errstate(all="ignore"):
+            found = [self._looked_at(system, vec(*y), bent, mixed) for y in places]
         if not any(found):
             raise IncompatibleSystem(
                 f"{self!r}: b_12 of {system.structure!r} or the energy has no value at any of "
-                f"{len(PROBES)} points such as {PROBES[0]}, so that b_12 cannot be seen to be "
+                f"{len(places)} points such as {PROBES[0]}, so that b_12 cannot be seen to be "
                 f"affine. {system.alternatives}"
             )
 
-    def _looked_at(self, system: Any, at: Vec) -> bool:
+    def _looked_at(self, system: Any, at: Vec, bent: list[bool], mixed: bool) -> bool:
         """Do b and H have values at a point?  IncompatibleSystem if they have, but not the form
         that they should.
+
+        bent, mixed : need b not be affine in u, in v, and H no sum, as their formulas are written?
         """
         try:
             matrix, gradient = system.structure.matrix(at), system.gradient(at)
-            curvatures = [
-                derivative(partial(_slope, system, axis), at, [float(axis == 0), float(axis == 1)])
-                for axis in (0, 1)
-            ]
-            mixed = derivative(lambda x: system.gradient(x), at, [0.0, 1.0])[0]
+            slopes, curvatures, cross = [0.0, 0.0], [0.0, 0.0], 0.0
+            if any(bent):
+                slopes = [_slope(system, axis, at) for axis in (0, 1)]
+                curvatures = [
+                    derivative(
+                        partial(_slope, system, axis), at, [float(axis == 0), float(axis == 1)]
+                    )
+                    for axis in (0, 1)
+                ]
+            if mixed:
+                cross = derivative(lambda x: system.gradient(x), at, [0.0, 1.0])[0]
         except (ArithmeticError, ValueError):
             return False
-        b = matrix[0, 1]
-        if not np.isfinite(
-            [*(x for row in matrix for x in row), *gradient, *curvatures, mixed]
-        ).all():
+        b, known = matrix[0, 1], [*gradient, *slopes, *curvatures, cross]
+        if not np.isfinite([*(x for row in matrix for x in row), *known]).all():
             return False
         if not max(abs(b + matrix[1, 0]), abs(matrix[0, 0]), abs(matrix[1, 1])) <= ROUNDING * abs(
             b
@@ -79,17 +104,20 @@ class PlanarEuler(Method):
                 f"{self!r}: the matrix of {system.structure!r} is not skew-symmetric at "
                 f"{tuple(at)}, where it is {matrix!r}"
             )
-        for name, curvature in zip("uv", curvatures, strict=True):
-            if not abs(curvature) <= ROUNDING * (abs(b) + abs(curvature)):
+        sizes = abs(at)
+        terms = abs(b) + sum(abs(slope) * size for slope, size in zip(slopes, sizes))
+        for name, curvature, size in zip("uv", curvatures, sizes, strict=True):
+            if not abs(curvature) * size * size <= ROUNDING * terms:
                 raise IncompatibleSystem(
                     f"{self!r} is no Poisson map here: b_12 of {system.structure!r} is not affine "
                     f"in {name}, its second derivative at {tuple(at)} is "
                     f"{curvature:.3g}. {system.alternatives}"
                 )
-        if not abs(mixed) <= ROUNDING * (sum(map(abs, gradient)) + abs(mixed)):
+        parts = [abs(slope) * size for slope, size in zip(gradient, sizes)]
+        if not abs(cross) * sizes[0] * sizes[1] <= ROUNDING * min(parts):
             raise IncompatibleSystem(
                 f"{self!r} needs an energy K(u) + L(v); that of {system!r} has d2H/du dv = "
-                f"{mixed:.3g} at {tuple(at)}"
+                f"{cross:.3g} at {tuple(at)}"
             )
         return True
 

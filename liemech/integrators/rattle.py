@@ -38,7 +38,8 @@ class Projected(OnConstraints):
         p_n+1 = p - h (a H_q(p, q_n+1) + G(q_n+1)^T mu),     G(q_n+1) H_p(p_n+1, q_n+1) = 0
 
     A subclass says what shares of the force come before and after the drift.
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 and VII.1.4.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3 and VII.1.4;
+    the slides, (1.13).
     """
 
     @property
@@ -207,7 +208,8 @@ class ConstrainedEuler(Projected):
     first : "kick", as above, or "drift", its adjoint, in which the force acts at the end.
     Order 1, symplectic on M; both constraints hold to rounding.  Errors as of RATTLE.
 
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3.
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.3; the slides,
+    (1.11) and (1.12).
     """
 
     order: ClassVar[int] = 1

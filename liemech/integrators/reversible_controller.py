@@ -38,7 +38,8 @@ class ReversibleController(Method):
 
     with G = -(d sigma/dt)/sigma along the motion and z_0 = 1/sigma(y_0); z sigma stays near 1.
 
-    method : any symmetric one, on any system that it accepts.
+    method : any symmetric one, on any system that it accepts; Gauss methods, such as
+    RKMK(tableau=tableaus.gauss(2)), where the group is R^n.
     sigma : a time scale such as DistancePower(1.5) or EqualArc(), or a function of parts of the
     state, lambda q: lm.dot(q, q).  Of the order of its method, at physical times; symmetric, and
     reversible where sigma does not change when velocities are turned back.  So the energy of a
@@ -47,7 +48,8 @@ class ReversibleController(Method):
 
     Raises InvalidInput if the method is not symmetric, InvalidTimeScale in a step where sigma or z
     is not positive.
-    Source: Hairer and Soderlind, SIAM J. Sci. Comput. 26 (2005); Hairer, Lubich, Wanner, VIII.3.2.
+    Source: Hairer and Soderlind, SIAM J. Sci. Comput. 26 (2005); Hairer, Lubich, Wanner, VIII.3.2;
+    the slides, (3.7) and (3.8), with G(y_n+1) in the last line.
     """
 
     symmetric: ClassVar[bool] = True
@@ -63,7 +65,7 @@ class ReversibleController(Method):
                 "ReversibleController: method must be a method such "
                 f"as StormerVerlet(); got {method!r}"
             )
-        if not method.symmetric:
+        if not method.symmetric_on(None):
             raise InvalidInput(
                 f"ReversibleController: {method!r} is not symmetric, and steps that change "
                 "reversibly would not make it so. StormerVerlet(), LieVerlet(), "
@@ -85,8 +87,16 @@ class ReversibleController(Method):
         return f"{self.method.name}, steps by {self.sigma!r}"
 
     def require(self, system: Any) -> None:
-        """A system that the method accepts."""
-        self.method.require(system.system if isinstance(system, Clocked) else system)
+        """A system that the method accepts, and on which it is symmetric."""
+        inner = system.system if isinstance(system, Clocked) else system
+        self.method.require(inner)
+        if not self.method.symmetric_on(inner):
+            raise IncompatibleSystem(
+                f"{self!r}: {self.method!r} is symmetric on vector spaces, and not on the group of "
+                f"{inner!r}; its chart stands at the start of the step. "
+                "CovariantVariational(Exponential()), LieVerlet() and the midpoint rule "
+                "RKMK(tableau=tableaus.gauss(1)) are"
+            )
 
     def step_warning(self, system: Any, start: Any, h: float) -> str | None:
         """What the method says of the first step."""
@@ -127,7 +137,7 @@ class ReversibleController(Method):
 
     def _rate(self, system: Any, t: float, state: Any) -> float:
         """-(d sigma/dt)/sigma along the motion."""
-        sigma = system.sigma.value(system.system, state)
+        sigma = system.sigma.value_at(system.system, t, state)
         if not sigma > 0.0:
             raise InvalidTimeScale(f"{system.sigma!r} = {sigma:g} at t = {t:g}; {POSITIVE}")
         return -system.sigma.growth(system.system, t, state) / sigma

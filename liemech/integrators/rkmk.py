@@ -8,6 +8,7 @@ from ..errors import InvalidInput, InvalidType, OrderWarning, warn
 from ..formulas import Record, Vec, plain, record, sqrt, where
 from ..formulas.sizes import one_norm
 from ..groups.bernoulli import BERNOULLI, TERMS
+from ..groups.vector_space import VectorSpace
 from ..retractions import Exponential, Retraction
 from ..solvers import fixed_point
 from ..systems.system import System
@@ -101,10 +102,32 @@ class RKMK(Method):
                 OrderWarning,
             )
 
+    def symmetric_on(self, system: Any) -> bool:
+        """It is where everything commutes, on vector spaces, if the tableau is; the midpoint rule
+        is everywhere.
+        """
+        if not self.tableau.symmetric:
+            return False
+        if system is None or isinstance(system.group, VectorSpace):
+            return True
+        return self.tableau.stages == 1 and isinstance(self.retraction, Exponential)
+
     @property
     def name(self) -> str:
-        """RKMK and the order."""
-        return f"RKMK{self.order}"
+        """RKMK and the order, and where it is another one than that of `RKMK(order)`: its tableau,
+        its retraction, and where the series is cut.
+        """
+        chosen = self.tableau == BY_ORDER.get(self.order)
+        series = isinstance(self.retraction, Exponential)
+        told = [] if chosen else [self.tableau.name]
+        if not series:
+            told.append(type(self.retraction).__name__)
+        elif self.truncation == "closed":
+            told.append("closed")
+        elif self.truncation != max(self.order - 2, 0):
+            told.append(f"ad^{self.truncation}")
+        name = f"RKMK{self.order}" if chosen else "RKMK"
+        return f"{name} ({', '.join(told)})" if told else name
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Record, plain, record
 from ..systems.canonical import CanonicalState, HamiltonianSystem
-from ..systems.poisson import PoissonState, PoissonSystem
+from ..systems.parts import OfParts
 from ..systems.separable import SeparableSystem
 from ..tableaus.compositions import KAHAN_LI8
 from ..tableaus.splittings import (
@@ -133,10 +133,10 @@ class SeparableSplitting(OfTableau):
     """
 
     def require(self, system: Any) -> None:
-        """A separable system, whose kinetic energy the tableau accepts, or a Poisson system of
-        parts whose motions are known.
+        """A separable system, whose kinetic energy the tableau accepts, or a system of parts whose
+        motions are known.
         """
-        if isinstance(system, PoissonSystem):
+        if isinstance(system, OfParts):
             self._require_parts(system)
             return
         if not isinstance(system, SeparableSystem):
@@ -152,12 +152,12 @@ class SeparableSplitting(OfTableau):
                 f"Splitting(order={self.order}, quadratic=False) is of this order for every T"
             )
 
-    def _require_parts(self, system: PoissonSystem) -> None:
+    def _require_parts(self, system: OfParts) -> None:
         """Parts whose motions are known, as many as the tableau can be used for."""
         unknown = system.unknown_motion()
         if unknown:
             raise IncompatibleSystem(
-                f"{self!r} needs an energy whose parts have known "
+                f"{self!r} needs parts that have known "
                 f"motions: {unknown}. RKMK accepts every system"
             )
         if self.tableau_for(system).quadratic and not system.quadratic:
@@ -183,7 +183,7 @@ class SeparableSplitting(OfTableau):
 
     def start(self, system: Any, state: Any, h: float) -> Kicked:
         """The state and, if a step begins with the force at which the one before ended, this force."""
-        if isinstance(system, PoissonSystem):
+        if isinstance(system, OfParts):
             return Kicked(state, None)
         here = plain(state)
         return Kicked(state, system.force(here.q, here.p) if self.tableau.carries_force else None)  # type: ignore[attr-defined]
@@ -194,11 +194,11 @@ class SeparableSplitting(OfTableau):
 
     def step(self, system: Any, t: float, memory: Kicked, h: float) -> Kicked:
         """Kick, drift, kick, ..., or the motions of the parts in turn."""
-        if isinstance(system, PoissonSystem):
-            y, parts = memory.state.y, system.parts  # type: Any, Any
-            for part, share in self.tableau_for(system).sequence(len(parts)):
-                y = parts[part].flow(system.structure, y, share * h)
-            return Kicked(PoissonState(y), None)
+        if isinstance(system, OfParts):
+            turns = self.tableau_for(system).sequence(len(system.parts))
+            return Kicked(
+                system.in_turn(memory.state, [(part, share * h) for part, share in turns]), None
+            )
         tableau, force = self.tableau, memory.force  # type: ignore[attr-defined]
         q, p = memory.state.q, memory.state.p
         for i, b in enumerate(tableau.kicks):
@@ -244,7 +244,7 @@ class Splitting(ChosenByOrder, SeparableSplitting):
         quadratic T does not serve.
         """
         if (
-            isinstance(system, PoissonSystem)
+            isinstance(system, OfParts)
             and not system.quadratic
             and self.tableau == self.choices.get(self.order)
         ):

@@ -55,6 +55,7 @@ class Taylor(Method):
     """
 
     shortens: ClassVar[bool] = True
+    analytic: ClassVar[bool] = True
 
     order: int = 12
     retraction: Retraction = Cayley()
@@ -75,8 +76,9 @@ class Taylor(Method):
 
     @property
     def name(self) -> str:
-        """Taylor and the order."""
-        return f"Taylor{self.order}"
+        """Taylor, the order, and a retraction that is not Cayley()."""
+        chart = "" if isinstance(self.retraction, Cayley) else f" ({type(self.retraction).__name__})"
+        return f"Taylor{self.order}{chart}"
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
         """One step in the chart at the state."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..retractions import Exponential, Retraction
 from ..solvers import narrow, newton, refined
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
+from ..systems.system import System
 from .discrete_lagrangian import DiscreteLagrangian
 from .implicit import Implicit, Memory, extrapolated
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
@@ -195,6 +197,21 @@ class CovariantVariational(Implicit):
         well: it is followed from h = 0 on, refused if that ends.
         start : of one body or an ensemble, which the largest |mu| decides.
         """
+        self._asked("largest_step", system, start, 1.0)
+        return self._largest_step(system, start)
+
+    def _asked(self, what: str, system: Any, start: Any, h: Any) -> None:
+        """Raise what is wrong with the arguments of a question about steps."""
+        self.require(system)
+        where = f"{type(self).__name__}.{what}"
+        if not isinstance(start, BodyState):
+            raise InvalidType(f"{where}: start must {BodyState._wanted(system)}; got {start!r}")
+        if not isinstance(h, (int, float)) or isinstance(h, bool):
+            raise InvalidType(f"{where}: h must be a number; got {h!r}")
+        if not (h and abs(h) <= sys.float_info.max):
+            raise InvalidInput(f"{where}: h must be finite and not 0; got {h!r}")
+
+    def _largest_step(self, system: Any, start: BodyState) -> float | None:
         if self.lagrangian is not None or not turns_freely(system, self.retraction):
             return None
         limit = largest_impulse(system.lagrangian.inertia, self.retraction)
@@ -214,6 +231,10 @@ class CovariantVariational(Implicit):
         Raises InvalidInput for units in which Newton's method would leave the range of floats: it
         multiplies three entries of J/h, unless J is constant and it has a unit of time of its own.
         """
+        given: Any = start
+        known = isinstance(given, BodyState) and isinstance(system, System)
+        if not (known and type(h) is float and h):
+            self._asked("step_warning", system, start, h)
         mu = start.mu if start.bodies is None else start.mu[0]
         inertia = float(
             np.abs(np.array(self._hessian(system, system.velocity(mu), h), dtype=float)).max()
@@ -229,7 +250,7 @@ class CovariantVariational(Implicit):
                 "leave the range of floats. Take units of mass and time in which both are closer "
                 "to 1"
             )
-        largest = self.largest_step(system, start)
+        largest = self._largest_step(system, start)
         if largest is None or not abs(h) > largest:
             return None
         return (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, real_array, record
+from ..formulas import Mat, Vec, check_finite, real_array, record
 from ..groups.se3 import SE3
 from ..systems.kinetic_energy import KineticEnergy, kinetic_energy
 from ..systems.lie_poisson import LiePoissonSystem
@@ -63,6 +63,7 @@ class KirchhoffBody(LiePoissonSystem):
             raise InvalidInput(
                 f"KirchhoffBody: coupling is a 3x3 matrix, or left out; got {coupling!r}"
             )
+        check_finite(D, "KirchhoffBody: coupling")
         D = D * np.ones((3, 3))
         whole = np.block([[J, D], [D.T, M]])
         diagonal = not np.any(whole - np.diag(np.diag(whole)))
@@ -72,6 +73,7 @@ class KirchhoffBody(LiePoissonSystem):
 def _square(block: Any, name: str) -> np.ndarray:
     """A block as a matrix."""
     array = real_array(block, name)
+    check_finite(array, name)
     if array.shape not in ((), (3,), (3, 3)):
         raise InvalidInput(f"{name} has shape {array.shape}; give a number, (3,) or (3, 3)")
     return array if array.ndim == 2 else np.diag(np.broadcast_to(array, 3))

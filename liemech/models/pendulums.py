@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Vec, cos, record, sin, vec
+from ..formulas import Vec, cos, real_array, record, sin, vec
 from ..formulas.fields import frozen_array
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from ..systems.separable import SeparableSystem
@@ -178,7 +178,7 @@ class DoublePendulum(HamiltonianSystem):
 def check_positive(owner: Any, *names: str) -> None:
     """Refuse parameters that are not positive and finite."""
     for name in names:
-        value = np.array(getattr(owner, name))
+        value = real_array(getattr(owner, name), f"{type(owner).__name__}: {name}")
         if not (np.isfinite(value) & (value > 0.0)).all():
             raise InvalidInput(
                 f"{type(owner).__name__}: {name} must be positive "

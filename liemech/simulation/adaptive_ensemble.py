@@ -14,9 +14,12 @@ import numpy as np
 
 from ..compiler import kernel
 from ..compiler.driver import accepted, itself
+from ..compiler.interrupts import in_threads
 from ..errors import IntegrationFailure, IntegrationInterrupted, NotCompilable, is_mistake
 from ..formulas.pytree import build, layout_of
+from ..integrators.ending_at_jumps import jumps_between
 from ..systems.system import State
+from ..systems.tabulated import has_inputs
 from . import arguments
 from .adaptive import (
     ANEW,
@@ -275,9 +278,9 @@ class AdaptiveEnsemble(OneByOne):
                 self._take_up(i, self.begun(i))
         self.rows_at = self.t0.copy()  # when the last row of each was
         self.left: dict[int, list[tuple[float, float]]] = {}  # where each is to go on, last ones first
-        if self.plan._steps.breaks:
+        if self.plan._steps.breaks or has_inputs(self._of_body(0)[0]):
             for i in range(count):
-                start, ways = stretches(self.plan._steps.breaks, self.t0[i], self.ends[i])
+                start, ways = stretches(self._jumps(i), self.t0[i], self.ends[i])
                 self.left[i] = ways[::-1]
                 if ways:
                     self.goals[0, i] = ways[0][0]
@@ -292,6 +295,12 @@ class AdaptiveEnsemble(OneByOne):
         self.told = np.logical_and.accumulate(at_start, axis=0).sum(axis=0)  # the first ones
         self.samples[:] = np.where(at_start[..., None], self.numbers[:width].T, 0.0)
 
+    def _jumps(self, i: int) -> tuple[float, ...]:
+        """The times at which the velocity of a body jumps."""
+        system, method = self._of_body(i)
+        end = float(self.ends[i])
+        return jumps_between(method, system, self.plan._steps.breaks, float(self.t0[i]), end)
+
     def _fresh(self, some: Any) -> None:
         """Bodies at their starts."""
         self.clocks[:, some] = np.array([0.0, 0.0, *FRESH])[:, None]
@@ -300,7 +309,9 @@ class AdaptiveEnsemble(OneByOne):
     def _take_up(self, i: int, begun: Any) -> None:
         """A body where another run left it."""
         if isinstance(begun, AdaptiveCarry):
-            self.numbers[:, i], self.clocks[:, i] = begun.taken_up(float(self.t_end[i]))
+            self.numbers[:, i], self.clocks[:, i] = begun.taken_up(
+                float(self.t_end[i]), len(self.numbers)
+            )
             return
         lanes: Any = self.lanes
         self.numbers[: lanes.state.width, i] = packed(begun.state)
@@ -345,7 +356,7 @@ class AdaptiveEnsemble(OneByOne):
                 self._by_python(int(bodies[k]), columns[:, k], out[-2:, :, k])
             if time.perf_counter() - begun > PATIENCE:  # somebody may want to interrupt it
                 room, least, work = max(side, room // 4), max(1, least // 2), work // 4
-            if self.left:
+            if self.left and lanes.curves:
                 self._rows_begin(bodies, out[:, 0, :m])
             if self.watches:
                 self._look(bodies, columns, out[:, :, :m])
@@ -480,13 +491,11 @@ class AdaptiveEnsemble(OneByOne):
         call = functools.partial(run, lanes.constants, (turns,), arrays, padded)
         threads = max(1, min(workers, padded * turns // TRIALS, padded // side))
         share = -(-padded // (threads * side)) * side
-        others = [
-            pool(workers, os.getpid()).submit(call, i, min(i + share, padded))
-            for i in range(share, padded, share)
+        # native code does not hold the interpreter's lock
+        works = [
+            functools.partial(call, i, min(i + share, padded)) for i in range(0, padded, share)
         ]
-        call(0, min(share, padded))  # native code does not hold the interpreter's lock
-        for other in others:
-            other.result()
+        in_threads(works, pool(workers, os.getpid()) if len(works) > 1 else None)
 
     def _by_python(self, i: int, column: np.ndarray, rows: np.ndarray) -> None:
         """A step of one body of which native code could not make a trial.  rows : before and after

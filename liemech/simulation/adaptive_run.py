@@ -24,6 +24,7 @@ from ..errors import (
     is_mistake,
 )
 from ..formulas.pytree import build, gatherer, layout_of
+from ..integrators.ending_at_jumps import MARGIN, jumps_between
 from ..systems.system import State
 from . import arguments
 from .adaptive import (
@@ -56,10 +57,6 @@ ROOM = 512
 
 LARGE = 2**20
 """Numbers of rows that are moved where they are, if they must be, and not copied."""
-
-MARGIN = 4
-"""Units in the last place by which steps keep away from a jump of the velocity, on both sides."""
-
 
 class Laid(Prepared):
     """How adaptive steps are laid out, of one body, by a `Shape`, or of many."""
@@ -126,12 +123,17 @@ class AdaptiveSteps:
         """The first step, signed; zero if it is to be found."""
         return 0.0 if self.h is None else math.copysign(self.h, t_end - t0)
 
+    def jumps(self, t0: float, t_end: float) -> tuple[float, ...]:
+        """The times at which the velocity jumps: those that a user has named, and those of tables."""
+        return jumps_between(self.method, self.system, self.breaks, t0, t_end)
+
     def begun(self, t: np.ndarray) -> np.ndarray:
         """The times at which the steps to t[1:] begin: where the velocity jumps, beyond that."""
         begun = t[:-1].copy()
-        for b in self.breaks:
-            away = math.copysign(MARGIN, t[-1] - t[0]) * float(np.spacing(abs(b)))
-            begun[(begun == b - away) | (begun == b)] = b + away
+        t0, t_end = float(t[0]), float(t[-1])
+        start, ways = stretches(self.jumps(t0, t_end), t0, t_end)
+        for end, beyond in ((t0, start), *ways):
+            begun[begun == end] = beyond
         return begun
 
     def run(
@@ -158,7 +160,7 @@ class AdaptiveSteps:
                 "integrate: dense=True keeps the states; record no functions of them"
             )
         first = None
-        if not (events or self.breaks or kept or recorder or self.progress) and (
+        if not (events or self.jumps(t0, t_end) or kept or recorder or self.progress) and (
             times is None or not self.dense
         ):
             first = first_piece(self, start, t0, t_end, times, limit)
@@ -215,15 +217,17 @@ def stretches(
     """
     if t0 == t_end:
         return t0, []
+    sign = math.copysign(MARGIN, t_end - t0)
     jumps = [b for b in breaks if min(t0, t_end) <= b <= max(t0, t_end) and b != t0]
-    margin = {b: math.copysign(MARGIN, t_end - t0) * float(np.spacing(abs(b))) for b in (*jumps, t0)}
-    ways = [
-        (b - margin[b], t_end if b == t_end else b + margin[b])
-        for b in (jumps if t_end > t0 else jumps[::-1])
-    ]
+    ways, before = [], t0
+    for b in jumps if t_end > t0 else jumps[::-1]:
+        # times of stages are rounded as those of the step are
+        ahead = sign * float(np.spacing(max(abs(b), abs(before))))
+        ways.append((b - ahead, t_end if b == t_end else b + sign * float(np.spacing(abs(b)))))
+        before = b
     if t_end not in jumps:
         ways.append((t_end, t_end))
-    return t0 + margin[t0] if t0 in breaks else t0, ways
+    return t0 + sign * float(np.spacing(abs(t0))) if t0 in breaks else t0, ways
 
 
 def cut(row: np.ndarray, begun: float, at: float, numbers: np.ndarray, dim: int) -> None:
@@ -299,7 +303,7 @@ class AdaptiveRun:
         self.found: np.ndarray | None = None  # room for them, of native code
         self.asked = 0  # how many of t_eval are reached
         if isinstance(start, AdaptiveCarry):
-            self.states, self.clock = start.taken_up(t_end)
+            self.states, self.clock = start.taken_up(t_end, shape.layout.width)
         else:
             self.states = np.zeros(shape.layout.width)
             self.states[: self.width] = self.rows[0, 1 : 1 + self.width]
@@ -351,7 +355,9 @@ class AdaptiveRun:
             if not self.kept:
                 self._sample(1 if self.recorder is None or self.t_eval is not None else 0)
             with Bar(self.plan.progress, 1000, "") as bar:
-                start, ways = stretches(self.plan.breaks, self.t0, self.t_end)
+                start, ways = stretches(
+                    self.plan.jumps(self.t0, self.t_end), self.t0, self.t_end
+                )
                 if start != self.t0:
                     go_on(self.clock, start)
                 for end, beyond in ways:
@@ -365,7 +371,8 @@ class AdaptiveRun:
             raise
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
-                f"integrate: interrupted at t = {self.clock[TIME]:g}; the samples are in `.trajectory`"
+                f"integrate: interrupted at t = {self.clock[TIME]:g}, after {int(self.clock[TAKEN])} "
+                "steps; the samples are in `.trajectory`"
             )
             raise self._ended(stopped) from None
         if self.kept and len(self.rows) > self.filled:
@@ -616,6 +623,7 @@ class AdaptiveRun:
             rejected=int(self.clock[REJECTED]),
             dense=kept,
             events=self.watch.shown(self.shape.example, self.shape.state) if self.watch else (),
+            ended=self.watch.ended if self.watch else None,
             stopped={},
             observed=() if self.recorder is None else tuple(self.recorder.quantities),
         )
@@ -701,7 +709,8 @@ class AdaptiveRun:
         error: Any = next((e for e in told if is_mistake(e)), told[0] if told else None)
         if is_mistake(error):
             error.add_note(
-                f"[integrate: in a step from t = {t:g}; the samples before it are in `.trajectory`]"
+                f"[integrate: in step {int(self.clock[TAKEN]) + 1}, from t = {t:g}; the samples before "
+                "it are in `.trajectory`]"
             )
             return self._ended(error)
         why = str(error)

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, warn
 from ..formulas import check_finite, real_array
+from ..integrators.ending_at_jumps import apart
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .checkpoint import Checkpoint
@@ -131,7 +132,7 @@ def jumps(breaks: Any) -> tuple[float, ...]:
             f"integrate: breaks has shape {array.shape}; it is a list of times, (n,)"
         )
     check_finite(array, "integrate: breaks")
-    return tuple(sorted(array.tolist()))
+    return apart(array.tolist())
 
 
 def names(record: Any) -> Any:
@@ -146,7 +147,8 @@ def names(record: Any) -> Any:
 
 def only_adaptive(method: Any, every: int, h: Any, **options: Any) -> None:
     """Refuse what has no adaptive steps.  options : those of adaptive steps."""
-    asked = [name for name, x in options.items() if x is not None and np.size(x)]
+    given = {name: x for name, x in options.items() if x is not None}
+    asked = [name for name, x in given.items() if axes(x, name) == 0 or np.size(x)]
     if h is not None and asked and not chooses_steps(method):
         raise IncompatibleSystem(
             f"integrate: {method!r} makes no adaptive steps, and {asked[0]} is for these; "
@@ -363,20 +365,18 @@ def digits(precision: Any, compensated: Any) -> None:
         )
 
 
-def checkpoint(path: Any, every: Any) -> Checkpoint | None:
-    """Where and how often a run is saved, if it is."""
-    if path is None:
-        return None
+def checkpoint(path: Any, every: Any) -> Checkpoint:
+    """Where and how often a run is saved."""
     if (
         not isinstance(path, (str, os.PathLike))
         or not os.path.isdir(os.path.dirname(os.fspath(path)) or ".")
-        or (os.path.isdir(path))
+        or (os.path.exists(path) and not os.path.isfile(path))
     ):
         raise InvalidInput(
             f"integrate: checkpoint is the name of a file in a folder that exists; got {path!r}"
         )
     if isinstance(every, str):
-        found = re.fullmatch(r"\s*([0-9_]+)\s*steps?\s*", every)
+        found = re.fullmatch(r"\s*([0-9]+(?:_[0-9]+)*)[\s_]*steps?\s*", every)
         if found is None:
             raise InvalidInput(
                 "integrate: checkpoint_every is a number of seconds, or a text such as "

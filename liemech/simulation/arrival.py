@@ -42,10 +42,11 @@ def arrive(
         good = accepted(trial, itself)
         at = k * (shown.width + 2)
         if good:
-            write(out, at, trial, None)
-            write(out, at + shown.width + 1, 1.0)
+            write(out, at, trial[0], shown)
+            write(out, at + shown.width, trial[1], NUMBER)
+            write(out, at + shown.width + 1, 1.0, NUMBER)
         else:
-            write(out, at + shown.width + 1, 0.0)
+            write(out, at + shown.width + 1, 0.0, NUMBER)
             if failures is not None:
                 failures.append(reason(trial))
 

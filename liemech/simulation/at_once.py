@@ -67,6 +67,7 @@ def of_shape(
         _Found(shape, memory, t0, plan.h, every, step, reached),
         system=plan.system,
         method=plan.method,
+        breaks=plan.breaks,
         h=plan.h,
         bodies=None,
         steps=steps,

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure, failure
+from ..errors import IntegrationFailure, InvalidInput, failure
 from ..formulas.pytree import build
 from ..systems.system import State, member, state_of
-from .adaptive import MARK, REJECTED, STEP, TAKEN
+from .adaptive import CLOCK, MARK, REJECTED, STEP, TAKEN
 from .dense import unpacked
 from .events import NO_EVENTS, Met
 from .prepared import Shape
@@ -80,10 +80,15 @@ class Carry:
     def stopped(self) -> Stopped:
         """The bodies of an ensemble that go no further."""
         taken = np.atleast_1d(self.numbers[-1])
+        h = np.broadcast_to(self.h, taken.shape)
         steps = {int(i): max(0, int(taken[i])) for i in np.flatnonzero(taken < self.step)}
         return Stopped(
             steps,
-            lambda i: failure(self.failures.get(i), f"body {i}", f"step {int(taken[i]) + 1}"),
+            lambda i: failure(
+                self.failures.get(i),
+                f"body {i}",
+                f"step {int(taken[i]) + 1}, t = {self.t0 + taken[i] * h[i]:g}",
+            ),
         )
 
     def keep(self) -> None:
@@ -111,9 +116,17 @@ class AdaptiveCarry:
     met: Met = NO_EVENTS
     bodies: None = None
 
-    def taken_up(self, t_end: float) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers and clock with which a run to t_end goes on: it counts its own steps."""
-        numbers, clock = self.numbers.copy(), self.clock.copy()
+    def taken_up(self, t_end: float, width: int) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers and clock with which a run to t_end goes on: it counts its own steps.
+
+        width : how many numbers such a run carries along, which native code relies on.
+        """
+        numbers, clock = np.array(self.numbers, dtype=float), np.array(self.clock, dtype=float)
+        if numbers.shape != (width,) or clock.shape != (CLOCK.width,):
+            raise InvalidInput(
+                f"Plan.resume: the run carries {numbers.shape} numbers and a clock of {clock.shape} "
+                f"along; this plan has ({width},) and ({CLOCK.width},)"
+            )
         clock[[TAKEN, REJECTED, MARK]] = 0.0
         if clock[STEP] * (t_end - self.t) < 0.0:
             clock[STEP] = -clock[STEP]

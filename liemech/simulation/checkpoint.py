@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from ..errors import InvalidInput, warn
+
 SHARE = 0.05
 """Part of the time of a run that writing may take, unless it was said after how many steps."""
 
@@ -15,6 +17,8 @@ class Checkpoint:
     """Where and how often a run is written: every so many seconds, and less often if writing takes
     long, or every so many steps.
 
+    A disk that is full, or may not be written to, does not end the run: a warning tells of it, the
+    next checkpoint is tried in its turn, and at the end a warning tells if the last one failed.
     steps : None for seconds.  shown : of a run as it is made the one that is written.
     """
 
@@ -24,6 +28,21 @@ class Checkpoint:
         self.path, self.seconds, self.steps = path, seconds, steps
         self.shown: Callable[[Any], Any] = lambda run: run
         self.next, self.taken = time.perf_counter() + seconds, 0
+        self.failed: Exception | None = None  # why the last one is not there
+        self.failures, self.written = 0, ""  # how many are not, and what was written before
+
+    def __enter__(self) -> Checkpoint:
+        return self
+
+    def __exit__(self, *ended: object) -> None:
+        if self.failed is not None:
+            there = f"the file has the run {self.written}" if self.written else "nothing is there of it"
+            warn(
+                f"integrate: checkpoint: {self.failures} could not be written to {self.path}, the "
+                f"last one among them ({_why(self.failed)}); {there}.  run.save(...) writes the "
+                "run itself",
+                RuntimeWarning,
+            )
 
     def within(self, steps: int) -> int:
         """So many steps, or those that are left until it is written."""
@@ -39,6 +58,22 @@ class Checkpoint:
     def save(self, run: Any) -> None:
         """Write the run as far as it came."""
         begun, self.taken = time.perf_counter(), 0
-        self.shown(run).save(self.path)
+        made = self.shown(run)
+        try:
+            made.save(self.path)
+        except (OSError, MemoryError, InvalidInput) as error:
+            self.failures, self.failed = self.failures + 1, error
+            if self.failures == 1:
+                warn(
+                    f"integrate: checkpoint: {self.path} cannot be written, {_why(error)}; the run "
+                    "goes on, and the next checkpoint is tried when it is due",
+                    RuntimeWarning,
+                )
+        else:
+            self.failed, self.written = None, f"up to step {made.steps}"
         ended = time.perf_counter()
         self.next = ended + max(self.seconds, (ended - begun) / SHARE)
+
+
+def _why(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"

@@ -56,7 +56,7 @@ def told(moved: Any, point: Any, out: Any, failures: Any) -> None:
     good = accepted(moved, itself, point)
     if any_body(good):
         write(out, 0, moved, point)
-    write(out, point.width, where(good, 1.0, 0.0))
+    write(out, point.width, where(good, 1.0, 0.0), NUMBER)
     if failures is not None and not good:
         failures.append(reason(moved))
 

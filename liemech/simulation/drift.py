@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +11,8 @@ import numpy as np
 from ..errors import InvalidInput
 from ..systems.system import System
 
-FEW = 8
-"""Samples below which a straight line through them says nothing."""
+FEW = 20
+"""Samples below which nothing is said of a trend: a dozen steps show neither a bound nor a drift."""
 
 
 SMALL = 0.1
@@ -20,14 +21,18 @@ told beside the terms.
 """
 
 
+LOST = 0.1
+"""Part of a quantity by which it must not differ from its start in the mean square."""
+
+
 @dataclass(frozen=True)
 class Kept:
-    """How well one quantity was kept: its size, the largest change, that at the end, the trend, and
-    how sure the trend is.
+    """How well one quantity was kept: its size, the largest change, that at the end, the root mean
+    square of all, the trend, and how sure the trend is.
 
     size : at the start.  scale : what changes are divided by: the size, or that of the terms the
-    quantity is the sum of where these nearly cancel; 0 if changes are absolute, because everything
-    is zero at the start.
+    quantity is the sum of where these nearly cancel at the start; 0 if changes are absolute, because
+    everything is zero there.
     """
 
     name: str
@@ -39,26 +44,25 @@ class Kept:
     duration: float
     samples: int
     last: float
+    typical: float
 
     @property
     def verdict(self) -> str:
         """What can be said of it:
 
         `exact` (rounding only), `bounded` (oscillates), `drifting` (the trend dominates), `lost`
-        (the run ends with a change as large as the quantity itself, and no trend explains it), or
-        `changed` (who knows).
+        (the typical change is a tenth of the quantity itself or more, or the run ends with one as
+        large as the quantity, and no trend explains it: the step is too large), or `changed` (too
+        few samples to tell).
         """
         if self.largest <= 1e-12:
             return "exact"
+        left = bool(self.scale) and self.largest >= 1.0 and self.last >= 0.5 * self.largest
         if self.samples < FEW:
-            return "changed"
+            return "lost" if left else "changed"
         if abs(self.slope) * self.duration > 4.0 * self.spread:
             return "drifting"
-        return (
-            "lost"
-            if self.scale and self.largest >= 1.0 and self.last >= 0.5 * self.largest
-            else "bounded"
-        )
+        return "lost" if left or (self.scale and self.typical >= LOST) else "bounded"
 
     @property
     def measure(self) -> str:
@@ -136,6 +140,16 @@ class Drift:
         names = ", ".join(k.name for k in self.kept) or "none"
         raise InvalidInput(f"Drift: {name!r} is no constant of this motion; known are: {names}")
 
+    def __iter__(self) -> Iterator[str]:
+        """The names of the constants."""
+        return iter([kept.name for kept in self.kept])
+
+    def __len__(self) -> int:
+        return len(self.kept)
+
+    def __contains__(self, name: object) -> bool:
+        return any(kept.name == name for kept in self.kept)
+
     def __str__(self) -> str:
         return "\n".join(map(str, self.kept)) or "no constants of the motion are known"
 
@@ -174,45 +188,49 @@ def _some(samples: int) -> list[int]:
 
 def _lengths(vectors: np.ndarray) -> Any:
     """The norms of vectors, (..., n), whose squares neither under- nor overflow."""
-    return np.sqrt((vectors * vectors).sum(axis=-1))
+    largest = np.abs(vectors).max(axis=-1)
+    unit = np.where((largest > 0.0) & (largest < np.inf), largest, 1.0)
+    return unit * np.sqrt(((vectors / unit[..., None]) ** 2).sum(axis=-1))
 
 
 def _kept(name: str, t: np.ndarray, values: np.ndarray, terms: np.ndarray) -> Kept:
     """The change of a vector quantity along a run: its largest norm, and by least squares a
     straight line through it.
     """
-    # a power of two as unit: then no square under- or overflows
-    _, exponent = np.frexp(np.abs(values).max(axis=(0, -1)))
-    values, terms = (np.ldexp(x, -exponent[..., None]) for x in (values, terms))
     size, sums = _lengths(values[0]), _lengths(terms)
     changes = _lengths(values[_some(len(t))] - values[0])
-    # not where the motion has been left
-    sum_of_terms = np.where(changes <= SMALL * sums, sums, 0.0).max(axis=0)
+    # of a start without terms, such as one at rest, those of later samples where the motion has
+    # not been left
+    later = np.where(changes <= SMALL * sums, sums, 0.0).max(axis=0)
+    sum_of_terms = np.where(sums[0] > 0.0, sums[0], later)
     scale = np.where(size > SMALL * sum_of_terms, size, sum_of_terms)
-    unit = np.where(scale > 0.0, scale, np.ldexp(1.0, -exponent))
-    change = (values - values[0]) / unit[..., None]
-    largest = _lengths(change)
-    worst = np.unravel_index(largest.argmax(), largest.shape)[1:]
-    last = float(largest[(-1, *worst)])
-    series = change[(slice(None), *worst)]
-    component = np.ascontiguousarray(series[:, np.abs(series[-1]).argmax()])
-    if t.ndim == 2:
-        t = t[:, worst[0]]
-    time = t - t.sum() / len(t)
-    squares = float(time @ time)
-    slope = float(time @ component / squares) if squares else 0.0  # 0: a body that has no time
-    rest = component - slope * time
-    rest -= rest.sum() / len(t)
-    spread = float(rest @ rest / len(t)) ** 0.5
-    size, scale = (float(np.ldexp(x, exponent)[worst]) for x in (size, scale))
+    unit = np.where(scale > 0.0, scale, 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        change = (values - values[0]) / unit[..., None]
+        largest = _lengths(change)
+        worst = np.unravel_index(largest.argmax(), largest.shape)[1:]
+        own = largest[(slice(None), *worst)]
+        last, top = float(own[-1]), float(own.max())
+        typical = top * float(np.mean((own / top) ** 2)) ** 0.5 if 0.0 < top < np.inf else top
+        series = change[(slice(None), *worst)]
+        component = np.ascontiguousarray(series[:, np.abs(series[-1]).argmax()])
+        if t.ndim == 2:
+            t = t[:, worst[0]]
+        time = t - t.sum() / len(t)
+        squares = float(time @ time)
+        slope = float(time @ component / squares) if squares else 0.0  # 0: a body that has no time
+        rest = component - slope * time
+        rest -= rest.sum() / len(t)
+        spread = float(rest @ rest / len(t)) ** 0.5
     return Kept(
         name,
-        size,
-        scale,
-        float(largest.max()),
+        float(size[worst]),
+        float(scale[worst]),
+        top,
         slope,
         spread,
         float(abs(t[-1] - t[0])),
         len(t),
         last,
+        typical,
     )

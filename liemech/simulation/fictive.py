@@ -10,8 +10,8 @@ from ..errors import IncompatibleSystem
 from ..formulas.pytree import layout_of
 from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
+from ..systems.sundman import InFictiveTime
 from ..systems.system import State, small_state, state_of
-from ..systems.time_transformed import ExtendedSystem
 from .carry import Carry
 from .events import NO_EVENTS, Met
 from .prepared import Steps
@@ -31,13 +31,13 @@ class Origin:
     def whole(self) -> Any:
         """The system whose state carries physical time along, bound to the start."""
         given, method = self.given, self.method
-        if isinstance(given, ExtendedSystem):
+        if isinstance(given, InFictiveTime):
             if method.fictive:
                 raise IncompatibleSystem(
                     f"integrate: {method!r} varies its steps, and so "
                     f"does {given!r}; one of them will do"
                 )
-            whole = given.bound(self.start)  # type: ignore[arg-type]
+            whole = given.bound(self.start)
             method.require(whole)
             return whole
         while isinstance(method, Composition):

@@ -66,11 +66,12 @@ class FirstPiece:
         self.memory = np.empty(shape.kept + size)
         shape.begun.pack_into(self.memory, 0, *begun)
 
-    def _run(self, *words: int) -> None:
-        """Run native code.  words : its integers, and the addresses of its arrays."""
+    def _run(self, integers: tuple[int, ...], *buffers: tuple[int, int]) -> None:
+        """Run native code.  buffers : the addresses of its arrays, and how many numbers they hold."""
         plan, shape = self.plan, self.shape
         numbers = shape.constants, self.t_end, plan.rtol, plan.atol, plan.longest
-        shape.stepping.native.call(shape.call(1, 0, 1, *words, *numbers))
+        words = *integers, *[place for place, _ in buffers]
+        shape.stepping.native.on_memory(shape.call(1, 0, 1, *words, *numbers), buffers)
         self.clock = CLOCKS.unpack_from(self.memory, 8 * shape.layout.width)
 
     @property
@@ -123,7 +124,12 @@ class EveryStep(FirstPiece):
         begun = *numbers, *shape.rest, t0, plan.first(t0, t_end), *FRESH
         super().__init__(plan, shape, t0, t_end, (1 + room) * width, *begun, *row)
         place = address(self.memory)
-        self._run(room, place, place + shape.clock, place + 8 * (shape.kept + width))
+        self._run(
+            (room,),
+            (place, shape.layout.width),
+            (place + shape.clock, CLOCK.width),
+            (place + 8 * (shape.kept + width), room * width),
+        )
 
     @property
     def rows(self) -> np.ndarray:
@@ -175,7 +181,15 @@ class AtTimes(FirstPiece):
         done = place + 8 * shape.kept
         out, samples = done + 8 * SAMPLES.width, done + 8 * shape.before
         self.memory[shape.kept + SAMPLES.width + shape.row.width] = t0
-        self._run(limit, count, place, place + shape.clock, out, address(times), samples, done)
+        self._run(
+            (limit, count),
+            (place, shape.layout.width),
+            (place + shape.clock, CLOCK.width),
+            (out, shape.before - SAMPLES.width),
+            (address(times), count),
+            (samples, count * width),
+            (done, SAMPLES.width),
+        )
 
     @property
     def written(self) -> int:

@@ -6,10 +6,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..compiler.driver import accepted, any_body, attempt, read, reason, write
-from ..errors import InvalidType
+from ..compiler.driver import accepted, any_body, attempt, read, reason, unchanged, write
 from ..formulas import where
-from ..formulas.pytree import NUMBER, fitted, layout_of, rounded
+from ..formulas.pytree import NUMBER, fitted, rounded
 
 
 def fixed_steps(
@@ -41,17 +40,8 @@ def fixed_steps(
     turns = every if any_body(running) else 0
     for k in range(samples):
         for j in range(turns):
-            checked = failures is not None and k + j == 0
-            trial = attempt(
-                stepped,
-                method,
-                system,
-                t0 + (first + (k * every + j)) * h,
-                carry,
-                h,
-                layout,
-                checked,
-            )
+            t = t0 + (first + (k * every + j)) * h
+            trial = attempt(stepped, method, system, t, carry, h, layout)
             good = running and accepted(trial, observed, shown)
             if any_body(not good):
                 if failures is not None:
@@ -68,7 +58,7 @@ def fixed_steps(
         if not any_body(running):
             break
     write(states, 0, carry, layout)
-    write(states, layout.width, count)
+    write(states, layout.width, count, NUMBER)
 
 
 def begin(
@@ -93,20 +83,19 @@ def begin(
     if any_body(good):
         write(states, 0, fitted(trial[0], layout), layout)
         write(out, 0, where(good, trial[1], read(out, 0, shown)), shown)
-    write(states, layout.width, where(good, 0.0, -1.0))
+    write(states, layout.width, where(good, 0.0, -1.0), NUMBER)
     if failures is not None and not good:
         failures.append(reason(trial))
 
 
-def stepped(
-    method: Any, system: Any, t: float, carry: Any, h: float, layout: Any, checked: bool
-) -> Any:
-    """What the method carries along after one step, and the sample that shows it."""
+def stepped(method: Any, system: Any, t: float, carry: Any, h: float, layout: Any) -> Any:
+    """What the method carries along after one step, and the sample that shows it.  Raises
+    InvalidType if the step returns something else than it was given.
+    """
     new = method.step(system, t, carry, h)
     if layout.remembers:
         new = fitted(new, layout)
-    if checked:
-        _require(layout, new, method, system)
+    unchanged(new, layout)
     return new, rounded(method.observe(new))
 
 
@@ -124,15 +113,3 @@ def sample(method: Any, carry: Any) -> Any:
 def observed(trial: Any) -> Any:
     """The sample in what `stepped` and `begun` return."""
     return trial[1]
-
-
-def _require(layout: Any, new: Any, method: Any, system: Any) -> None:
-    """Refuse a step that returns something else than it was given.  (The compiler sees for itself
-    what comes back.)
-    """
-    if layout_of(new) != layout:
-        raise InvalidType(
-            f"integrate: one step of {method!r} on {system!r} turns {layout!r} into "
-            f"{layout_of(new)!r}. Formulas return numbers, liemech.vec(...), liemech.mat(...) and "
-            "records, not arrays or lists"
-        )

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..compiler.driver import Rejected, attempt, read, reason
+from ..compiler.interrupts import in_threads
 from ..compiler.kernel import Several
 from ..errors import (
     IntegrationFailure,
@@ -128,7 +129,7 @@ class FixedRun:
         """
         for i in range(self.count):
             start = fitted(self._member(i), started) if i else one
-            own = self.plan.method_of(i), self.plan.of(i), start, self.plan.h_of(i)
+            own = self.plan.way_of(i), self.plan.of(i), start, self.plan.h_of(i)
             trial = attempt(begun, *own)
             if not isinstance(trial, Rejected):
                 carry, example = trial
@@ -146,6 +147,10 @@ class FixedRun:
         what = none + repr(self.plan.method)
         raised = error if is_mistake(error) else failure(error, what, self._at_start())
         return self._with_trajectory(raised, self._only_start())
+
+    def _clock_at(self, steps: int) -> str:
+        """The time after so many steps; of bodies with steps of their own that of the first."""
+        return f"{self.plan.clock} = {self.t0 + steps * self.plan.h_of(0):g}"
 
     def _at_start(self) -> str:
         return f"at the start, {self.plan.clock} = {self.t0:g}"
@@ -280,7 +285,8 @@ class FixedRun:
         except KeyboardInterrupt:
             stopped = IntegrationInterrupted(
                 f"integrate: interrupted after {self.before + done} of {self.before + self.whole} "
-                f"steps; {self._kept(done)} samples are in `.trajectory`"
+                f"steps, {self._clock_at(self.before + done)}; {self._kept(done)} samples are in "
+                "`.trajectory`"
             )
             raise self._with_trajectory(stopped, self._result(done)) from None
         return self._result(self.steps)
@@ -362,7 +368,8 @@ class FixedRun:
             self.failures.setdefault(i, failures[0])
             error: Any = failures[0]
             if self.bodies is not None and is_mistake(error):
-                error.add_note(f"[integrate: body {i}; the samples before it are in `.trajectory`]")
+                at = f"body {i}, {self._place(i)}"
+                error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
                 raise self._with_trajectory(
                     error, self._result(values[6] - self.before) if stepping else self._only_start()
                 )
@@ -414,16 +421,13 @@ class FixedRun:
         waiting = iter(blocks)  # each thread takes the next block as soon as it has done one
 
         def work() -> None:
-            for first in waiting:
-                call(first, min(first + size, columns))  # without the interpreter's lock
+            try:
+                for first in waiting:
+                    call(first, min(first + size, columns))  # without the interpreter's lock
+            finally:
+                collections.deque(waiting, 0)  # interrupted, nobody begins another block
 
-        others = [pool(workers, os.getpid()).submit(work) for _ in range(threads - 1)]
-        try:
-            work()
-        finally:
-            collections.deque(waiting, 0)  # interrupted, nobody begins another block
-            for other in others:
-                other.result()
+        in_threads([work] * threads, pool(workers, os.getpid()) if threads > 1 else None)
         return -(-len(blocks) // threads)
 
     # ---------------------------------------------------------------- results
@@ -462,6 +466,7 @@ class FixedRun:
             SimpleNamespace(t=lambda: made()[0], states=lambda: made()[1]),
             system=self.plan.system,
             method=self.plan.method,
+            breaks=self.plan.breaks,
             h=shown_step(self.plan.h),
             bodies=self.bodies,
             steps=steps,
@@ -478,9 +483,8 @@ class FixedRun:
             first = self._failure(min(stopped))
             mistake: Any = first.__cause__
             if is_mistake(mistake):
-                mistake.add_note(
-                    f"[integrate: body {min(stopped)}; the samples before it are in `.trajectory`]"
-                )
+                at = f"body {min(stopped)}, {self._place(min(stopped))}"
+                mistake.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
                 raise self._with_trajectory(mistake, run)
             some = ", ".join(
                 f"body {i} after {n} steps" for i, n in list(stopped.steps.items())[:5]
@@ -509,23 +513,26 @@ class FixedRun:
 
     def _failure(self, body: int) -> IntegrationFailure:
         """Why a body stopped: what plain Python saw its step raise."""
+        at = self._place(body)
+        if self.bodies is None:
+            kept = self._kept(int(self.taken[body]) - self.before)
+            at += f"; {kept} samples are in `.trajectory`"
+        return failure(self.failures.get(body), repr(self.plan.method_of(body)), at)
+
+    def _place(self, body: int) -> str:
+        """The step that a body did not make, and the time from which."""
         step = int(self.taken[body])
         t = self.t0 + step * self.plan.h_of(body)
-        at = (
-            f"step {step + 1} of {self.before + self.whole}, {self.plan.clock} = {t:g}"
-            if step >= 0
-            else self._at_start()
-        )
-        if self.bodies is None:
-            at += f"; {self._kept(step - self.before)} samples are in `.trajectory`"
-        return failure(self.failures.get(body), repr(self.plan.method_of(body)), at)
+        if step < 0:
+            return self._at_start()
+        return f"step {step + 1} of {self.before + self.whole}, {self.plan.clock} = {t:g}"
 
     def _ended(self, body: int) -> Exception:
         """The error of a single body that stopped: its failure, or the mistake in a formula itself."""
         error: Any = self._failure(body)
         if is_mistake(error.__cause__):
             error = error.__cause__
-            at = f"step {int(self.taken[body]) + 1} of {self.before + self.steps}"
+            at = self._place(body)
             error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
         else:
             carry = read(self.states[:, body], 0, self.shape.layout)

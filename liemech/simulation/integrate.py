@@ -64,6 +64,8 @@ def integrate(
     not computed.  Or functions of it, kept instead: methods of the system by name, ("energy",),
     functions of t and state, and pairs [(name, function), ...].
     t_eval : (n,) times at which to keep the state; default: at the ends of steps.
+    breaks : times at which the velocity jumps; no step goes across one: of a step of length h they
+    make several.  Where a PiecewisePolynomial in a field of the system jumps is known.
     events : functions of t and state whose zeros are looked for; their attributes `terminal` (True:
     the first zero ends the run; 3: the third one) and `direction` (+1 only rising, -1 only falling
     zeros) mean what they do in SciPy.  Of an ensemble run.events[k][i] is what body i has met.
@@ -96,8 +98,7 @@ def integrate(
     rtol, atol : the error of a step is kept below atol + rtol |state| (1e-6 and 1e-9); (bodies,)
     gives every body its own, as for h and max_step.  As with
     every local error control, the error of the motion grows along it.
-    max_step : the longest step.  breaks : times at which the velocity jumps; no step goes across
-    one.
+    max_step : the longest step.
     dense : keep the way between the steps too, for `Trajectory.at`; default: unless t_eval is
     given, and then nothing else is kept.
 
@@ -157,7 +158,7 @@ def integrate(
             or arguments.chooses_steps(way)
             or any(options[name] is not None for name in ("rtol", "atol", "max_step"))
         ):
-            asked = {name: options[name] for name in ("rtol", "atol", "max_step", "breaks")}
+            asked = {name: options[name] for name in ("rtol", "atol", "max_step")}
             arguments.only_adaptive(way, every, h, **asked)
             options["rtol"] = arguments.RTOL if rtol is None else rtol
         plan = Plan(system, method, **options)
@@ -180,10 +181,8 @@ def integrate(
 
 def _only_alike(h: Any, steps: Any, options: dict[str, Any]) -> None:
     """Refuse what is for adaptive steps."""
-    for name in ("rtol", "atol", "max_step", "breaks"):
-        if options[name] is not None and not (
-            name == "breaks" and not arguments.jumps(options[name])
-        ):
+    for name in ("rtol", "atol", "max_step"):
+        if options[name] is not None:
             raise InvalidInput(
                 f"integrate: {name} is for adaptive steps; give t_end "
                 "and, if you like, h as the first step"

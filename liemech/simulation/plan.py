@@ -6,12 +6,12 @@ import functools
 import inspect
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import timedelta
 from typing import Any
 
 from ..compiler.kernel import Several
-from ..errors import InvalidInput, InvalidType, StepWarning, warn
+from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, StepWarning, warn
 from ..formulas import Record
 from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
 from ..integrators.method import Method
@@ -52,8 +52,9 @@ class Plan:
     Adaptive steps, of a method with an error estimate, if h is None or rtol or atol is given:
     rtol, atol, dense : as for `integrate`.  h : the first step; max_step : the longest one;
     (bodies,) gives every body its own.
-    breaks : times at which the velocity jumps, such as the ends of a pulse; no step goes across.
 
+    breaks, for both : times at which the velocity jumps, such as the ends of a pulse; no step goes
+    across one.  Those of tables in the fields of the system are known.
     record, events, compiled, progress, workers : as for `integrate`.
 
     A plan does not change; `replace` makes another one.  What formulas read from outside counts as
@@ -145,10 +146,10 @@ class Plan:
                 progress,
                 workers,
             )
-        elif h is None or not (rtol is atol is max_step is None) or len(breaks):
+        elif h is None or not (rtol is atol is max_step is None):
             from .adaptive_run import AdaptiveSteps
 
-            asked = {"rtol": rtol, "atol": atol, "max_step": max_step, "breaks": breaks}
+            asked = {"rtol": rtol, "atol": atol, "max_step": max_step}
             arguments.only_adaptive(first("method"), every, h, **asked)
             if precision != "double":
                 raise InvalidInput(
@@ -180,6 +181,7 @@ class Plan:
                 compiled,
                 progress,
                 workers,
+                breaks=breaks,
             )
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
         self._plain = (  # is there nothing to do but to step, with one length, and for one system?
@@ -264,14 +266,37 @@ class Plan:
             if checkpoint is not None:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
-        if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
-            run = self._short_run(start, steps, t0)
-            if run is not None:
-                return run
+        try:
+            if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
+                run = self._short_run(start, steps, t0)
+                if run is not None:
+                    return run
+            if checkpoint is None:
+                return self._run(start, steps, t_end, t0, t_eval, None)
+            with self._kept(checkpoint, checkpoint_every) as kept:
+                return self._run(start, steps, t_end, t0, t_eval, kept)
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:
+            end = {"t_end": t0} if self.adaptive else {"steps": 0}
+            raise self._not_begun(lambda plan: plan.run(start, t0=t0, **end)) from None
+
+    def _not_begun(self, standing: Callable[[Plan], Trajectory]) -> IntegrationInterrupted:
+        """Ctrl-C outside of the steps of a run.  standing : of a plan the run of no step."""
+        stopped = IntegrationInterrupted(
+            "integrate: interrupted before the steps, as while native code is made; where they were to "
+            "begin is in `.trajectory`"
+        )
+        stopped.trajectory = standing(self.replace(compiled=False, progress=False))
+        return stopped
+
+    def _run(
+        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
+        """A run of any kind."""
         if self.events:
             arguments.events(self.events)  # whose attributes may have changed
         start, t0 = self._started(start), arguments.real(t0, "t0")
-        kept = None if checkpoint is None else self._kept(checkpoint, checkpoint_every)
         one_by_one = apart(self, start, t_end, t_eval)
         if one_by_one and (self.fictive or self.adaptive):
             return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
@@ -370,21 +395,18 @@ class Plan:
             arguments.allowed(self.system, start)
         return start
 
-    def _kept(self, path: Any, seconds: Any) -> Checkpoint | None:
-        """Where the run is saved, if it is; what cannot be saved is refused now, and not after a
-        minute.
-        """
-        kept = arguments.checkpoint(path, seconds)
-        if kept is not None:
-            from .archive import encoded
+    def _kept(self, path: Any, seconds: Any) -> Checkpoint:
+        """Where the run is saved; what cannot be saved is refused now, and not after a minute."""
+        from .encoding import encoded
 
-            for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
-                try:
-                    encoded(value)
-                except InvalidInput as error:
-                    raise InvalidInput(
-                        f"integrate: checkpoint: the {name} cannot be saved. {error}"
-                    ) from None
+        kept = arguments.checkpoint(path, seconds)
+        for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
+            try:
+                encoded(value)
+            except InvalidInput as error:
+                raise InvalidInput(
+                    f"integrate: checkpoint: the {name} cannot be saved. {error}"
+                ) from None
         return kept
 
     def _needed(self, system: Any, start: Any) -> Any:
@@ -421,7 +443,21 @@ class Plan:
         Raises InvalidInput if the run was of another system, method or step, which it names, or if
         it was interrupted.
         """
-        kept = self._kept(checkpoint, checkpoint_every)
+        try:
+            if checkpoint is None:
+                return self._gone_on(run, steps, t_end, t_eval, None)
+            with self._kept(checkpoint, checkpoint_every) as kept:
+                return self._gone_on(run, steps, t_end, t_eval, kept)
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:
+            end: Any = {"t_end": run.carry.t} if self.adaptive else {"steps": 0}
+            raise self._not_begun(lambda plan: plan.resume(run, **end)) from None
+
+    def _gone_on(
+        self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
+    ) -> Trajectory:
+        """What comes after a run of any kind."""
         if isinstance(run, Stepper):
             carry = run.carry
             self._require_mine(carry, "resume")
@@ -773,15 +809,14 @@ class Plan:
                 f"Plan.{what}: the carry is of steps of h = "
                 f"{inner.h!r}, the plan has {self._steps.h!r}"
             )
-        theirs: Any = None
+        theirs, way = None, self.method  # type: Any, Any
         if isinstance(carry, FictiveCarry):
             theirs = carry.origin.given, carry.origin.method
         elif inner.shape is not None:
             method, system, *_ = inner.shape.arguments
             theirs = tuple([x.values if isinstance(x, Several) else x for x in (system, method)])
-        mine = tuple(
-            [x.members if isinstance(x, OfBodies) else x for x in (self.system, self.method)]
-        )
+            way = self._steps.way
+        mine = tuple([x.members if isinstance(x, OfBodies) else x for x in (self.system, way)])
         if theirs is not None and exact(theirs) != exact(mine):
             raise InvalidInput(
                 f"Plan.{what}: the carry is of another system or method; begin anew there, with "

@@ -17,6 +17,7 @@ from ..compiler import kernel
 from ..formulas.pytree import (
     Layout,
     build,
+    carried_layout,
     compensated,
     double_double,
     fitted,
@@ -24,6 +25,7 @@ from ..formulas.pytree import (
     layout_of,
     leaves,
 )
+from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
 from ..systems.system import State, System
 from .execution import Execution, like, numbers_of
@@ -45,7 +47,7 @@ class Steps:
     system, method : one for all bodies, or `Systems`, `Methods`.  h : one for all bodies, or one
     for each.
     compensated, precision, compiled, progress, workers : as for `integrate`.
-    clock : the name of the time in which they are equal.
+    clock : the name of the time in which they are equal.  breaks : times at which steps end.
     of_origins, of_layouts : of steps in fictive time, those of the system with its clock, by where
     a run began, and some for each layout of such a system.
     """
@@ -61,12 +63,15 @@ class Steps:
     workers: int
     shapes: dict[Any, Shape] = dataclasses.field(default_factory=dict, repr=False)
     clock: str = "t"
+    breaks: tuple[float, ...] = ()
     of_origins: MutableMapping[Any, Steps] = dataclasses.field(
         default_factory=WeakKeyDictionary, init=False, repr=False
     )
     of_layouts: dict[Layout, Steps] = dataclasses.field(
         default_factory=dict, init=False, repr=False
     )
+    # what drivers get instead of a method, by its identity
+    ways: dict[int, Any] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
     def of_system(self, system: System) -> Steps:
         """The same for a system of the same layout; what is laid out and compiled is shared."""
@@ -87,6 +92,23 @@ class Steps:
     def method_of(self, body: int) -> Any:
         """The method of a body."""
         return of_body(self.method, body)
+
+    @property
+    def way(self) -> Any:
+        """The method as drivers get it, or those of all bodies."""
+        if isinstance(self.method, OfBodies):
+            return type(self.method)(tuple([self.way_of(i) for i in range(len(self.method))]))
+        return self.way_of(0)
+
+    def way_of(self, body: int) -> Any:
+        """The same of one body."""
+        method = self.method_of(body)
+        if self.clock != "t" and not method.fictive:
+            return method
+        known = self.ways.get(id(method))
+        if known is None:
+            known = self.ways[id(method)] = ending_at_jumps(method, self.of(body), self.breaks)
+        return known
 
     def h_of(self, body: int) -> float:
         """The step of a body."""
@@ -157,9 +179,9 @@ class Shape(Prepared):
     def __init__(
         self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, side: int
     ) -> None:
-        method, system = steps.method, steps.system
+        method, system = steps.way, steps.system
         self.given, self.started, self.example = given, started, example
-        self.layout, self.shown = layout_of(first), layout_of(example)
+        self.layout, self.shown = carried_layout(first), layout_of(example)
         native = steps.compiled is not False and side and kernel.available() is None
         self.lanes = side if native else 1
         self.own: list[np.ndarray] = []
@@ -264,7 +286,8 @@ class Shape(Prepared):
         """`fixed_steps` of one body.  native : its code.  states, out : the addresses of the
         arrays.
         """
-        native.call(self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h))
+        block = self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h)
+        native.on_memory(block, ((states, self.carried), (out, samples * self.sampled)))
 
     def beginning(self, steps: Steps) -> Execution:
         """Who runs `begin`."""

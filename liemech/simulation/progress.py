@@ -4,6 +4,7 @@ compilation.
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -14,22 +15,44 @@ from typing import Any
 NOTICE = 1.0
 """Seconds after which a run or a compilation shows itself."""
 
+LOOK = 0.1
+"""Seconds between two looks at whether a run is still wanted."""
+
+
+class Wanted(threading.local):
+    """Whether anybody waits for the runs of this thread.
+
+    unless : a file; when it is there, nobody does, as after Ctrl-C where they were asked for.
+    """
+
+    unless: str | None = None
+
+
+WANTED = Wanted()
+
+
 class Bar:
     """A progress bar that appears when the run takes longer than a second.
 
     unit : of what there are `total`; empty for parts of a time, whose number tells nothing.
+    A run that is no longer wanted is ended as by Ctrl-C, where it tells of its progress.
     """
 
     def __init__(self, wanted: bool | None, total: int, unit: str = "step") -> None:
         self.wanted, self.total, self.done, self.begun = wanted, total, 0, time.perf_counter()
         self.unit = unit
         self.bar: Any = None
+        self.unless, self.looked = WANTED.unless, self.begun
 
     def __enter__(self) -> Bar:
         return self
 
     def advance(self, steps: int) -> None:
         self.done += steps
+        if self.unless is not None and time.perf_counter() - self.looked > LOOK:
+            if os.path.exists(self.unless):
+                raise KeyboardInterrupt
+            self.looked = time.perf_counter()
         if self.bar is None and self.wanted is not False and self.done < self.total:
             if self.wanted or time.perf_counter() - self.begun > NOTICE:
                 from tqdm.auto import tqdm

@@ -62,7 +62,8 @@ def sampled_steps(
         k = k + 1
     while n < room and going:
         begun, (state, _) = read(clocks, 0, CLOCK), read(states, 0, layout)
-        write(out, row.width, (before, state))
+        write(out, row.width, before, NUMBER)
+        write(out, row.width + 1, state, point)
         adaptive_steps(
             method, system, layout, row, t_end, rtol, atol, longest, dense, 1,
             states, clocks, out, failures,

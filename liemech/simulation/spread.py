@@ -4,7 +4,11 @@ concurrent.futures.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import os
+import secrets
+import tempfile
 from concurrent import futures
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +22,7 @@ from .carry import Carries, Carry, Waiting
 from .fictive import FictiveCarry, Origin
 from .one_by_one import OneByOne, apart, members, no_events
 from .prepared import shown_step
-from .progress import Bar
+from .progress import WANTED, Bar
 from .stopped import NONE, Stopped
 from .systems import OfBodies, Systems
 from .trajectory import Trajectory, TransformedTrajectory
@@ -72,6 +76,9 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
     tries = [0] * len(jobs)
     running: dict[Any, int] = {}
 
+    # a file that tells workers of this machine that nobody waits for them any more
+    unless = os.path.join(tempfile.gettempdir(), f"liemech-{secrets.token_hex(16)}.stop")
+
     def here(i: int) -> None:
         found[i] = _run(*jobs[i])
 
@@ -79,7 +86,7 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
         tries[i] += 1
         try:
             if tries[i] <= TRIES:
-                running[executor.submit(_run, *jobs[i])] = i
+                running[executor.submit(_run, *jobs[i], unless)] = i
                 return
         except futures.BrokenExecutor:
             pass
@@ -106,9 +113,15 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
                     if i in found:
                         bar.advance(chunks[i][1] - chunks[i][0])
     except BaseException as error:
+        left = set()
         for future, i in running.items():
-            if not future.cancel() and future.done() and future.exception() is None:
+            if future.cancel():
+                continue
+            if not future.done():
+                left.add(future)
+            elif future.exception() is None:
                 found[i] = future.result()
+        _end(left, unless)
         if not isinstance(error, KeyboardInterrupt):
             raise
         whole = {i: run for i, run in found.items() if isinstance(run, Trajectory)}
@@ -132,14 +145,42 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
     return _joined(plan, chunks, [found[i] for i in range(len(jobs))])
 
 
-def _run(plan: Any, start: Any, how: dict[str, Any]) -> Any:
+def _run(plan: Any, start: Any, how: dict[str, Any], unless: str | None = None) -> Any:
     """A chunk, where it is computed.  What its run raises is a result: an error of `submit` tells
     of a lost worker.
+
+    unless : a file; when it is there, nobody waits for the chunk.
     """
+    before, WANTED.unless = WANTED.unless, unless
     try:
+        if unless is not None and os.path.exists(unless):
+            return None
         return plan.run(start, **how)
     except Exception as error:
         return error
+    except KeyboardInterrupt:
+        if unless is not None and os.path.exists(unless):
+            return None
+        raise
+    finally:
+        WANTED.unless = before
+
+
+def _end(running: set[Any], unless: str) -> None:
+    """Tell the workers of these futures that nobody waits for them; the file goes with the last."""
+    if not running:
+        return
+    with contextlib.suppress(OSError), open(unless, "x"):  # else they come to their ends
+        pass
+
+    def ended(future: Any) -> None:
+        running.discard(future)
+        if not running:
+            with contextlib.suppress(OSError):
+                os.unlink(unless)
+
+    for future in tuple(running):
+        future.add_done_callback(ended)
 
 
 def _waiting(plan: Any, start: Any, how: dict[str, Any]) -> Any:

@@ -26,9 +26,11 @@ from ..formulas.pytree import (
     leaves,
     with_slopes,
 )
+from ..integrators.ending_at_jumps import cuts
 from ..integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..integrators.method import Method
+from ..systems.clocked import Clocked
 from ..systems.system import State
 from .dense import evaluated, flat, told, unpacked
 from .fictive import Origin
@@ -195,7 +197,14 @@ def tangent_run(
     plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
     """So many steps of one length from a start, with their derivative by what is named."""
-    method = with_step(plan.method, plan.h, t0) if "h" in names else plan.method
+    method = plan.method
+    if "h" in names:
+        if plan.way is not plan.method and cuts(plan.way, plan.one):
+            raise IncompatibleSystem(
+                f"Plan.tangent: steps of {method!r} end where an input jumps, whatever h is, and "
+                "have no derivative by it; by the start and by parameters of the system they have one"
+            )
+        method = with_step(method, plan.h, t0)
     found = Directions.of(plan.one, method, start, names)
     made, values, tangent = carried_along(plan, start, steps, t0, found)
     return TangentTrajectory(
@@ -287,11 +296,9 @@ def fictive_tangent_run(
     found = Directions(frames_of(whole, now), moves, method, systems, methods, columns)
     made, values, tangent = carried_along(origin.steps(plan), now, steps, 0.0, found)
     t, states, _ = whole.apart(unpacked(layout_of(now), values))
-    if plan.one.fictive:  # the time is the last of the positions, minus the energy of the momenta
-        n = tangent.shape[1] // 2
-        rows = [*range(n - 1), *range(n, 2 * n - 1), n - 1]
-    else:
-        rows = [*range(tangent.shape[1] - 1)]  # z is not shown
+    size = tangent.shape[1]
+    # z is not shown
+    rows = whole.of_tangent(size) if plan.one.fictive else [*range(size - 1)]
     return TangentTrajectory(
         inner, plan.method, plan.h, t, states, None, steps, made.compiled,
         tangent=found.named(tangent[:, rows]), tau=made.t,
@@ -311,7 +318,7 @@ def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
     found = []
     for name, directions in frames.items():
         part = start.parts[name]
-        group = getattr(system, "configurations", system.group) if name == "g" else None
+        group = group_of(system) if name == "g" else None
         for i, unit in enumerate(directions(np.asarray(part)[None])[0]):
 
             def moved(x: float, name: str = name, part: Any = part, group: Any = group,
@@ -437,7 +444,7 @@ def frame(system: Any, name: str, part: Any) -> Any:
     """The directions in which a part of the state can move, as a function of the part, (n, ...) to
     (n, components, ...).
     """
-    group = getattr(system, "configurations", system.group) if name == "g" else None
+    group = group_of(system) if name == "g" else None
     size = layout_of(part).width
     if group is None:
         basis = np.eye(size).reshape(size, *np.shape(part))
@@ -457,6 +464,12 @@ def frame(system: Any, name: str, part: Any) -> Any:
         [derivative(group.exp, Vec(*[0.0] * group.dim), list(unit)) for unit in np.eye(group.dim)]
     )
     return lambda points: points[:, None] @ algebra
+
+
+def group_of(system: Any) -> Any:
+    """The group of the elements in the states of a system, which may have a clock."""
+    inner = system.system if isinstance(system, Clocked) else system
+    return inner.configurations if hasattr(inner, "configurations") else inner.group
 
 
 def translated(group: Any, g: Any) -> list[Any]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
+from ..integrators.ending_at_jumps import ending_at_jumps
 from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
@@ -37,10 +38,11 @@ class Trajectory:
     In an ensemble of m bodies mu is (n, m, dim) and g is (n, m, k, k); if they have steps of their
     own h is (m,) and t is (n, m).  Of adaptive steps h is the mean; `at(t)` gives the state at any
     time; rejected : the steps that were tried in vain;
-    events : for every event function the times, and the states then.
+    events : for every event function the times, and the states then; ended : of one body the number
+    of the terminal one that ended the run.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
     observed : names in `states` that are no parts of the state but functions of it, which `record`
-    asked for.
+    asked for.  breaks : times at which steps of one length had to end.
     stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took
     and the `error` that ended it.
     """
@@ -59,6 +61,8 @@ class Trajectory:
     events: tuple[tuple[np.ndarray, State], ...] = ()
     carry: Any = field(default_factory=lambda: None)
     observed: tuple[str, ...] = ()
+    breaks: tuple[float, ...] = ()
+    ended: int | None = None
 
     @classmethod
     def promised(cls, rest: Any, **known: Any) -> Trajectory:
@@ -227,9 +231,12 @@ class Trajectory:
 
     @property
     def last(self) -> State:
-        """The last state, from which a run can be continued; of a run without samples where it
-        stands.
+        """The last state, from which a run can be continued: that of the terminal event that ended
+        it, or the last sample; of a run without samples where it stands.
         """
+        if self.ended is not None and self.bodies is None:
+            states = self.events[self.ended][1]
+            return self._laws.state(**{name: array[-1] for name, array in states.arrays.items()})
         if self.observed or not len(self):
             if self.carry is None:
                 raise InvalidInput(
@@ -267,7 +274,8 @@ class Trajectory:
             )
         system: Any = self.system
         example = system.state(**{name: x[0] for name, x in self.states.items()})
-        return ShortSteps(self.system, self.method, example, self.t, flat(self.states, len(self.t)))
+        method = ending_at_jumps(self.method, self.system, self.breaks)
+        return ShortSteps(system, method, example, self.t, flat(self.states, len(self.t)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum;
@@ -283,17 +291,21 @@ class Trajectory:
         save(self, path)
 
     @staticmethod
-    def load(path: str | os.PathLike[str], modules: Sequence[str] = ()) -> Trajectory:
+    def load(
+        path: str | os.PathLike[str], modules: Sequence[str] = (), trusted: bool = False
+    ) -> Trajectory:
         """A run that was saved, with its system and its method, which `Plan.resume` goes on with.
 
         modules : names of modules to import for classes of your own, unless they are imported
-        already.
+        already.  trusted : import whatever modules the file names, which runs their code; only for
+        files whose origin you know.
         Raises InvalidInput if the file is damaged or was not written by `save`, or if a class is
-        not there.  No code of it is run.
+        not there.  Without `trusted` a file chooses among the records of the library and of your
+        program; it names nothing that is called, and nothing of it is imported or evaluated.
         """
         from .archive import load
 
-        kept = load(path, modules)
+        kept = load(path, modules, trusted)
         if "tangent" in kept:
             return TangentTrajectory(**kept)
         return TransformedTrajectory(**kept) if "origin" in kept else Trajectory(**kept)
@@ -481,8 +493,10 @@ class TransformedTrajectory(Trajectory):
         self._recorded("scale", self.origin.start.arrays if needed is None else needed)
         return np.array(
             [
-                self.sigma.value(
-                    self.system, small_state(kind, {n: x[k] for n, x in self.states.items()})
+                self.sigma.value_at(
+                    self.system,
+                    float(self.t[k]),
+                    small_state(kind, {n: x[k] for n, x in self.states.items()}),
                 )
                 for k in range(len(self))
             ]

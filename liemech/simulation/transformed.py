@@ -103,16 +103,7 @@ def march(
     steps, since, last, n, ended = mark.steps, mark.since, h, 0, 0.0
     most, time, still = steps + most, system.clock(sample(method, carry)), mark.still
     while n < room - 1 and steps < most and ended == 0.0:
-        trial = attempt(
-            stepped,
-            method,
-            system,
-            steps * h,
-            carry,
-            h,
-            layout,
-            failures is not None and steps == 0.0,
-        )
+        trial = attempt(stepped, method, system, steps * h, carry, h, layout)
         if not accepted(trial, observed, shown):
             ended = 2.0
             if failures is not None:
@@ -176,6 +167,7 @@ class TransformedRun:
             kept,
         )
         self.system, self.method = self.whole.system, plan.method
+        self.way = self.plan.way_of(0)
         if self.carry is None and self.bodies is None:
             doubt = self.method.step_warning(self.whole, self.now, self.h)
             if doubt:
@@ -282,7 +274,7 @@ class TransformedRun:
         if carry is not None and carry.ahead is not None and t[0] == self.t0:
             begun = np.append(carry.inner.last, carry.tau - carry.inner.t)
         return FictiveMotion(
-            self.method,
+            self.way,
             self.whole,
             kind,
             self.example,
@@ -353,7 +345,7 @@ class March:
         self.failures: list[Any] = []
         none = np.empty(1)
         self.arguments = (
-            run.method,
+            run.way,
             run.whole,
             self.layout,
             self.shown,
@@ -544,6 +536,7 @@ class March:
         more: dict[str, Any] = {"steps": steps, "compiled": self.execution.native is not None}
         if self.watch is not None:
             more["events"] = self.watch.shown(self.first, layout_of(self.first))
+            more["ended"] = self.watch.ended
         if self.fine and self.times is None:
             whole = np.rint(tau / run.h)
             kept = (whole % run.plan.every == 0) & (whole * run.h == tau)
@@ -560,10 +553,11 @@ class March:
     def _failed(self) -> Any:
         """The error of a run that a step ended: a mistake in a formula, or a failure."""
         error = self.failures[0] if self.failures else None
-        if is_mistake(error):
+        at = f"step {int(self.mark.steps) + 1}, t = {self._time():g}"
+        if isinstance(error, Exception) and is_mistake(error):
+            error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
             return self._ended(error)
-        samples, steps = sum(map(len, self.rows)), int(self.mark.steps)
-        at = f"step {steps + 1}, t = {self._time():g}; {samples} samples are in `.trajectory`"
+        at += f"; {sum(map(len, self.rows))} samples are in `.trajectory`"
         return self._stopped(failure(error, repr(self.run.method), at))
 
     def _stopped(self, error: IntegrationFailure) -> Any:

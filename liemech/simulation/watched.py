@@ -105,7 +105,7 @@ def _between(
             of = bodies == i
             motion = ShortSteps(
                 plan.of(int(i)),
-                plan.method_of(int(i)),
+                plan.way_of(int(i)),
                 shape.example,
                 begun[of],
                 found[of],
@@ -167,7 +167,8 @@ class WatchedRun:
         except KeyboardInterrupt:  # not in a step, nor in an event
             stopped = IntegrationInterrupted(
                 f"integrate: interrupted after {self.before + self.done} of "
-                f"{self.before + self.steps} steps; the samples are in `.trajectory`"
+                f"{self.before + self.steps} steps, t = {self.reached:g}; the samples are in "
+                "`.trajectory`"
             )
             raise self._ended(stopped) from None
 
@@ -203,7 +204,7 @@ class WatchedRun:
         """
         points = run.out[: len(taken), :, 0]
         motion = ShortSteps(
-            taken.system, taken.method, self.shape.example, taken.t, points, self.plan.compiled
+            taken.system, self.plan.way_of(0), self.shape.example, taken.t, points, self.plan.compiled
         )
         hit = self.watch.look(motion) if taken.steps else None
         self.looking = None
@@ -264,6 +265,8 @@ class WatchedRun:
             self.shape.stepping.native is not None,
             events=self.watch.shown(self.shape.example, self.shape.shown) if self.watch else (),
             carry=carry,
+            breaks=self.plan.breaks,
+            ended=self.watch.ended if self.watch else None,
         )
 
     def _ended(self, error: Any) -> Any:
@@ -271,7 +274,7 @@ class WatchedRun:
             (run, taken), n = self.looking, self.watch.looked
             points = run.out[: len(taken), :, 0]
             motion = ShortSteps(
-                taken.system, taken.method, self.shape.example, taken.t, points, self.plan.compiled
+                taken.system, self.plan.way_of(0), self.shape.example, taken.t, points, self.plan.compiled
             )
             self._keep(taken.t[1 : n + 1], points[1 : n + 1], motion)
             self.done, self.looking = self.done + n, None

@@ -106,7 +106,7 @@ class WatchedEnsemble(OneByOne):
         plan, begun = self.plan_of(0)._steps, self.begun(0)
         run = Part(plan, begun if isinstance(begun, Carry) else begun.state, 0, begun.t)
         example, point = run.shape.example, run.out[:1, :, 0]
-        motion = ShortSteps(plan.of(0), plan.method_of(0), example, np.zeros(1), point, plan.compiled)
+        motion = ShortSteps(plan.of(0), plan.way_of(0), example, np.zeros(1), point, plan.compiled)
         return NativeEvents(self.plan.events, motion)
 
     def _begin(self, native: NativeEvents, first: int) -> None:
@@ -195,7 +195,7 @@ class WatchedEnsemble(OneByOne):
         several = isinstance(plan.system, OfBodies) or isinstance(plan.method, OfBodies)
         for i in np.unique(body).tolist() if several else [0][: len(body)]:
             of = body == i if several else np.full(len(body), True)
-            given = plan.of(i), plan.method_of(i), self.shape.example, begun[of], points[of]
+            given = plan.of(i), plan.way_of(i), self.shape.example, begun[of], points[of]
             found[of] = ShortSteps(*given, plan.compiled).moved(np.arange(of.sum()), times[of])
         return found
 

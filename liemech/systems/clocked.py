@@ -17,34 +17,41 @@ from .time_scales import TimeScale
 
 @record
 class ClockedState(State):
-    """The parts of a state, the physical `time`, and `z`, about 1/sigma; abstract: `clocked` makes
-    one for each kind of state.
+    """The parts of a state, the physical `time`, and, for a ReversibleController, `z`, about
+    1/sigma; abstract: `clocked` makes one for each kind of state.
     """
 
     inner: ClassVar[type[State]]
     names: ClassVar[tuple[str, ...]]
+    clock: ClassVar[tuple[str, ...]]
 
     def __reduce__(self) -> tuple[Any, ...]:
         """The class is not pickled; it is made again when the state is read."""
-        return _remade, (self.inner, tuple(self.parts.values()))
+        return _remade, (self.inner, self.clock, tuple(self.parts.values()))
+
+    def without_clock(self) -> Any:
+        """The state itself."""
+        return self.inner(*[getattr(self, name) for name in self.names])
 
 
-def _remade(inner: Any, values: tuple[Any, ...]) -> Any:
-    return clocked(inner)(*values)
+def _remade(inner: Any, clock: tuple[str, ...], values: tuple[Any, ...]) -> Any:
+    return clocked(inner, clock)(*values)
 
 
 @functools.cache
-def clocked(inner: type[State]) -> Any:
-    """The kind of state that has the parts of another kind, and time and z."""
+def clocked(inner: type[State], clock: tuple[str, ...] = ("time", "z")) -> Any:
+    """The kind of state that has the parts of another kind, and those of a clock."""
     names = tuple(f.name for f in dataclasses.fields(inner))
     body = {
-        "__annotations__": dict.fromkeys((*names, "time", "z"), Any),
+        "__annotations__": dict.fromkeys((*names, *clock), Any),
         "__module__": __name__,
-        "__doc__": f"{inner.__name__} with its physical time and z.",
+        "__doc__": f"{inner.__name__} with {' and '.join(clock)}.",
         "names": names,
         "inner": inner,
+        "clock": clock,
     }
-    return record(type(f"Clocked{inner.__name__}", (ClockedState,), body))
+    title = "Clocked" if "z" in clock else "Timed"
+    return record(type(f"{title}{inner.__name__}", (ClockedState,), body))
 
 
 @record
@@ -59,7 +66,7 @@ class Clocked(Record):
 
     def without(self, state: Any) -> Any:
         """The state of the system itself."""
-        return state.inner(*[getattr(state, name) for name in state.names])
+        return state.without_clock()
 
     def clock(self, state: Any) -> Any:
         """The physical time of a state."""
@@ -75,10 +82,10 @@ class Clocked(Record):
         time: Any = t0
         z: Any
         if start.bodies is None:
-            z = 1.0 / self.sigma.value(self.system, start)
+            z = 1.0 / self.sigma.value_at(self.system, t0, start)
         else:
             members = [member(start, i) for i in range(start.bodies)]
-            sigma = [self.sigma.value(self.system, one) for one in members]
+            sigma = [self.sigma.value_at(self.system, t0, one) for one in members]
             time, z = np.full(start.bodies, t0), 1.0 / np.array(sigma)
         kind: Any = type(start)
         return clocked(kind)(*start.parts.values(), time, z)

@@ -11,6 +11,7 @@ from ..formulas import (
     Mat,
     Record,
     Vec,
+    constant,
     derivative,
     dot,
     gradient,
@@ -118,7 +119,7 @@ class ConstrainedSystem(CanonicalSystem):
             lambda = (G H_pp G^T)^-1 (d/dq(G H_p) H_p - G H_pp H_q)
 
         Raises InconsistentState where the constraints are dependent.
-        Source: Hairer, Lubich, Wanner, VII.1.2, (1.9).
+        Source: Hairer, Lubich, Wanner, VII.1.2; the slides, (1.9).
         """
         n, v, f = len(q), self.velocity(q, p), self.force(q, p)
         change = derivative(lambda y: self._hidden(y, n), vec(*q, *p), vec(*v, *f))
@@ -142,12 +143,17 @@ class ConstrainedSystem(CanonicalSystem):
         the force f gives over s, where a = sum_i |(H_pp G^T)_ik f_i|: so a body at rest may move by
         rounding.
         """
+        G, v = self.constraint_jacobian(q), self.velocity(q, p)
+        sizes, speeds = self._terms(q, p)
+        pairs = zip((*self.constraint(q), *(G @ v)), (*sizes, *speeds))
+        return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
+
+    def _terms(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
+        """What g(q) and G H_p are compared with, (m,) each: s, and the speeds."""
         G, v, f = self.constraint_jacobian(q), self.velocity(q, p), self.force(q, p)
         sizes = vec(*[dot(abs(row), abs(q)) for row in G])
         gained = [sqrt(s * dot(abs(row), abs(f))) for s, row in zip(sizes, self.normals(q, p))]
-        speeds = [dot(abs(row), abs(v)) + gain for row, gain in zip(G, gained)]
-        pairs = zip((*self.constraint(q), *(G @ v)), (*sizes, *speeds))
-        return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
+        return sizes, vec(*[dot(abs(row), abs(v)) + gain for row, gain in zip(G, gained)])
 
     @final
     def across(self, q: Vec, p: Vec, along: Vec) -> Vec:
@@ -224,7 +230,7 @@ class ConstrainedSystem(CanonicalSystem):
     def rate(self, t: float, state: CanonicalState) -> Vec:
         """(q', p') with the multipliers put in: the equation of lower index.
 
-        Source: Hairer, Lubich, Wanner, VII.1.2, (1.6) and (1.9).
+        Source: Hairer, Lubich, Wanner, VII.1.2; the slides, (1.8) and (1.9).
         """
         q, p = state.q, state.p
         return vec(*self.velocity(q, p), *(self.force(q, p) + self.constraint_force(q, p)))
@@ -273,7 +279,13 @@ class ConstrainedSystem(CanonicalSystem):
                 f"{where}: the start{member} is not consistent: {'; '.join(told)} (at most "
                 f"{CONSISTENT:.0e}). Use `consistent(q, p)`, which gives the nearest state that is"
             )
+        self._check_motion(where, q, p, one)
         return self._canonical_state(both, members)
+
+    def _check_motion(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
+        """Raise InvalidInput for consistent states, (members, n), whose motion a subclass does not
+        allow.
+        """
 
     @final
     def consistent(self, q: Any, p: Any) -> CanonicalState:
@@ -482,7 +494,7 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
             ( M  G^T ) ( v'     )   ( f          )
             ( G  0   ) ( lambda ) = ( -g''(v, v) ),      f = -(d/dq(M v)) v + d/dq(v . M v)/2 - dU/dq
 
-        Source: Hairer, Lubich, Wanner, VII.1.1, (1.3).
+        Source: Hairer, Lubich, Wanner, VII.1.1; the slides, (1.3) and (1.5).
         """
         n, G = len(q), self.constraint_jacobian(q)
         changing = derivative(lambda x: self.mass(x) @ v, q, v)
@@ -600,19 +612,19 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     """
     n = len(rhs)
     if n == 1:
-        return vec(rhs[0] / m[0, 0] if m[0, 0] != 0.0 else rhs[0]), vec(m[0, 0])
+        return vec(rhs[0] / m[0, 0] if constant(m[0, 0]) != 0.0 else rhs[0]), vec(m[0, 0])
     if n == 2:  # by Cramer's rule: one division before the solution
         volume = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
-        scale = 1.0 / volume if volume != 0.0 else 1.0
+        scale = 1.0 / volume if constant(volume) != 0.0 else 1.0
         both = vec(
             scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]),
             scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]),
         )
-        return both, vec(m[0, 0], volume / m[0, 0] if m[0, 0] != 0.0 else volume)
+        return both, vec(m[0, 0], volume / m[0, 0] if constant(m[0, 0]) != 0.0 else volume)
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []
     for k in range(n):
-        inverse = [*inverse, 1.0 / where(rows[k][k] != 0.0, rows[k][k], 1.0)]
+        inverse = [*inverse, 1.0 / where(constant(rows[k][k]) != 0.0, rows[k][k], 1.0)]
         for i in range(k + 1, n):
             rows[i] = rows[i] - (rows[i][k] * inverse[k]) * rows[k]
     x = [0.0 for _ in range(n)]

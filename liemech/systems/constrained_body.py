@@ -191,7 +191,7 @@ class BoundBody(System):
 
         A condition measured in m has its lam in N, one that is an angle or a cosine in N m.
         mu : (dim,), g : an element.
-        Source: Hairer, Lubich, Wanner, VII.1.2, equation (1.9), on a group.
+        Source: Hairer, Lubich, Wanner, VII.1.2; the slides, (1.9), on a group.
         """
         rows, xi = self.rows(g), self.velocity(mu)
         pull = self.configurations.ad_star(xi, mu) + self.force(g)

@@ -29,6 +29,7 @@ from ..groups.poisson_structure import (
     LogCanonical,
     PoissonStructure,
 )
+from ..groups.skew_matrices import pairs
 from ..groups.so3 import SO3
 from .canonical import CanonicalState, HamiltonianSystem
 from .poisson import PoissonState, PoissonSystem
@@ -200,7 +201,7 @@ class LinearDarboux(DarbouxChart):
             raise InvalidType(
                 f"LinearDarboux: structure must be a ConstantStructure; got {self.structure!r}"
             )
-        T = canonical_basis(np.array(self.structure.values), self.degrees)
+        T = canonical_basis(np.array(self.structure.values))
         object.__setattr__(self, "forwards", T)
         object.__setattr__(self, "backwards", np.linalg.inv(T))
         super().__post_init__()
@@ -244,24 +245,19 @@ class LogarithmicDarboux(DarbouxChart):
         return vec(*[exp(x) for x in self.linear.point(z)])
 
 
-def canonical_basis(B: np.ndarray, degrees: int) -> np.ndarray:
+def canonical_basis(B: np.ndarray) -> np.ndarray:
     """Rows (q_1, ..., p_1, ..., c_1, ...) with q_i B p_j = delta_ij and all other products zero:
-    Gram and Schmidt with pivots.
+    Gram and Schmidt with pairs of conjugate rows.
     """
-    rows, n = [np.array(e) for e in np.eye(len(B))], len(B)
+    rows = dict(enumerate(np.eye(len(B))))
     first: list[np.ndarray] = []
     second: list[np.ndarray] = []
-    for _ in range(degrees):
-        products = np.array([[a @ B @ b for b in rows] for a in rows])
-        i, j = np.unravel_index(int(np.abs(products).argmax()), products.shape)
-        a, b = rows[i], rows[j] / products[i, j]
-        scale = np.sqrt(abs(products[i, j]))
-        a, b = a / scale, b * scale
-        rows = [r for k, r in enumerate(rows) if k not in (i, j)]
-        rows = [r - (r @ B @ b) * a + (r @ B @ a) * b for r in rows]
+    for i, j in pairs(B):
+        a, b = rows.pop(i), rows.pop(j)
+        product = a @ B @ b
+        scale = np.sqrt(abs(product))
+        a, b = a / scale, b / product * scale
+        rows = {k: r - (r @ B @ b) * a + (r @ B @ a) * b for k, r in rows.items()}
         first.append(a)
         second.append(b)
-    T = np.array([*first, *second, *rows])
-    if T.shape != (n, n):
-        raise InvalidInput(f"canonical_basis: the rank of the structure is not {2 * degrees}")
-    return T
+    return np.array([*first, *second, *rows.values()])

@@ -8,7 +8,7 @@ from ..errors import NotDefined
 from ..formulas import Element, Vec, record
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
-from .system import State, System, frozen, members_of
+from .system import State, System, as_precise, frozen, members_of
 
 
 @record
@@ -45,6 +45,7 @@ class GroupEquation(System):
     @final
     def displaced(self, retraction: Retraction, state: Position, omega: Vec) -> Position:
         """g tau(omega), or tau(omega) g for spatial velocities."""
+        omega = as_precise(omega, state.g)
         if self.side == "left":
             return Position(retraction.compose_tau(self.group, state.g, omega))
         return Position(self.group.compose(retraction.tau(self.group, omega), state.g))

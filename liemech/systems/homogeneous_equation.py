@@ -11,7 +11,7 @@ from ..formulas import Vec, record, vec
 from ..groups.actions import GroupAction
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
-from .system import State, System, frozen, points
+from .system import State, System, as_precise, frozen, points
 
 
 @record
@@ -59,6 +59,7 @@ class HomogeneousEquation(System):
     @final
     def displaced(self, retraction: Retraction, state: Point, omega: Vec) -> Point:
         """tau(omega) . x."""
+        omega = as_precise(omega, state.x)
         return Point(retraction.tau_act(self.action, omega, state.x))
 
     @final

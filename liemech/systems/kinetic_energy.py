@@ -33,6 +33,8 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not len(self.inertia):
+            raise InvalidInput(f"{type(self).__name__}: inertia is empty; got {self.inertia!r}")
         require_invertible(self.inertia)
         if isinstance(self.inertia, vectors.Vec):
             inverse: Vec | Mat = 1.0 / self.inertia

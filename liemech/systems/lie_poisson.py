@@ -15,7 +15,7 @@ from ..retractions import Retraction
 from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
-from .system import State, System, element_at_a_glance, frozen, members_of, points
+from .system import State, System, as_precise, element_at_a_glance, frozen, members_of, points
 
 
 @record
@@ -61,6 +61,7 @@ class LiePoissonMotion(System):
 
     def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
         """Momentum and attitude moved by the same displacement: Ad*_tau(omega) mu, g tau(omega)."""
+        omega = as_precise(omega, state.mu)
         mu = retraction.tau_Ad_star(self.group, omega, state.mu)
         return BodyState(
             mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega)

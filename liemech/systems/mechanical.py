@@ -16,7 +16,7 @@ from ..groups.semidirect import SemidirectProduct
 from ..retractions import Exponential, Retraction
 from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .potential import Force, Potential
-from .system import System
+from .system import System, as_precise
 
 _NO_FORCE = Force()
 
@@ -123,6 +123,7 @@ class MechanicalSystem(System):
         The exponential takes the part of omega in the algebra of G to h; momentum and element are
         then moved by increments, which compensated sums add up.
         """
+        omega = as_precise(omega, state.mu)
         h, n = self._cotangent.split(retraction.tau(self._cotangent, omega))
         if isinstance(retraction, Exponential):
             group, (xi, _) = self.body.group, self._cotangent.algebra.parts(omega)

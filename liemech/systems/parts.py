@@ -1,9 +1,9 @@
-"""Parts of an energy, and those of them whose motion is known in closed form."""
+"""Parts of an energy or of a vector field, and those of them whose motion is known in closed form."""
 
 from __future__ import annotations
 
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,12 +14,38 @@ from ..formulas.vectors import Vec as SmallVector
 from ..groups.matrix_functions import phi1m
 from ..groups.poisson_structure import PoissonStructure
 from .hamiltonian import Hamiltonian
+from .system import System
 
 ROUNDING = 2.0**-44
 """What is below this, relative to its terms, is zero up to rounding."""
 
 LEAST = 3
 """A motion is recognised only if the part has a velocity at this many points or more."""
+
+
+@record
+class OfParts(System):
+    """A system that moves by the sum of several `parts`, each of which has a motion of its own that
+    may be known; abstract.  `Splitting` makes these motions in turn.
+
+    parts : the parts.  quadratic : are they two, (T, V), with {V, {V, {V, T}}} = 0, as if T were of
+    second degree in momenta?
+    A subclass writes `in_turn` and `unknown_motion`.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5 and III.5.
+    """
+
+    if TYPE_CHECKING:
+        parts: tuple[Any, ...]
+        quadratic: bool
+
+    def in_turn(self, state: Any, turns: list[tuple[int, float]]) -> Any:
+        """The state after the motions of parts, by number and time, one after the other."""
+        raise NotDefined(f"{type(self).__name__} must define `in_turn`")
+
+    def unknown_motion(self) -> str:
+        """Why the motion of some part is not known; empty if all are."""
+        raise NotDefined(f"{type(self).__name__} must define `unknown_motion`")
 
 
 @record
@@ -163,21 +189,20 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
             "from Part and write `flow`"
         )
     try:
-        points, error = _where_defined(velocity, _points(structure))
+        points, error = where_defined(velocity, special_nowhere(structure.dim))
         if len(points) < LEAST:
             return f"{part!r} has a velocity at {len(points)} of the points where it was looked at, too few to know it; {error}"
         energy, speeds = found
-        # what vanishes at some points of nothing special vanishes at all
-        polynomial = max(map(degree, speeds)) < inf
-        if (_straight(speeds) or polynomial) and all(_rests(velocity, y) for y in points):
+        if straight(velocity, speeds, points):
             return Straight(part)
+        polynomial = max(map(degree, speeds)) < inf
         slopes = [np.array(gradient(lambda x: part.energy(x), y), dtype=float) for y in points]
         felt = np.flatnonzero(np.any(slopes, axis=0))
         if len(felt) == 1 and (len(made_of(energy)) == 1 or polynomial):
             structure.coordinate_flow(points[0], int(felt[0]), 0.5)
             return OfCoordinate(part, int(felt[0]))
-        rates = np.array(jacobian(velocity, points[0]), dtype=float)
-        if polynomial and _everywhere(rates, velocity, points[1:]):
+        rates = affine(velocity, speeds, points)
+        if rates is not None:
             return Affine(part, rates)
     except NotDefined as missing:
         return f"{missing}, and so no motion of the energy {part!r} of one coordinate"
@@ -204,7 +229,7 @@ def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -
     if reason:
         return False
     speeds = found[1]
-    if _straight(speeds):  # T along a line of constant velocity
+    if _unmoved(speeds):  # T along a line of constant velocity
         along, _ = looked_at(lambda y: T.energy(y), [int(_moves(v)) for v in speeds])
         return degree(along) <= 2
     if max(map(degree, [found[0], *speeds])) == inf:
@@ -225,9 +250,32 @@ def second_degree(structure: PoissonStructure, T: Hamiltonian, V: Hamiltonian) -
         return bool(abs(terms.sum()) <= ROUNDING * np.abs(terms).sum())
 
     try:
-        return all(vanishes(y) for y in _points(structure)[: 3 if structure.dim <= 12 else 1])
+        return all(
+            vanishes(y) for y in special_nowhere(structure.dim)[: 3 if structure.dim <= 12 else 1]
+        )
     except (ArithmeticError, ValueError, TypeError):
         return False
+
+
+def straight(velocity: Any, speeds: Any, points: list[Any]) -> bool:
+    """Does a velocity move every point along a straight line?  speeds : what it makes of numbers
+    without a value.
+    """
+    # what vanishes at some points of nothing special vanishes at all
+    polynomial = max(map(degree, speeds)) < inf
+    return (_unmoved(speeds) or polynomial) and all(_rests(velocity, y) for y in points)
+
+
+def affine(velocity: Any, speeds: Any, points: list[Any]) -> np.ndarray | None:
+    """The matrix A of a velocity A y + c; None if it is no such velocity.  The same arguments."""
+    if max(map(degree, speeds)) == inf:
+        return None
+    rates = np.array(jacobian(velocity, points[0]), dtype=float)
+    # as it is written, it may be of a degree that shows only in other units
+    others = (
+        [] if max(map(degree, speeds)) <= 1 else where_defined(velocity, _far(len(points[0])))[0]
+    )
+    return rates if _everywhere(rates, velocity, [*points[1:], *others]) else None
 
 
 def _moves(speed: Any) -> bool:
@@ -235,17 +283,17 @@ def _moves(speed: Any) -> bool:
     return isinstance(speed, Anything) or speed != 0.0
 
 
-def _straight(speeds: Any) -> bool:
+def _unmoved(speeds: Any) -> bool:
     """Are speeds made of coordinates alone that do not move?"""
     moving = {i for i, v in enumerate(speeds) if _moves(v)}
     return all(moving.isdisjoint(made_of(v)) for v in speeds)
 
 
-def _points(structure: PoissonStructure) -> list[Any]:
-    """Points of nothing special: three of size one in the first octant, then others of many sizes
+def special_nowhere(n: int) -> list[Any]:
+    """Points of R^n of nothing special: three of size one in the first octant, then others of many sizes
     and signs.
     """
-    rng, n = np.random.default_rng(7), structure.dim
+    rng = np.random.default_rng(7)
     drawn = [*rng.uniform(0.5, 1.0, size=(3, n))]
     for size in (3.0, 0.05, 10.0, 100.0, 1e4):
         x, signs = size * rng.uniform(0.5, 1.0, size=(2, n)), rng.choice([-1.0, 1.0], size=n)
@@ -253,7 +301,14 @@ def _points(structure: PoissonStructure) -> list[Any]:
     return [SmallVector.of(y.tolist()) for y in drawn]
 
 
-def _where_defined(velocity: Any, points: list[Any]) -> tuple[list[Any], str]:
+def _far(n: int) -> list[Any]:
+    """Points with each coordinate in a unit of its own."""
+    rng, shape = np.random.default_rng(10), (16, n)
+    drawn = rng.choice([-1.0, 1.0], shape) * 10.0 ** rng.uniform(-40.0, 40.0, shape)
+    return [SmallVector.of(y.tolist()) for y in drawn]
+
+
+def where_defined(velocity: Any, points: list[Any]) -> tuple[list[Any], str]:
     """The points at which the velocity has a finite value and derivative, and why another one has
     none.
     """

@@ -8,26 +8,18 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
-from ..formulas import Vec, gradient, record, vec
-from ..formulas.remembered import common
+from ..formulas import Vec, gradient, record
 from ..groups.poisson_structure import PoissonStructure
-from ..groups.vector_space import VectorSpace
-from ..retractions import Retraction
 from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
-from .parts import Part, SplitHamiltonian, recognised, second_degree
-from .system import State, System, frozen, points
+from .parts import OfParts, Part, SplitHamiltonian, recognised, second_degree
+from .vector_field import PoissonState, VectorField
+
+__all__ = ["PoissonState", "PoissonSystem", "positive"]
 
 
 @record
-class PoissonState(State):
-    """Where a Poisson system is: a point `y`, (n,) or, for an ensemble, (members, n)."""
-
-    y: Any
-
-
-@record
-class PoissonSystem(System):
+class PoissonSystem(OfParts, VectorField):
     """Motion by a Poisson structure and an energy, y' = B(y) dH(y) in R^n.
 
     structure : B, such as Canonical(2), LogCanonical(c), coadjoint(group).poisson_structure, or a
@@ -45,7 +37,6 @@ class PoissonSystem(System):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2.
     """
 
-    coordinates: ClassVar[tuple[str, ...]] = ("y",)
     bounded: ClassVar[bool] = True
     alternatives: ClassVar[str] = (
         "Splitting(order=4) is for parts whose motion is known, RKMK accepts every system"
@@ -58,7 +49,8 @@ class PoissonSystem(System):
 
     def __post_init__(self) -> None:
         name = type(self).__name__
-        structure, given = self.structure, self.hamiltonian  # type: Any, Any
+        structure: Any = self.structure
+        given: Any = self.hamiltonian
         if not isinstance(structure, PoissonStructure):
             raise InvalidType(
                 f"{name}: structure must be a PoissonStructure, such "
@@ -83,6 +75,11 @@ class PoissonSystem(System):
 
     # ---------------------------------------------------------------- formulas
 
+    @property
+    def dim(self) -> int:
+        """n, that of the structure."""
+        return self.structure.dim
+
     def energy(self, y: Vec) -> float:
         """H(y).  y : (n,)."""
         if self.hamiltonian is None:
@@ -105,38 +102,24 @@ class PoissonSystem(System):
         """The Casimirs of the structure: constant whatever the energy.  y : (n,)."""
         return self.structure.casimirs(y)
 
-    # ---------------------------------------------------------------- how it moves
-
-    @property  # type: ignore[misc]
-    def group(self) -> VectorSpace:
-        """R^n under addition."""
-        return self._space
-
-    @common
-    def _space(self) -> VectorSpace:
-        return VectorSpace(self.structure.dim)
-
-    @final
-    def rate(self, t: float, state: PoissonState) -> Vec:
-        """y'."""
-        return self.velocity(state.y)
-
-    @final
-    def displaced(self, retraction: Retraction, state: PoissonState, omega: Vec) -> PoissonState:
-        """y + omega."""
-        return PoissonState(retraction.compose_tau(self.group, state.y, omega))
-
-    @final
-    def variation(self, state: PoissonState, omega: Vec) -> tuple[Vec, Vec]:
-        """The displacement, beside |y|."""
-        return omega, vec(*[abs(x) for x in state.y])
-
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, and the Casimirs of the structure."""
         y = states["y"]
         casimirs = np.asarray(self.casimirs(y))
         kept = {"energy": np.asarray(self.energy(y))}
         return kept | {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
+
+    def _check_formulas(self, y: np.ndarray) -> None:
+        """It is B dH."""
+
+    @final
+    def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:
+        """The motions of parts one after the other."""
+        y = state.y
+        parts: Any = self.parts
+        for part, t in turns:
+            y = parts[part].flow(self.structure, y, t)
+        return PoissonState(y)
 
     @final
     def unknown_motion(self) -> str:
@@ -147,29 +130,6 @@ class PoissonSystem(System):
             if not isinstance(part, Part):
                 return str(recognised(self.structure, part))
         return ""
-
-    # ---------------------------------------------------------------- checked input
-
-    @final
-    def state(self, y: Any) -> PoissonState:
-        """A start for `integrate`: a point y, (n,), or (members, n) for an ensemble.
-
-        Raises InvalidInput for wrong shapes, entries that are not finite, and points at which the
-        energy has no value.
-        """
-        where, shape = f"{type(self).__name__}.state", (self.structure.dim,)
-        array = points(y, f"{where}: y", shape, f"a point of {self!r}")
-        self._require(array, where)
-        return self.vouched(
-            PoissonState(frozen(array, shape, None if array.shape == shape else len(array)))
-        )
-
-    def _require(self, y: np.ndarray, where: str) -> None:
-        """Raise InvalidInput for points outside of where the system is defined; a subclass knows."""
-
-    @final
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (self.structure.dim,) if kind == "Vec" else None
 
 
 def positive(y: np.ndarray, where: str, what: str = "y") -> None:

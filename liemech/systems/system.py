@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, NotDefined
-from ..formulas import Record, Vec, check_finite, real_array, record
+from ..formulas import Complex, Record, Vec, check_finite, real_array, record, vec
 from ..formulas.broadcasting import MEMBERSHIP, at_a_glance, bare, small
+from ..formulas.double_double import DoubleDouble, is_long
 from ..formulas.fields import array_held, frozen_array
 from ..formulas.pytree import exact, fields_of, names_of
 from ..formulas.remembered import Remembered
+from ..formulas.vectors import Vec as SmallVec
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 from .trial import require_results
@@ -67,6 +69,19 @@ def member(state: Any, i: int) -> Any:
     if state.bodies is None:
         return state
     return small_state(type(state), {name: x[i] for name, x in state.arrays.items()})
+
+
+def as_precise(omega: Vec, part: Any) -> Vec:
+    """A displacement in numbers of two doubles if the part of a state that it moves is made of
+    them: a velocity may be given in doubles, but tau(omega) is on the group to all digits of omega.
+    part : a vector or a matrix.
+    """
+    first = part[0]
+    while isinstance(first, (SmallVec, np.ndarray)):
+        first = first[0]
+    if not is_long(first.re if isinstance(first, Complex) else first):
+        return omega
+    return vec(*[x if is_long(x) else DoubleDouble(x) for x in omega])
 
 
 @record

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Record, check_finite, horner, real_array, record, vec, where
+from ..formulas.pytree import Layout, exchanged, inside, layout_of, with_fields
 from ..formulas.tables import Table, entry
 
 OUTSIDE = ("refuse", "hold", "repeat")
@@ -17,6 +19,17 @@ OUTSIDE = ("refuse", "hold", "repeat")
 
 ROUNDING = 2.0**-48
 """Part of the times of a table by which a stage of a step may miss its ends."""
+
+NEAR = 2.0**-49
+"""Part of the times of a step by which its ends may miss a knot and still be there: some units in
+the last place, for the rounding of t0 + n h, of h and of the knot.
+"""
+
+EQUAL = 2.0**-44
+"""Part of its terms by which the value of a table may change at a knot and not jump."""
+
+ANY = math.inf
+"""In place of the number of a period: each time is in a period of its own."""
 
 
 @record
@@ -27,8 +40,9 @@ class PiecewisePolynomial(Record):
 
     `cubic`, `linear` and `constant` make one of values, `of` takes one from SciPy.  It is a record:
     a field of a force, a system, ... whose formulas call it, `self.torque(t)`, in native code too,
-    where tables of any length share one code.  A number or a vector; smooth between the knots only,
-    so that adaptive steps may want `breaks=f.knots`.
+    where tables of any length share one code.  A number or a vector.  At a knot the interval behind
+    it counts; a step that ends there sees the one before it.  Runs make their steps end where the
+    value jumps, of a table that is a field of the system; `breaks=f.knots` does so at every knot.
 
     knots : (n + 1,) times in s, rising.  coefficients : (n, degree + 1) or, of a vector, (n,
     degree + 1, dim), by rising powers.
@@ -45,11 +59,21 @@ class PiecewisePolynomial(Record):
     degree: int = dataclasses.field(default=-1)
     size: int = dataclasses.field(default=-1)  # components of a vector; 0 for a number
     intervals: float = dataclasses.field(default=0.0, init=False)
+    # the times at which the value jumps, in the first period, and how many there are
+    jumps: Any = dataclasses.field(default=None, init=False)
+    jumping: float = dataclasses.field(default=0.0, init=False)
+    # the intervals that count, from the first to the last one, and the period: see `during`
+    first: float = dataclasses.field(default=-1.0, init=False)
+    last: float = dataclasses.field(default=0.0, init=False)
+    period: float = dataclasses.field(default=ANY, init=False)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.knots, Table):
-            knots = real_array(self.knots, "PiecewisePolynomial: knots")
-            terms = real_array(self.coefficients, "PiecewisePolynomial: coefficients")
+        if self.jumps is None:
+            terms = self.coefficients
+            if isinstance(terms, Table) and self.degree >= 0:  # of another one, laid flat
+                terms = self._terms()
+            knots = real_array(np.asarray(self.knots), "PiecewisePolynomial: knots")
+            terms = real_array(np.asarray(terms), "PiecewisePolynomial: coefficients")
             check_finite(knots, "PiecewisePolynomial: knots")
             check_finite(terms, "PiecewisePolynomial: coefficients")
             if knots.ndim != 1 or len(knots) < 2 or not (np.diff(knots) > 0.0).all():
@@ -65,14 +89,34 @@ class PiecewisePolynomial(Record):
                 )
             object.__setattr__(self, "degree", terms.shape[1] - 1)
             object.__setattr__(self, "size", terms.shape[2] if terms.ndim == 3 else 0)
+            jumps = knots[:-1][_jumping(knots, terms, self.outside == "repeat")]
             object.__setattr__(self, "knots", Table(knots))
             object.__setattr__(self, "coefficients", Table(terms))
+            object.__setattr__(self, "jumps", Table(jumps if len(jumps) else knots[:1]))
+            object.__setattr__(self, "jumping", float(len(jumps)))
         if self.outside not in OUTSIDE:
             raise InvalidInput(
                 f'PiecewisePolynomial: outside is "refuse", "hold" or "repeat"; got {self.outside!r}'
             )
         object.__setattr__(self, "intervals", float(len(self.knots) - 1))
+        object.__setattr__(self, "last", self.intervals)
         super().__post_init__()
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Formulas read the tables by these numbers, and native code does not look where they end:
+        from a copy or a file they must belong together.
+        """
+        super().__setstate__(state)
+        counts: tuple[Any, ...] = self.degree, self.size, self.intervals
+        if (
+            not (isinstance(self.knots, Table) and isinstance(self.coefficients, Table))
+            or not all(isinstance(n, (int, float)) and n >= 0 for n in counts)
+            or len(self.knots) < 2
+            or self.intervals != len(self.knots) - 1
+            or len(self.coefficients) != self.intervals * (self.degree + 1) * max(self.size, 1)
+            or not (np.diff(np.asarray(self.knots)) > 0.0).all()
+        ):
+            raise InvalidInput("PiecewisePolynomial: its tables do not fit its degree and size")
 
     # ---------------------------------------------------------------- how it is made
 
@@ -109,7 +153,9 @@ class PiecewisePolynomial(Record):
 
         times, found = _table(t, values, 0)
         try:
-            return cls.of(CubicSpline(times, found, bc_type=ends), outside)
+            with np.errstate(all="ignore"):  # what is not finite then is refused
+                curve = CubicSpline(times, found, bc_type=ends)
+            return cls.of(curve, outside)
         except ValueError as error:
             raise InvalidInput(f"PiecewisePolynomial.cubic: {error}") from None
 
@@ -185,9 +231,15 @@ class PiecewisePolynomial(Record):
         """The time in the table that counts for t."""
         first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
         if self.outside == "hold":
-            return min(max(t, first), last)
+            t = where(self.last >= self.intervals, min(t, last), t)
+            t = where(self.first < 0.0, max(t, first), t)
+            return where(
+                self.first >= self.intervals, last, where(self.last < 0.0, first, t)
+            )
         if self.outside == "repeat":
-            return first + (t - first) % (last - first)
+            return where(
+                self.period == ANY, first + (t - first) % (last - first), t - self.period * (last - first)
+            )
         slack = ROUNDING * max(abs(first), abs(last))
         if not (first - slack <= t <= last + slack):
             raise ValueError(
@@ -196,13 +248,82 @@ class PiecewisePolynomial(Record):
         return t
 
     def _interval(self, t: Any) -> Any:
-        """The number of the interval in which t is, by bisection."""
-        low, high = 0, int(self.intervals)
-        while high - low > 1:
-            middle = (low + high) // 2
-            later = t >= entry(self.knots, middle)
-            low, high = where(later, middle, low), where(later, high, middle)
-        return low
+        """The number of the interval in which t is, by bisection among those that count."""
+        ends = self.intervals - 1.0
+        return reached(
+            self.knots, int(min(max(self.first, 0.0), ends)), int(max(min(self.last, ends), 0.0)), t
+        )
+
+    # ---------------------------------------------------------------- the table and steps
+
+    def during(self, t: Any, h: Any) -> PiecewisePolynomial:
+        """The table as a step from t to t + h sees it: where the step begins or ends at a knot, the
+        interval on the other side of the knot does not count.
+        """
+        low, high = _from_to(t, h)
+        first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
+        ends = int(self.intervals) - 1
+        if self.outside == "repeat":
+            length = last - first
+            period = (low - first) // length
+            alone = period == -((first - high) // length) - 1.0
+            shift = period * length
+            return with_fields(
+                self,
+                first=where(alone, 1.0 * reached(self.knots, 0, ends, low - shift), 0.0),
+                last=where(alone, 1.0 * _left_of(self.knots, 0, ends, high - shift), 1.0 * ends),
+                period=where(alone, period, ANY),
+            )
+        begin = 1.0 * reached(self.knots, 0, ends, low)
+        end = 1.0 * _left_of(self.knots, 0, ends, high)
+        if self.outside == "hold":
+            begin = where(low < first, -1.0, where(low >= last, self.intervals, begin))
+            end = where(high <= first, -1.0, where(high > last, self.intervals, end))
+        return with_fields(self, first=begin, last=end)
+
+    def jump_times(self, low: float, high: float, every: bool) -> list[float]:
+        """All times from `low` to `high` that `jump_ahead` knows."""
+        knots, count = np.asarray(self.knots), int(self.intervals)
+        times = np.asarray(self.jumps)[: int(self.jumping)]
+        if every:
+            begin = 1 if self.outside == "refuse" else 0
+            times = knots[begin : count + 1 if self.outside == "hold" else count]
+        if self.outside == "repeat" and len(times):
+            length = knots[-1] - knots[0]
+            first, last = (int((x - knots[0]) // length) for x in (low, high))
+            times = (np.arange(first, last + 1)[:, None] * length + times).ravel()
+        found: list[float] = times[(times >= low) & (times <= high)].tolist()
+        return found
+
+    def jump_ahead(self, t: Any, end: Any, every: bool) -> Any:
+        """The first time after t on the way to `end` at which the value jumps, or, of every knot,
+        may change in any way; `end` if there is none before it.
+        """
+        first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
+        table, begin, count = self.jumps, 0, int(self.jumping)
+        if every:
+            table, count = self.knots, int(self.intervals)
+            if self.outside == "refuse":
+                begin = 1
+            if self.outside == "hold":
+                count = count + 1
+        if self.outside != "repeat":
+            return jump_ahead(table, begin, count, t, end)
+        length, slack = last - first, _slack(t, end)
+        forward = end > t
+        period = where(
+            forward,
+            (t + slack - first) // length,
+            -((first - t + slack) // length) - 1.0,
+        )
+        here = jump_ahead(table, begin, count, t - period * length, end - period * length)
+        found = here + period * length
+        after = where(forward, period + 1.0, period - 1.0)
+        edge = entry(table, where(forward, 0, max(count - 1, 0))) + after * length
+        none = here == end - period * length
+        found = where(none, where(count > 0, edge, end), found)
+        beyond = where(forward, found >= end - slack, found <= end + slack)
+        return where(beyond, end, found)
 
     def __repr__(self) -> str:
         kind = f"{self.size} components" if self.size else "a number"
@@ -235,3 +356,90 @@ def _table(t: Any, values: Any, more: int) -> tuple[np.ndarray, np.ndarray]:
             f"{times[:-1][np.diff(times) <= 0.0][0]:g} is followed by less"
         )
     return times, found
+
+
+def _jumping(knots: np.ndarray, terms: np.ndarray, repeat: bool) -> np.ndarray:
+    """At which knots, but for the last one, the value jumps: the last polynomial of a table that is
+    repeated is followed by the first one.
+    """
+    width = np.diff(knots).reshape(-1, *[1] * (terms.ndim - 2))
+    parts = terms * width[:, None] ** np.arange(terms.shape[1]).reshape(1, -1, *[1] * (terms.ndim - 2))
+    before = np.roll(parts.sum(axis=1), 1, axis=0)
+    size = np.roll(np.abs(parts).sum(axis=1), 1, axis=0) + np.abs(terms[:, 0])
+    jumps = np.abs(terms[:, 0] - before) > EQUAL * size
+    found: np.ndarray = jumps.reshape(len(jumps), -1).any(axis=1)
+    found[0] &= repeat
+    return found
+
+
+def reached(table: Any, low: Any, high: Any, t: Any) -> Any:
+    """The largest i from low to high with table[i] <= t, or low."""
+    high = high + 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        later = t >= entry(table, middle)
+        low, high = where(later, middle, low), where(later, high, middle)
+    return low
+
+
+def _left_of(table: Any, low: Any, high: Any, t: Any) -> Any:
+    """The largest i from low to high with table[i] < t, or low."""
+    high = high + 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        later = t > entry(table, middle)
+        low, high = where(later, middle, low), where(later, high, middle)
+    return low
+
+
+def _slack(t: Any, end: Any) -> Any:
+    """By how much times at the ends of a step may miss a knot."""
+    return NEAR * max(abs(t), abs(end))
+
+
+def _from_to(t: Any, h: Any) -> tuple[Any, Any]:
+    """Just behind the earlier end of a step, and just before the later one."""
+    slack, middle = _slack(t, t + h), t + 0.5 * h
+    return min(min(t, t + h) + slack, middle), max(max(t, t + h) - slack, middle)
+
+
+def jump_ahead(table: Any, begin: Any, count: Any, t: Any, end: Any) -> Any:
+    """The first entry of a rising table after t on the way to `end`; `end` if there is none before
+    it.  begin, count : the entries from number `begin` to number count - 1 count.
+    """
+    slack, forward = _slack(t, end), end > t
+    none = max(count - 1, 0)
+    after = reached(table, begin, none, t + slack)
+    after = where(t + slack >= entry(table, min(begin, none)), after + 1, begin)
+    before = _left_of(table, begin, none, t - slack)
+    before = where(t - slack > entry(table, min(begin, none)), before, begin - 1)
+    at = where(forward, after, before)
+    outside = where(forward, at >= count, at < begin)
+    found = entry(table, min(max(at, 0), none))
+    beyond = where(forward, found >= end - slack, found <= end + slack)
+    return where(outside, end, where(beyond, end, found))
+
+
+# ------------------------------------------------------------------ the inputs of a system
+
+
+def inputs(system: Any) -> list[PiecewisePolynomial]:
+    """The tables in the fields of a system."""
+    return inside(system, PiecewisePolynomial)
+
+
+def has_inputs(system: Any) -> bool:
+    """Are there any?  Told from the layout, which is known from another run."""
+    return _has_table(layout_of(system))
+
+
+@functools.lru_cache(256)
+def _has_table(layout: Layout) -> bool:
+    own = layout.kind == "record" and issubclass(layout.detail[0], PiecewisePolynomial)
+    return own or any(map(_has_table, layout.parts))
+
+
+def during(system: Any, t: Any, h: Any) -> Any:
+    """The system as a step from t to t + h sees it: every table by its limits from inside."""
+    seen = [table.during(t, h) for table in inputs(system)]
+    return exchanged(system, PiecewisePolynomial, seen)

@@ -20,9 +20,10 @@ from ..errors import (
 )
 from ..formulas import Record, Vec, derivative, dot, gradient, norm, record, sqrt, vec
 from ..retractions import Exponential
-from .canonical import CanonicalState, CanonicalSystem
+from .canonical import CanonicalState, PhaseSpace
 from .constrained import ConstrainedSystem
-from .lie_poisson import BodyState, LiePoissonSystem
+from .driven import DrivenHamiltonianSystem
+from .lie_poisson import BodyState, LiePoissonMotion
 from .separable import SeparableSystem
 from .system import State, System, member
 
@@ -37,7 +38,9 @@ class TimeScale(Record):
     1. A subclass writes `value(system, state)`, as a formula.  If that depends on some parts of the
     state only, it names them, such
        as `parts = ("q",)`; what moves the others is then not computed.
-    2. It may write `slope`, the gradient of such a sigma(q), in closed form.
+    2. It may write `slope`, the gradient of such a sigma(q), in closed form; and `value_at(system,
+    t, state)`, if it depends on time
+       too, as velocities of driven systems do.
 
     A function does too: `lambda q: lm.dot(q, q)`, whose arguments are named as the parts of the
     state are.
@@ -55,6 +58,10 @@ class TimeScale(Record):
         """sigma, in s for each unit of fictive time."""
         raise NotDefined(f"{type(self).__name__} must define `value`")
 
+    def value_at(self, system: Any, t: float, state: Any) -> float:
+        """sigma at time t; `value`, unless a subclass depends on time."""
+        return self.value(system, state)
+
     def slope(self, system: Any, q: Vec) -> Vec:
         """d sigma/dq of a sigma that depends on positions alone, (n,).  q : (n,)."""
         return gradient(lambda x: self.value(system, CanonicalState(x, x)), q)
@@ -62,23 +69,30 @@ class TimeScale(Record):
     def growth(self, system: Any, t: float, state: Any) -> float:
         """d sigma/dt along the motion."""
         if not isinstance(state, CanonicalState):
-            return derivative(lambda s: self.value(system, self._later(system, t, state, s)), 0.0)
-        v = system.velocity(state.q, state.p)
+            return derivative(
+                lambda s: self.value_at(system, t + s, self._later(system, t, state, s)), 0.0
+            )
+        v = _speed(system, t, state)
         if self.positions:
             return derivative(lambda x: self.value(system, CanonicalState(x, x)), state.q, v)
-        f = system.force(state.q, state.p)
+        f = _push(system, t, state)
         if isinstance(system, ConstrainedSystem) and (self.parts is None or "p" in self.parts):
             f = f + system.constraint_force(state.q, state.p)
         return derivative(
-            lambda s: self.value(system, CanonicalState(state.q + s * v, state.p + s * f)), 0.0
+            lambda s: self.value_at(
+                system, t + s, CanonicalState(state.q + s * v, state.p + s * f)
+            ),
+            0.0,
         )
 
     def _later(self, system: Any, t: float, state: Any, s: float) -> Any:
         """The state a short time s later, to first order, as far as the parts that count."""
         if not isinstance(state, BodyState):
             return system.displaced(Exponential(), state, s * system.rate(t, state))
-        mu, g, xi = state.mu, state.g, system.velocity(state.mu)
-        pushed = not isinstance(system, LiePoissonSystem)  # by a field, or by a constraint
+        # pushed by a field, or by a constraint
+        pushed = not isinstance(system, LiePoissonMotion)
+        mu, g = state.mu, state.g
+        xi = system.velocity(mu) if pushed else system.rate(t, state)
         group = system.configurations if pushed else system.group
         if self.parts is None or "mu" in self.parts:
             force = group.ad_star(xi, mu)
@@ -145,6 +159,20 @@ class OfState(TimeScale):
         return f"sigma({', '.join(self.names)})"
 
 
+def _speed(system: Any, t: float, state: CanonicalState) -> Vec:
+    """q' of a canonical system, which may be driven."""
+    if isinstance(system, DrivenHamiltonianSystem):
+        return system.velocity(t, state.q, state.p)
+    return system.velocity(state.q, state.p)
+
+
+def _push(system: Any, t: float, state: CanonicalState) -> Vec:
+    """p' of a canonical system, which may be driven, without the forces of constraints."""
+    if isinstance(system, DrivenHamiltonianSystem):
+        return system.force(t, state.q, state.p)
+    return system.force(state.q, state.p)
+
+
 def time_scale(owner: str, sigma: Any) -> TimeScale:
     """A time scale, or one made of a function of parts of the state."""
     if isinstance(sigma, TimeScale):
@@ -167,8 +195,12 @@ class EqualArc(TimeScale):
     """
 
     def value(self, system: Any, state: Any) -> float:
-        """1/|f|."""
-        return 1.0 / norm(system.rate(0.0, state))
+        """1/|f|, of a driven system at t = 0."""
+        return self.value_at(system, 0.0, state)
+
+    def value_at(self, system: Any, t: float, state: Any) -> float:
+        """1/|f| at time t."""
+        return 1.0 / norm(system.rate(t, state))
 
 
 @record
@@ -194,11 +226,11 @@ class DistancePower(TimeScale):
 
     def growth(self, system: Any, t: float, state: Any) -> float:
         """power |q|^(power - 2) q.q'."""
-        return dot(self.slope(system, state.q), system.velocity(state.q, state.p))
+        return dot(self.slope(system, state.q), _speed(system, t, state))
 
     def bound(self, system: System, start: State) -> TimeScale:
-        """A canonical system."""
-        if not isinstance(system, CanonicalSystem):
+        """A canonical system, which may be driven."""
+        if not isinstance(system, PhaseSpace):
             raise IncompatibleSystem(
                 f"{self!r} is for systems with positions q; {system!r} has none"
             )

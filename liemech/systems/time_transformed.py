@@ -13,11 +13,12 @@ from ..errors import IncompatibleSystem, InvalidTimeScale
 from ..formulas import Vec, gradient, log, record, vec
 from .canonical import CanonicalState, HamiltonianSystem
 from .separable import SeparableSystem
+from .sundman import InFictiveTime
 from .time_scales import POSITIVE, TimeScale, time_scale
 
 
 @record
-class ExtendedSystem(HamiltonianSystem):
+class ExtendedSystem(InFictiveTime, HamiltonianSystem):
     """A canonical system with two more coordinates: the time t, its last position, and -H_0, which
     belongs to it; abstract.
 
@@ -25,7 +26,6 @@ class ExtendedSystem(HamiltonianSystem):
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.2.
     """
 
-    fictive: ClassVar[bool] = True
     wanted: ClassVar[type[HamiltonianSystem]] = HamiltonianSystem
 
     system: HamiltonianSystem
@@ -35,7 +35,8 @@ class ExtendedSystem(HamiltonianSystem):
             raise IncompatibleSystem(
                 f"{type(self).__name__} is for a {self.wanted.__name__} such as Kepler(); got "
                 f"{self.system!r}. ReversibleController(method, sigma) varies the steps of a "
-                "symmetric method on any system"
+                "symmetric method on any system, SundmanTransformed(system, sigma) those of any "
+                "other"
             )
         super().__post_init__()
 
@@ -75,6 +76,11 @@ class ExtendedSystem(HamiltonianSystem):
         """The samples taken apart: the times, and the parts of the states of the system itself."""
         return states["q"][..., -1], {name: x[..., :-1] for name, x in states.items()}, None
 
+    def of_tangent(self, components: int) -> list[int]:
+        """The time is the last of the positions, minus the energy of the momenta."""
+        n = components // 2
+        return [*range(n - 1), *range(n, 2 * n - 1), n - 1]
+
 
 @record
 class TimeTransformed(ExtendedSystem):
@@ -91,8 +97,8 @@ class TimeTransformed(ExtendedSystem):
     AdaptiveVerlet() and its compositions are for T(p) + V(q) and sigma(q), HamiltonJacobi(order=4)
     and the methods of Gauss, RKMK(tableau=tableaus.gauss(2)), for any of them.  `integrate` takes a
     start of the system itself and h in fictive time.
-    Source: Hairer, Lubich, Wanner, VIII.2; Hairer, Appl. Numer. Math. 25 (1997), 219; Reich, SIAM
-    J. Numer. Anal. 36 (1999), 1549.
+    Source: Hairer, Lubich, Wanner, VIII.2; the slides, (3.2) and (3.3); Hairer, Appl. Numer. Math.
+    25 (1997), 219; Reich, SIAM J. Numer. Anal. 36 (1999), 1549.
     """
 
     alternatives: ClassVar[str] = (

@@ -14,6 +14,7 @@ SIAM J. Sci. Comput. 16 (1995).
 from __future__ import annotations
 
 import math
+import operator
 import sys
 from functools import cached_property
 from typing import Any
@@ -199,6 +200,23 @@ def shipped(
 # ---------------------------------------------------------------- from any even order to the next
 
 
+MOST = 30
+"""Orders beyond it are lost in rounding."""
+
+
+def _order(tableau: str, given: Any) -> int:
+    """The order of a base as a whole number."""
+    try:
+        order = operator.index(given)
+    except TypeError:
+        order = True
+    if isinstance(order, bool):
+        raise InvalidType(f"{tableau}: base_order must be a whole number; got {given!r}")
+    if not 1 <= order <= MOST:
+        raise InvalidInput(f"{tableau}: base_order must be from 1 to {MOST}; got {given}")
+    return order
+
+
 def triple_jump(base_order: int = 2) -> CompositionTableau:
     """Three substeps, 1/(2 - 2^(1/(p+1))) on both sides and a long way back between them: two
     orders more than the base, p + 2.
@@ -206,6 +224,7 @@ def triple_jump(base_order: int = 2) -> CompositionTableau:
     Source: Yoshida, Phys. Lett. A 150 (1990); Creutz and Gocksch, Phys. Rev. Lett. 63 (1989); HLW
     II.4, (4.4).
     """
+    base_order = _order("triple_jump", base_order)
     side = 1.0 / (2.0 - 2.0 ** (1.0 / (base_order + 1)))
     gamma = side, 1.0 - 2.0 * side, side
     return shipped(
@@ -219,6 +238,7 @@ def suzuki(base_order: int = 2) -> CompositionTableau:
 
     Source: Suzuki, Phys. Lett. A 146 (1990); HLW II.4, (4.5).
     """
+    base_order = _order("suzuki", base_order)
     side = 1.0 / (4.0 - 4.0 ** (1.0 / (base_order + 1)))
     gamma = side, side, 1.0 - 4.0 * side, side, side
     return shipped(

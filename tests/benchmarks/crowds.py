@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -75,7 +76,12 @@ def steps_of_crowds(quick: bool) -> list[dict[str, Any]]:
     for n in (16, 256) if quick else (16, 256, 4096, 65_536, 1_000_000):
         for steps in (20, 200):
             runs: dict[str, Run] = {"liemech RKMK4": _ours(n, steps)}
-            for name, make in (("JAX RK4", _jax), ("MuJoCo RK4", _mujoco)):
+            blocked = {
+                f"JAX RK4, blocks of {b}": partial(_jax, block=b)
+                for b in (256, 1024, 4096, 16_384)
+                if b < n
+            }
+            for name, make in {"JAX RK4": _jax, **blocked, "MuJoCo RK4": _mujoco}.items():
                 try:
                     run = make(n, steps)
                 except ImportError:
@@ -83,10 +89,22 @@ def steps_of_crowds(quick: bool) -> list[dict[str, Any]]:
                 if run is not None:
                     runs[name] = run
             found = timed(runs, 1 if quick else 5 if n < 1e5 else 2)
+            found = best_of_jax(found)
             rows.append({"bodies": n, "steps": steps, "seconds": found})
             texts = [f"{name} {1e9 * t['median'] / n / steps:.3g}" for name, t in found.items()]
             print(f"{n} bodies, {steps} steps, ns of a step: {', '.join(texts)}", flush=True)
     return rows
+
+
+def best_of_jax(found: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+    """JAX has one column, that of its quickest blocks, whose size is kept."""
+    blocks = {name: t for name, t in found.items() if name.startswith("JAX RK4")}
+    rest = {name: t for name, t in found.items() if name not in blocks}
+    if not blocks:
+        return rest
+    name, quickest = min(blocks.items(), key=lambda item: item[1]["median"])
+    size = name.rpartition(" ")[2]
+    return {**rest, "JAX RK4": {**quickest, "block": float(size) if size.isdigit() else 0.0}}
 
 
 def _ours(n: int, steps: int) -> Run:
@@ -103,14 +121,16 @@ def _ours(n: int, steps: int) -> Run:
     return run
 
 
-def _jax(n: int, steps: int) -> Run:
+def _jax(n: int, steps: int, block: int = 0) -> Run:
+    """All bodies at once, or one block after the other, each through all steps while it is in the
+    cache.
+    """
     jax: Any = importlib.import_module("jax")
     jax.config.update("jax_enable_x64", True)
 
     def rate(y: Any) -> Any:
         return jax.numpy.stack(body_attitude(None, 0.0, y))
 
-    @jax.jit
     def all_steps(y: Any) -> Any:  # components first: one row each for all bodies
         def step(_: Any, y: Any) -> Any:
             a = rate(y)
@@ -121,7 +141,14 @@ def _jax(n: int, steps: int) -> Run:
         return jax.lax.fori_loop(0, steps, step, y)
 
     first = np.concatenate([starts(n).T, np.eye(4)[:, :1] * np.ones(n)])
-    return lambda: np.asarray(all_steps(first))
+    if not block:
+        together = jax.jit(all_steps)
+        return lambda: np.asarray(together(first))
+    blocks = -(-n // block)
+    padded = np.pad(first, ((0, 0), (0, blocks * block - n)), mode="edge")
+    rows = padded.reshape(7, blocks, block).transpose(1, 0, 2).copy()
+    apart = jax.jit(lambda y: jax.lax.map(all_steps, y))
+    return lambda: np.asarray(apart(rows))
 
 
 def _mujoco(n: int, steps: int) -> Run | None:

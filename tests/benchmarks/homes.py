@@ -42,7 +42,9 @@ def fixed(
     race: Race, name: str, at: Start, method: Any, settings: tuple[float, ...], outputs: Callable[..., np.ndarray],
     parts: tuple[str, ...] = ("mu", "g"), closed: bool = False,
 ) -> Entry:  # fmt: skip
-    """Steps of one length, so many between two outputs."""
+    """Steps of one length, so many between two outputs, and down to an eighth as many."""
+    fewest = max(1, round(settings[0]) // 8)
+    settings = (*[n for n in doubled(1, 20) if fewest <= n < settings[0]], *settings)
 
     def prepare(setting: float) -> Run:
         every, (system, start) = round(setting), at
@@ -98,12 +100,15 @@ def adaptive(
     )
 
 
-def plain(race: Race, orders: dict[int, int], times: int = 4) -> list[Entry]:
+ORDERS = 6, 8, 10, 12, 15, 18, 22
+"""Of Taylor series; other packages choose theirs by the tolerance."""
+
+
+def plain(race: Race, orders: tuple[int, ...] = ORDERS, follow: bool = False) -> list[Entry]:
     """Taylor series of the equations in R^n as all other packages have them: no group, and nothing
     kept but what the order keeps.
 
-    orders : the number of steps between two outputs to begin with, by order; 0 for steps that
-    follow a tolerance.
+    follow : do steps follow a tolerance?
     """
 
     @lm.record
@@ -115,13 +120,13 @@ def plain(race: Race, orders: dict[int, int], times: int = 4) -> list[Entry]:
     system = Plain(lm.VectorSpace(n))
     at = system, system.state(race.start)
 
-    def entry(order: int, first: int) -> Entry:
+    def entry(order: int) -> Entry:
         what = race, f"Taylor {order}, R^{n}", at, lm.Taylor(order)
-        if first:
-            return fixed(*what, doubled(first, times), race.outputs, ("g",))
-        return adaptive(*what, race.outputs, ("g",))
+        if follow:
+            return adaptive(*what, race.outputs, ("g",))
+        return fixed(*what, doubled(1, 7), race.outputs, ("g",))
 
-    return [entry(order, first) for order, first in orders.items()]
+    return [entry(order) for order in orders]
 
 
 def exact(
@@ -176,7 +181,7 @@ def free(race: Race) -> list[Entry]:
         add("Taylor 18", lm.Taylor(18), 4, 4),
         add("Taylor 12", lm.Taylor(12), 4, 5),
         *([] if far else [add("Galerkin 8", lm.GalerkinVariational(8), 4, 4)]),
-        *([] if far else plain(race, {8: 4, 12: 2, 18: 2})),
+        *([] if far else plain(race)),
     ]
 
 
@@ -203,7 +208,7 @@ def heavy_top(race: Race) -> list[Entry]:
         add("RKMK Verner 6, se(3)*", lm.RKMK(tableau=VERNER6), 4, 5, dual),
         add("Taylor 12, se(3)*", lm.Taylor(12), 2, 5, dual),
         add("Taylor 18, se(3)*", lm.Taylor(18), 1, 5, dual),
-        *plain(race, {8: 2, 12: 1, 18: 1}),
+        *plain(race),
     ]
 
 
@@ -232,7 +237,7 @@ def kirchhoff(race: Race) -> list[Entry]:
         fixed(race, "RKMK Verner 6", at, lm.RKMK(tableau=VERNER6), doubled(4, 5), outputs),
         fixed(race, "Taylor 12", at, lm.Taylor(12), doubled(2, 5), outputs),
         fixed(race, "Taylor 18", at, lm.Taylor(18), doubled(2, 5), outputs),
-        *plain(race, {8: 2, 12: 2, 18: 1}),
+        *plain(race),
     ]
 
 
@@ -256,7 +261,7 @@ def four_dimensions(race: Race) -> list[Entry]:
         fixed(race, "Galerkin 6, exp", at, lm.GalerkinVariational(6), doubled(8, 4), outputs),
         fixed(race, "RKMK DOP853", at, lm.RKMK(tableau=DOP853), doubled(4, 6), outputs),
         fixed(race, "Taylor 12", at, lm.Taylor(12), doubled(4, 5), outputs),
-        *plain(race, {12: 2, 18: 2}),
+        *plain(race),
     ]
 
 
@@ -279,7 +284,7 @@ def driven(race: Race) -> list[Entry]:
         add("RKMK DOP853", at, lm.RKMK(tableau=DOP853), 8, 5),
         add("Taylor 12, quaternion", turn, lm.Taylor(12), 8, 4),
         add("Taylor 18, quaternion", turn, lm.Taylor(18), 4, 4),
-        *plain(race, {12: 8, 18: 8}),
+        *plain(race),
     ]
 
 
@@ -325,7 +330,7 @@ def kepler(race: Race) -> list[Entry]:
         ),
         adaptive(race, "Taylor 12", at, lm.Taylor(12), outputs, parts),
         adaptive(race, "Taylor 18", at, lm.Taylor(18), outputs, parts),
-        *plain(race, {12: 0, 18: 0}),
+        *plain(race, (8, 12, 15, 18, 22), follow=True),
     ]
 
 
@@ -347,7 +352,7 @@ def spherical_pendulum(race: Race) -> list[Entry]:
         ],
         add("RATTLE, order 8", lm.Composition(lm.RATTLE(), order=8), 4, 6),
         add("Lobatto 6", lm.LobattoPair(order=6), 8, 6),
-        *plain(race, {12: 4, 18: 4}),
+        *plain(race),
     ]
 
 
@@ -361,7 +366,7 @@ def solar_system(race: Race) -> list[Entry]:
     def places(y: np.ndarray) -> np.ndarray:
         return np.asarray(system.bodies(y)[0])
 
-    settings = doubled(10, 7)
+    settings = doubled(1, 9)
     tableaus = {"SABA (8, 2)": "SABA (8, 2)", "ABA (10, 6, 4)": "ABA (10, 6, 4)"}
     return [
         *[

@@ -28,6 +28,7 @@ import json
 import math
 import time
 import warnings
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ import harness
 import homes
 import numpy as np
 import rivals
-from board_page import TARGETS, time_for, write_pages
+from board_page import TARGETS, quickest, write_pages
 from races import RACES, Race
 from rivals import Entry, Run
 
@@ -46,61 +47,105 @@ LONG = 0.1
 """Seconds: longer calls are made three times, those of more than ten times this once."""
 
 
-def first_calls(
-    race: Race, everybody: list[Entry], patience: float
-) -> list[tuple[dict[str, Any], list[tuple[dict[str, Any], Run]]]]:
-    """Every method set up and called once with each of its settings: error, and seconds of setting
-    up and of the first call.
-    """
-    exact, found = race.exact, []
-    for entry in everybody:
-        curve = {
-            "package": entry.package,
-            "method": entry.method,
-            "closed": entry.closed,
-            "points": [],
-            "failed": [],
-        }
-        runs: list[tuple[dict[str, Any], Run]] = []
-        fine = 0
-        for setting in entry.settings:
-            try:
-                with warnings.catch_warnings(action="ignore"):
-                    begun = time.perf_counter()
-                    run = entry.prepare(setting)
-                    ready = time.perf_counter()
-                    raw = run()
-                    done = time.perf_counter()
-                    spent = _timed(run)[1]  # the first call may have made machine code
+FINER = 4
+"""Times that the interval between two settings is halved, for each target."""
+
+
+@dataclass
+class Curve:
+    """A method of a race with all settings that were tried: what is kept, and how to call it."""
+
+    entry: Entry
+    points: dict[float, dict[str, Any]] = field(default_factory=dict)
+    runs: dict[float, Run] = field(default_factory=dict)
+    failed: list[list[Any]] = field(default_factory=list)
+
+    def attempt(self, setting: float, exact: np.ndarray) -> dict[str, Any] | None:
+        """Set up and called once: error, and seconds of setting up and of the first call; None if
+        the package gives up.
+        """
+        entry = self.entry
+        try:
+            with warnings.catch_warnings(action="ignore"):
+                begun = time.perf_counter()
+                run = entry.prepare(setting)
+                ready = time.perf_counter()
+                raw = run()
+                done = time.perf_counter()
                 error = float(np.abs(entry.outputs(raw) - exact).max())
-            except Exception as failure:  # of whatever kind: the package gives up at this setting
-                curve["failed"].append(
-                    [
-                        setting,
-                        str(failure).splitlines()[0][:200]
-                        if str(failure)
-                        else type(failure).__name__,
-                    ]
-                )
-                continue
-            if not math.isfinite(error):
-                curve["failed"].append([setting, "not finite"])
-                continue
-            point = {
-                "setting": setting,
-                "error": error,
-                "set_up": ready - begun,
-                "first": done - ready,
-                "warm": [],
-                "cold": [],
-            }
-            curve["points"].append(point)
-            runs.append((point, run))
-            fine += error < 1e-13
-            if spent > patience or fine > 1:
+                spent = _timed(run)[1]  # the first call may have made machine code
+        except Exception as failure:  # of whatever kind
+            why = str(failure).splitlines()[0][:200] if str(failure) else type(failure).__name__
+            self.failed.append([setting, why])
+            return None
+        if not math.isfinite(error):
+            self.failed.append([setting, "not finite"])
+            return None
+        point = {"setting": setting, "error": error, "set_up": ready - begun, "first": done - ready}
+        self.points[setting] = {**point, "spent": spent, "warm": [], "cold": []}
+        self.runs[setting] = run
+        return self.points[setting]
+
+    def quickest(self, target: float) -> float:
+        """Seconds of the quickest setting so far that reaches an error."""
+        reached = (p["spent"] for p in self.points.values() if p["error"] <= target)
+        return min(reached, default=math.inf)
+
+    def refine(self, target: float, exact: np.ndarray) -> None:
+        """Look between the two settings around an error for the loosest one that reaches it: a
+        number of steps is a whole number, a tolerance any.
+        """
+        settings = self.entry.settings
+        tried = [s for s in settings if s in self.points]
+        errors = [self.points[s]["error"] for s in tried]
+        for k in range(len(tried) - 1):
+            if errors[k] > target >= errors[k + 1]:
                 break
-        found.append((curve, runs))
-    return found
+        else:
+            return
+        loose, tight = tried[k : k + 2]
+        for _ in range(FINER):
+            between = (loose + tight) // 2 if self.entry.counted else math.sqrt(loose * tight)
+            if between in (loose, tight):
+                return
+            known = self.points.get(between) or self.attempt(between, exact)
+            if known and known["error"] <= target:
+                tight = between
+            else:
+                loose = between
+
+    def kept(self) -> dict[str, Any]:
+        """For the file, settings in the order of their errors."""
+        entry = self.entry
+        points = sorted(self.points.values(), key=lambda point: -point["error"])
+        return {
+            "package": entry.package, "method": entry.method, "closed": entry.closed, "fast": entry.fast,
+            "points": points, "failed": self.failed,
+        }  # fmt: skip
+
+
+def first_calls(race: Race, everybody: list[Entry], patience: float, finer: bool) -> list[Curve]:
+    """Every method called once with each of its settings, and those that are anywhere near the
+    quickest at a target with settings in between.
+    """
+    exact, curves = race.exact, [Curve(entry) for entry in everybody]
+    for curve in curves:
+        fine = 0
+        for setting in curve.entry.settings:
+            point = curve.attempt(setting, exact)
+            if point is None:
+                continue
+            fine += point["error"] < 1e-13
+            if point["spent"] > patience or fine > 1:
+                break
+    for target in TARGETS if finer else ():
+        for closed in (False, True):
+            rivals = [curve for curve in curves if curve.entry.closed == closed]
+            least = min((curve.quickest(target) for curve in rivals), default=math.inf)
+            for curve in rivals:
+                if curve.quickest(target) <= 4.0 * least < math.inf:
+                    curve.refine(target, exact)
+    return curves
 
 
 def _timed(run: Run, times: int = 1) -> tuple[Any, float]:
@@ -116,24 +161,25 @@ def measure(
 ) -> list[dict[str, Any]]:
     """All methods of a race, in turn: medians and quartiles of warm and of cold calls."""
     begun = time.perf_counter()
-    found = first_calls(race, everybody, 0.2 if rounds == 1 else 3.0)
-    everything = [pair for _, runs in found for pair in runs]
+    curves = first_calls(race, everybody, 0.2 if rounds == 1 else 3.0, rounds > 1)
+    everything = [(curve.points[s], run) for curve in curves for s, run in curve.runs.items()]
     for k in range(rounds):
         if k > 2 and time.perf_counter() - begun > seconds:
             break
         for point, run in everything:
-            known = point["cold"][0] if point["cold"] else point["first"]
+            known = point["spent"]
             if (k > 2 and known > LONG) or (k > 0 and known > 10 * LONG):
                 continue
             with warnings.catch_warnings(action="ignore"):
                 point["cold"].append(_timed(run)[1])
                 point["warm"].append(_timed(run, max(1, min(20, int(2e-3 / point["cold"][-1]))))[1])
     for point, _ in everything:
+        del point["spent"]
         for kind in ("warm", "cold"):
             low, middle, high = np.quantile(point.pop(kind), [0.25, 0.5, 0.75]).tolist()
             point |= {kind: middle, f"{kind} quartiles": [low, high]}
     print(f"{race.name}: {time.perf_counter() - begun:.0f} s", flush=True)
-    return [curve for curve, _ in found]
+    return [curve.kept() for curve in curves]
 
 
 def keep(kept: dict[str, Any]) -> None:
@@ -180,7 +226,7 @@ def main() -> None:
         everybody = [*homes.entries(race), *others]
         if chosen.quick:
             everybody = [
-                Entry(e.package, e.method, e.settings[:2], e.prepare, e.outputs, e.closed)
+                replace(e, settings=e.settings[:2])
                 for e in everybody[1::3]
             ]
         share = 60.0 * chosen.minutes / (len(RACES) + 2)
@@ -191,7 +237,7 @@ def main() -> None:
             [
                 c["package"],
                 c["method"],
-                *[1e3 * t if (t := time_for(c["points"], e)) else None for e in TARGETS],
+                *[1e3 * t if (t := quickest(c["points"], e)) else None for e in TARGETS],
             ]
             for c in curves
         ]

@@ -34,7 +34,8 @@ class Entry:
     `prepare` sets a run up.
 
     outputs : of what a run gives, (count, k).  closed : is it the closed form of the motion, or a
-    step that is?
+    step that is?  fast : was its machine code made with arithmetic that may be rearranged, so that
+    the bits of a result depend on the compiler?
     """
 
     package: str
@@ -43,6 +44,12 @@ class Entry:
     prepare: Callable[[float], Run]
     outputs: Callable[[Any], np.ndarray]
     closed: bool = False
+    fast: bool = False
+
+    @property
+    def counted(self) -> bool:
+        """Are the settings numbers of steps?"""
+        return all(s >= 1.0 and s == round(s) for s in self.settings)
 
 
 def entries(race: Race) -> tuple[list[Entry], dict[str, str | None]]:
@@ -74,15 +81,18 @@ def version(package: str) -> str | None:
 
 
 def heyoka(race: Race) -> list[Entry]:
-    """Taylor series of an order that the tolerance asks for, compiled."""
+    """Taylor series of an order that the tolerance asks for, compiled; with `fast_math` as well,
+    which lets LLVM rearrange sums.  Nothing comes from its disk cache: setting up is measured.
+    """
     hy: Any = importlib.import_module("heyoka")
-    variables = hy.make_vars(*[f"y{i}" for i in range(len(race.start))])
-    system = list(zip(variables, race.rates(hy, hy.time, variables), strict=True))
-    grid, first = np.array([0.0, *race.times]), np.array(race.start)
-    large = len(race.start) > 30  # whose code, unrolled, takes minutes to make
+    hy.llvm_state.set_diskcache_enabled(False)
+    hy.llvm_state.set_memcache_limit(0)
+    system, order = _equations_of_heyoka(hy, race)
+    grid, first = np.array([0.0, *race.times]), np.array(race.start)[order]
+    back = np.argsort(order)
 
-    def prepare(tolerance: float) -> Run:
-        integrator = hy.taylor_adaptive(system, first, tol=tolerance, compact_mode=large)
+    def prepare(tolerance: float, fast: bool) -> Run:
+        integrator = hy.taylor_adaptive(system, first, tol=tolerance, fast_math=fast)
 
         def run() -> Any:
             integrator.time = 0.0
@@ -91,8 +101,48 @@ def heyoka(race: Race) -> list[Entry]:
 
         return run
 
-    settings = (*tolerances(-2, -14)[::2], 1e-15, 2.3e-16)
-    return [Entry("heyoka", "Taylor", settings, prepare, lambda y: race.outputs(y[1:]))]
+    def outputs(y: np.ndarray) -> np.ndarray:
+        return race.outputs(y[1:, back])
+
+    settings = (*tolerances(-1, -15)[::2], 2.3e-16)
+    found = [
+        Entry("heyoka", name, settings, partial(prepare, fast=fast), outputs, fast=fast)
+        for name, fast in (("Taylor", False), ("Taylor, fast_math", True))
+    ]
+    return [*found, _ellipse_of_heyoka(hy, race)] if race.key == "kepler" else found
+
+
+def _equations_of_heyoka(hy: Any, race: Race) -> tuple[Any, np.ndarray]:
+    """The equations, and which of our numbers are its own: gravity has a model there, whose code is
+    made in a second.
+    """
+    if race.key == "planets":
+        system = hy.model.nbody(len(SUNS), masses=list(SUNS), Gconst=PULL)
+        places = np.arange(36).reshape(2, len(SUNS), 3)  # x, y, z, then velocities
+        return system, places.transpose(1, 0, 2).ravel()
+    variables = hy.make_vars(*[f"y{i}" for i in range(len(race.start))])
+    rates = race.rates(hy, hy.time, variables)
+    return list(zip(variables, rates, strict=True)), np.arange(len(race.start))
+
+
+def _ellipse_of_heyoka(hy: Any, race: Race) -> Entry:
+    """The closed form: Kepler's equation, `kepE`, in a compiled function of the mean anomaly.
+
+    It starts at the pericentre, with semi-axis and mean motion one.
+    """
+    mean, e = hy.make_vars("M"), 1.0 - race.start[0]
+    eccentric, minor = hy.kepE(hy.expression(e), mean), math.sqrt(1.0 - e * e)
+    c, s = hy.cos(eccentric), hy.sin(eccentric)
+    rate = 1.0 / (1.0 - e * c)
+    times, found = race.times[None], np.empty((4, race.count))
+
+    def prepare(_: float) -> Run:
+        place = hy.cfunc([c - e, minor * s, -s * rate, minor * c * rate], vars=[mean])
+        return lambda: place(times, outputs=found)
+
+    return Entry(
+        "heyoka", "kepE in a cfunc", (0.0,), prepare, lambda y: race.outputs(y.T), closed=True
+    )
 
 
 def scipy(race: Race) -> list[Entry]:
@@ -330,7 +380,11 @@ def mujoco(race: Race) -> list[Entry]:
 
 
 def rebound(race: Race) -> list[Entry]:
-    """Points in gravity: IAS15, and WHFast and SABA, whose step of two bodies is the exact motion."""
+    """Points in gravity: IAS15, and WHFast and SABA, whose step of two bodies is the exact motion.
+
+    A simulation is made once, and set back to the start by each run; IAS15 remembers its last steps,
+    so that each run has a copy.
+    """
     rb: Any = importlib.import_module("rebound")
     if race.key not in ("kepler", "planets"):
         return []
@@ -348,44 +402,74 @@ def rebound(race: Race) -> list[Entry]:
             made.add(m=mass, x=x[0], y=x[1], z=x[2], vx=v[0], vy=v[1], vz=v[2])
         return made
 
-    def values(made: Any) -> list[float]:
+    def outputs(found: np.ndarray) -> np.ndarray:
         if race.key == "kepler":
-            p = made.particles[1]
-            return [p.x, p.y, p.vx, p.vy]
-        return [x for p in made.particles for x in (p.x, p.y, p.z)]
+            return found[:, :, 1, :2].reshape(race.count, 4)
+        return found[:, 0].reshape(race.count, 18)
 
-    def prepare(setting: float, method: str) -> Run:
+    times = race.times.tolist()
+
+    def adaptive(setting: float) -> Run:
+        made = simulation()
+        made.integrator = "ias15"
+        made.integrator.epsilon = setting
+        found = np.empty((race.count, 2, made.N, 3))
+
         def run() -> Any:
-            made = simulation()
-            made.integrator = method
-            if method == "ias15":
-                made.integrator.epsilon = setting
-            else:
-                made.integrator.safe_mode = 0
-                made.dt = race.end / race.count / setting
-            found = []
-            for t in race.times.tolist():
-                if method == "ias15":
-                    made.integrate(t)
-                else:
-                    made.steps(round(setting))
-                    made.synchronize()
-                found.append(values(made))
-            return np.array(found)
+            moving = made.copy()
+            for t, (places, speeds) in zip(times, found, strict=True):
+                moving.integrate(t)
+                moving.serialize_particle_data(xyz=places, vxvyvz=speeds)
+            return found
 
         return run
 
-    def entry(method: str, name: str, settings: tuple[float, ...], closed: bool = False) -> Entry:
-        return Entry("REBOUND", name, settings, partial(prepare, method=method), np.asarray, closed)
+    def fixed(setting: float, method: str, options: dict[str, Any]) -> Run:
+        made = simulation()
+        made.integrator = method
+        for name, value in {"safe_mode": 0, **options}.items():
+            setattr(made.integrator, name, value)
+        steps = round(setting)
+        made.dt = race.end / race.count / steps
+        x, v = np.empty((made.N, 3)), np.empty((made.N, 3))
+        made.serialize_particle_data(xyz=x, vxvyvz=v)
+        found = np.empty((race.count, 2, made.N, 3))
 
-    steps = (1.0, 4.0) if race.key == "kepler" else doubled(10, 7)
-    found = [
-        entry("ias15", "IAS15", (1e-1, 1e-3, 1e-5, 1e-7, 1e-9)),
-        entry("whfast", "WHFast", steps, race.key == "kepler"),
+        def run() -> Any:
+            made.set_serialized_particle_data(xyz=x, vxvyvz=v)
+            made.t, made.did_modify_particles = 0.0, 1
+            for places, speeds in found:
+                made.steps(steps)
+                made.synchronize()
+                made.serialize_particle_data(xyz=places, vxvyvz=speeds)
+            return found
+
+        return run
+
+    def entry(
+        name: str, settings: tuple[float, ...], method: str, closed: bool = False, **options: Any
+    ) -> Entry:
+        prepare = partial(fixed, method=method, options=options)
+        return Entry("REBOUND", name, settings, prepare, outputs, closed)
+
+    within = (1e-1, 1e-3, 1e-5, 1e-7, 1e-9)
+    found = [Entry("REBOUND", "IAS15", within, adaptive, outputs)]
+    if race.key == "kepler":
+        return [*found, entry("WHFast", (1.0, 4.0), "whfast", True)]
+    steps = doubled(1, 10)
+    best = {"corrector": 17, "corrector2": 1, "kernel": "LAZY"}
+    return [
+        *found,
+        entry("WHFast", steps, "whfast"),
+        entry("WHFast, corrector 17", steps, "whfast", corrector=17),
+        entry("WHFast, correctors and lazy kernel", steps, "whfast", **best),
+        entry("WHFast, democratic heliocentric", steps, "whfast", coordinates="DEMOCRATICHELIOCENTRIC"),
+        entry("SABA 4", steps, "saba", type="4"),
+        entry("SABA 4, corrected", steps, "saba", type="CL_4"),
+        entry("SABA (10, 4)", steps, "saba", type="10_4"),
+        entry("SABA (8, 6, 4)", steps, "saba", type="8_6_4"),
+        entry("SABA (10, 6, 4)", steps, "saba", type="10_6_4"),
     ]
-    if race.key == "planets":
-        found.append(entry("saba10,6,4", "SABA (10, 6, 4)", steps))
-    return found
 
 
 PACKAGES: dict[str, Callable[[Race], list[Entry]]] = {

@@ -4,7 +4,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import fuzz_calls
+import fuzz_makers
 import numpy as np
 import pytest
 
@@ -13,6 +16,16 @@ from liemech.compiler import batch
 
 def test_calls_end_with_a_result_or_with_an_error_that_says_what_is_wrong() -> None:
     assert fuzz_calls.failures(500, seed=5) == []
+
+
+@pytest.mark.parametrize("function, given", fuzz_makers.makers())
+def test_what_makes_things_is_called_as_it_should_be(function: Any, given: dict[str, Any]) -> None:
+    fuzz_makers.called(function, given)
+
+
+@pytest.mark.parametrize("count, seed", [(1000, 5), pytest.param(20_000, 6, marks=pytest.mark.slow)])
+def test_things_are_made_or_refused_with_an_error_that_says_why(count: int, seed: int) -> None:
+    assert fuzz_makers.failures(count, seed) == []
 
 
 @pytest.mark.slow

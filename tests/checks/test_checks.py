@@ -638,11 +638,19 @@ class ShiftsAlways(OnVectors):
         return g @ x + lm.vec(1e-9, 0.0, 0.0)
 
 
+@lm.record
+class GivesNoNumber(OnVectors):
+    def act(self, g, x):
+        return (g @ x) * float("nan")
+
+
 def test_an_action_obeys_its_laws() -> None:
     assert check_action(OnVectors())
     assert check_action(OnVectors(), points=[[0.6, 0.0, 0.8]])
     with pytest.raises(lm.errors.InvalidInput, match="points"):
         check_action(OnVectors(), points=[])
+    with pytest.raises(lm.errors.InvalidInput, match=r"points\[1\] is nan"):
+        check_action(OnVectors(), points=[[0.6, 0.0, 0.8], [0.6, np.nan, 0.8]])
 
 
 @pytest.mark.parametrize(
@@ -653,6 +661,7 @@ def test_an_action_obeys_its_laws() -> None:
         (LeavesTheSphere(), "points stay", ""),
         (ShortcutBackwards(), "exp_act", "sign"),
         (ShiftsAlways(), "neutral element", ""),
+        (GivesNoNumber(), "neutral element", "nan or infinity"),
     ],
     ids=lambda x: x.replace(" ", "-") if isinstance(x, str) else type(x).__name__,
 )

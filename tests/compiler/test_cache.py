@@ -446,10 +446,27 @@ def test_a_folder_that_others_can_write_or_own_is_not_used(
     ):
         place.mkdir(exist_ok=True)
         place.chmod(mode)
-        assert (cache.folder.__wrapped__() == place) == safe, oct(mode)
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            assert (cache.folder.__wrapped__() == place) == safe, oct(mode)
+        assert [f"chmod 700 {place}" in str(w.message) for w in told] == [True] * (not safe)
     place.chmod(0o700)
     monkeypatch.setattr(os, "getuid", lambda: place.stat().st_uid + 1)
-    assert cache.folder.__wrapped__() is None
+    with pytest.warns(RuntimeWarning, match="is not used: others may write to it or it is another"):
+        assert cache.folder.__wrapped__() is None
+
+
+def test_a_folder_that_was_named_and_cannot_be_used_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("LIEMECH_CACHE_DIR", str(tmp_path / "file"))
+    with pytest.warns(RuntimeWarning, match="every process compiles anew"):
+        assert cache.folder.__wrapped__() is None
+    monkeypatch.setenv("LIEMECH_CACHE_DIR", os.devnull)  # nowhere, as was wanted
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert cache.folder.__wrapped__() is None
 
 
 def test_a_compiler_edited_while_it_runs_keeps_nothing(

@@ -29,7 +29,7 @@ FLAT = layout_of(Vec(0.0, 0.0))
 
 def scale(times: Any, given: Any, out: Any) -> None:
     x = read(given, 0, FLAT)
-    write(out, 0, vec(x[0] * times[0], x[1] * times[0]))
+    write(out, 0, vec(x[0] * times[0], x[1] * times[0]), FLAT)
 
 
 def result(k: float) -> list[float]:

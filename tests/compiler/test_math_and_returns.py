@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from compiler.worlds import same_in_all_worlds
 
 import liemech as lm
-from compiler.worlds import same_in_all_worlds
 from liemech import formulas as f
 from liemech.formulas import derivative, vec
 

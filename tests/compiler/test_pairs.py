@@ -20,6 +20,7 @@ from liemech.formulas import (
     Dual,
     Mat,
     Vec,
+    constant,
     derivative,
     dot,
     identity_matrix,
@@ -82,9 +83,37 @@ def test_comparisons_look_at_the_value() -> None:
     assert a <= b
     assert b > a
     assert b >= 1.0
-    assert a == 1.0
+    assert Dual(1.0, 0) == 1.0
+    assert a == Dual(1.0, 5.0)
     assert a != b
     assert where(a < 2.0, a, b) is a
+    assert a and not Dual(0.0, 0)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda x: x == 1.0,
+        lambda x: x != 1.0,
+        lambda x: x == 1.0,
+        lambda x: x in (0.5, 1.0),
+        lambda x: not x - 1.0,
+        lambda x: x == Dual(1.0, 2.0),
+        lambda x: Dual(x, 0) == 1.0,
+        lambda x: x == Dual(1.0, float("nan")),
+    ],
+)
+def test_an_equality_that_holds_at_one_point_only_is_refused(asked: Any) -> None:
+    with pytest.raises(lm.errors.InvalidInput, match="constant"):
+        asked(Dual(1.0, 5.0, 1.0))
+
+
+def test_what_does_not_move_is_compared() -> None:
+    square = Dual(0.0, 0.0, 1.0)  # x^2 at x = 0
+    assert square == 0.0 and not square and constant(Dual(Dual(2.0, 1.0, 1.0), 3.0, 2.0)) == 2.0
+    with pytest.raises(lm.errors.InvalidInput):  # which moves to second order
+        assert Dual(square, Dual(0.0, 2.0, 1.0), 2.0) == 0.0
+
 
 
 def test_second_derivatives() -> None:
@@ -220,7 +249,7 @@ def test_complex_matrices_as_arrays() -> None:
 
 def _squares(array: Any, layout: Any, out: Any) -> None:
     m = read(array, 0, layout)
-    write(out, 0, m @ m - (2.0 * m).T)
+    write(out, 0, m @ m - (2.0 * m).T, layout)
 
 
 @pytest.mark.compiled

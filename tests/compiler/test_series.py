@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
+from liemech.errors import InvalidInput
 from liemech.formulas import Complex, Dual, functions, vec
 from liemech.formulas.numbers import StandIn
 from liemech.formulas.products import FIRST, LEAST, Products
@@ -106,10 +107,17 @@ def test_angle() -> None:
 
 def test_comparisons_look_at_the_first_term() -> None:
     x = Series(1.0, -5.0)
-    assert (
-        x > 0.5 and x >= 1.0 and x < 2.0 and x <= Series(1.0, 7.0) and x == 1.0 and x != Series(2.0)
-    )
-    assert Series(None, 1.0) == 0.0
+    assert x > 0.5 and x >= 1.0 and x < 2.0 and x <= Series(1.0, 7.0) and x != Series(2.0)
+    assert Series(1.0) == 1.0 and x and not Series(0.0)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [lambda x: x == 1.0, lambda x: x != 1.0, lambda x: bool(x - 1.0), lambda x: x * x == Series(1.0)],
+)
+def test_an_equality_that_holds_only_where_a_series_begins_is_refused(asked: Any) -> None:
+    with pytest.raises(InvalidInput, match=r"of a power series.* expm1_over"):
+        asked(Series(1.0, -5.0))
 
 
 def test_terms_that_are_not_there_take_no_part() -> None:

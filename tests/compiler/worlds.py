@@ -18,7 +18,7 @@ from liemech.compiler import kernel
 from liemech.compiler.driver import accepted, attempt, itself, read, write
 from liemech.errors import NotCompilable as NotCompilable
 from liemech.formulas import Vec, where
-from liemech.formulas.pytree import layout_of
+from liemech.formulas.pytree import NUMBER, layout_of
 
 REJECTED = "rejected"  # the formula raised
 
@@ -30,8 +30,8 @@ def drive(
 ) -> None:
     """The driver: the formula's numbers, in `out`, and whether it went through, in `fine`."""
     value = attempt(formula, *extra, *read(given, 0, layout), turns)
-    write(out, 0, value)
-    write(fine, 0, where(accepted(value, itself), 1.0, 0.0))
+    write(out, 0, value, layout_of(value))
+    write(fine, 0, where(accepted(value, itself), 1.0, 0.0), NUMBER)
 
 
 def flat(value: Any) -> Any:

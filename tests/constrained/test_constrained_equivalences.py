@@ -24,6 +24,8 @@ from scenes import SEED_INERTIA, quiet_body, rotation, slow
 import liemech as lm
 from liemech.formulas import cos, record, sin, vec
 
+EPS = float(np.finfo(float).eps)
+
 
 @pytest.mark.parametrize("inertia", [(1.0, 1.5, 2.0), SEED_INERTIA], ids=["body", "seed"])
 def test_rattle_on_nine_numbers_is_moser_veselov(inertia: tuple[float, ...]) -> None:
@@ -151,6 +153,37 @@ class Slider(lm.ConstrainedLagrangianSystem):
 
     def constraint(self, q: lm.Vec) -> lm.Vec:
         return lm.vec(q[0] - cos(q[2]), q[1] - sin(q[2]))
+
+
+def test_the_equations_of_euler_and_lagrange() -> None:
+    """d/dt(dL/dv) - dL/dq = 0 for L = T - U - g . lambda, written out from L alone, with the
+    accelerations and the multipliers of the system; and g''(v, v) + G v' = 0.
+    """
+    system = Slider()
+    start = system.consistent([np.cos(0.4), np.sin(0.4), 0.4], [-0.3, 0.6, 0.9])
+    q, v = start.q, system.velocity(start.q, start.p)
+    turned, lam = system.acceleration(q, v)
+
+    def along(s: float) -> tuple[lm.Vec, lm.Vec]:
+        return q + s * v + (0.5 * s * s) * turned, v + s * turned
+
+    def lagrangian(x: lm.Vec, u: lm.Vec) -> float:
+        kinetic = 0.5 * lm.dot(u, system.mass(x) @ u)
+        return kinetic - system.potential(x) - lm.dot(system.constraint(x), lam)
+
+    def impulse(s: float) -> lm.Vec:
+        x, u = along(s)
+        return lm.gradient(lambda w: lagrangian(x, w), u)
+
+    rate = np.array(lm.derivative(impulse, 0.0))
+    slope = np.array(lm.gradient(lambda x: lagrangian(x, v), q))
+    assert np.abs(rate).max() > 1.0
+    assert np.abs(rate - slope).max() < 64 * EPS * np.abs(rate).max()
+    speed = lm.derivative(lambda s: system.constraint(along(s)[0]), 0.0)
+    bend = lm.derivative(
+        lambda r: lm.derivative(lambda s: system.constraint(along(s)[0]), r), 0.0
+    )
+    assert np.abs(np.array([*speed, *bend])).max() < 64 * EPS * np.abs(np.array(v)).max() ** 2
 
 
 def test_lagranges_equations_are_hamiltons() -> None:

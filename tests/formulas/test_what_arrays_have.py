@@ -25,18 +25,21 @@ np.hstack([u, u]); np.vstack([u, u]); np.stack([u, 2.0 * u]); np.stack([u, u], a
 np.einsum("ij,j->i", A, u); np.einsum("i,i->", u, u); np.einsum("ij,jk->ik", A, A); np.einsum("ij,ij", A, A)
 np.einsum("ii", A); np.einsum("i,j", u, u); np.tensordot(A, A); np.tensordot(A, u, axes=1); np.kron(u, u); np.kron(A, A)
 np.where(x > 0.5, x, y); np.where(x > y, 1.0, -1.0) * x; np.clip(x, 0.0, 0.6); np.clip(y, -0.5, 0.5) + np.clip(x, None, 0.3)
+np.where(u > 0.5, u, 0.0); np.where(u > 0.5, 1.0, 2.0) * x; x * np.all(u < 2.0) + y * np.any(u > 0.6)
 np.interp(x, NODES, VALUES); np.interp(y, NODES, VALUES) * x; np.searchsorted(NODES, x)
 """
 ARRAYS = """
-np.array([x, 1.0, 2 * z]) * 2.0; np.array([x, y, z]) - [1.0, 2.0, 3.0]; 1.0 / np.array([x, y]); -np.array([x, y]); np.array([x, y])**2
-np.array([[x, y], [z, 1.0]]) * 2.0; np.array([[x, y], [z, 1.0]]).T; np.array([[x, y], [z, 1.0]])[:, 1]; np.array([x, y, z])[::-1] * x
+np.array([x, 1.0, 2 * z]) * 2.0; np.array([x, y, z]) - [1.0, 2.0, 3.0]; 1.0 / np.array([x, y])
+-np.array([x, y]); np.array([x, y])**2; np.array([[x, y], [z, 1.0]]) * 2.0
+np.array([[x, y], [z, 1.0]]).T; np.array([[x, y], [z, 1.0]])[:, 1]; np.array([x, y, z])[::-1] * x
 np.array([[x, y], [z, 1.0]]) * np.array([x, 2.0]); NODES * x; x - NODES; NODES / y; NODES * x + VALUES * y; M * x + M * y
 u + np.array([x, y, z]); A @ np.array([x, y, z]); np.array([x, y, z]) @ u; M @ u; np.cross(np.array([x, y, z]), np.array([y, z, x]))
 max(np.array([x, y, z])); np.array(u) * 2.0; np.array([u, u]); np.array([a * a for a in u]); (np.eye(3) * x) @ u
 len(np.array([x, y])) * x; x if isinstance(np.array([x, y]), np.ndarray) else y; np.zeros(3) + x
 """
 REFUSED = """
-np.array([x, y])**3; M @ np.array([x, y, z]); np.sum(np.array([x, y, z])); np.array([x, y, z]).sum(); np.linalg.norm(np.array([x, y, z]))
+np.array([x, y])**3; M @ np.array([x, y, z])
+np.sum(np.array([x, y, z])); np.array([x, y, z]).sum(); np.linalg.norm(np.array([x, y, z]))
 np.array([1.0, 2.0]) * x > y; np.array([x > 0.0, y > 0.0]); np.clip(n, 0, 1) * x; np.interp(x, np.arange(100.0), np.arange(100.0))
 """
 ROWS = [[0.7, -0.3, 0.55], [0.2, 0.9, -0.4], [-0.6, 0.35, 0.8], [1.25, -1.1, 1.9]]

@@ -14,7 +14,7 @@ from liemech.formulas import Vec
 from liemech.formulas.double_double import DoubleDouble
 from liemech.groups.ad_series import bernoulli_series, exponential_series, mean, mean_slope
 from liemech.groups.bernoulli import BERNOULLI, TERMS
-from liemech.groups.poisson_structure import like_sizes, null_vectors
+from liemech.groups.skew_matrices import like_sizes, null_vectors
 
 TURNING = (
     lm.SO3(), lm.UnitQuaternions(), lm.SE2(), lm.SE3(), lm.SE23(), lm.SGal3(), lm.SemidirectProduct(lm.SO3()),

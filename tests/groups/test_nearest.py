@@ -152,3 +152,79 @@ def test_a_reflection_is_turned_along_its_shortest_direction(
             h = np.asarray(group.nearest(g))
             assert np.linalg.det(h) > 0.0
             assert np.linalg.norm(h - g) == pytest.approx(least, rel=1e-12)
+
+
+def spin(j: float) -> np.ndarray:
+    """-i J_k of the representation of SU(2) of dimension 2 j + 1."""
+    m = np.arange(j, -j - 1.0, -1.0)
+    up = np.diag(np.sqrt(j * (j + 1.0) - m[1:] * (m[1:] + 1.0)), 1)
+    return -1j * np.array([0.5 * (up + up.T), -0.5j * (up - up.T), np.diag(m)])
+
+
+def five() -> np.ndarray:
+    """Rotations of symmetric matrices without trace."""
+    e = np.eye(3)
+    pairs = [np.outer(e[i], e[j]) + np.outer(e[j], e[i]) for i, j in ((0, 1), (0, 2), (1, 2))]
+    basis = [*pairs, np.diag([1.0, -1.0, 0.0]), np.diag([1.0, 1.0, -2.0])]
+    unit = [b / np.linalg.norm(b) for b in basis]
+    turns = lm.SO3().algebra.basis
+    return np.array([[[np.trace(a @ (L @ b - b @ L)) for b in unit] for a in unit] for L in turns])
+
+
+def quaternionic() -> np.ndarray:
+    """Sp(2): antihermitian 2 x 2 matrices of quaternions."""
+    i, j, k = (1j * np.array(s) for s in ([[0, 1], [1, 0]], [[0, -1j], [1j, 0]], [[1, 0], [0, -1]]))
+    corners = [np.kron(np.diag(d), q) for d in ((1, 0), (0, 1)) for q in (i, j, k)]
+    across = [np.kron(EXCHANGE, q) for q in (i, j, k)]
+    return np.array([*corners, *across, np.kron([[0, 1], [-1, 0]], np.eye(2))])
+
+
+TWICE = np.array([np.kron(np.diag([1.0, 0.0]), [[0, -1], [1, 0]]) * 1.0])
+PROPER = {
+    "spin 1": spin(1.0),
+    "spin 3/2": spin(1.5),
+    "spin 2": spin(2.0),
+    "SO(3) on R^5": five(),
+    "Sp(2)": quaternionic(),
+    "two turns at 1 and 3": TWICE + 3.0 * np.kron(np.diag([0.0, 1.0]), [[0, -1], [1, 0]]),
+}
+
+
+def exponentials(generators: np.ndarray, h: np.ndarray) -> list[np.ndarray]:
+    """All elements that turn the algebra as h does: for three generators of rotations, the
+    exponentials of the angle found and of one full turn more.
+    """
+    if len(generators) == 1:
+        angle = np.angle(np.linalg.eigvals(h))
+        return [expm(x * generators[0]) for x in (*angle, *-angle)]
+    moved = h @ generators @ np.linalg.inv(h)
+    squares = np.einsum("kab,kab->k", generators.conj(), generators).real
+    turned = np.einsum("iab,kab->ik", generators.conj(), moved).real / squares[:, None]
+    x = np.asarray(lm.SO3().log(np.asarray(lm.SO3().nearest(turned))))
+    further = x * (1.0 + 2.0 * np.pi / np.linalg.norm(x))
+    return [expm(np.tensordot(y, generators, 1)) for y in (x, further)]
+
+
+@pytest.mark.parametrize("name", PROPER)
+def test_proper_subgroups_of_rotations(name: str) -> None:
+    """An element of the group, not only a unitary matrix, and none beside it is nearer."""
+    generators = PROPER[name]
+    group, rng = lm.MatrixLieGroup.of(generators), np.random.default_rng(5)
+    for off in (0.0, 1e-9, 1e-5, 1e-2, 0.1):
+        g = np.asarray(group.exp(2.0 * rng.normal(size=group.dim)))
+        noise = rng.normal(size=(2, *g.shape)) * off * np.linalg.norm(g) / g.size**0.5
+        array = g + noise[0] + (0.7j * noise[1] if np.iscomplexobj(g) else 0.0)
+        h = np.asarray(group.nearest(array))
+        assert np.linalg.norm(h - g) <= 2.0 * np.linalg.norm(array - g) + 1e-13
+        slopes = np.einsum("ab,iab->i", (array - h).conj(), h @ generators).real
+        assert np.abs(slopes).max() <= 1e-11 * np.linalg.norm(h)
+        if name == "Sp(2)":  # what keeps both forms
+            assert group.defect(h) <= 1e-14
+        else:
+            assert min(np.abs(h - e).max() for e in exponentials(generators, h)) <= 1e-13
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("name", ["SO(3) on R^5", *sorted(set(PROPER) - {"SO(3) on R^5"})])
+def test_proper_subgroups_obey_the_laws(name: str) -> None:
+    assert lm.check_group(lm.MatrixLieGroup.of(PROPER[name]))

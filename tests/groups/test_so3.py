@@ -12,7 +12,7 @@ from pathlib import Path
 import mpmath as mp
 import numpy as np
 import pytest
-from scenes import hat, rotation
+from scenes import hat, quiet_body, rotation
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
@@ -108,6 +108,18 @@ def test_actions_of_a_rotation(rng: np.random.Generator) -> None:
     assert np.allclose(G.ad_star(w, mu), np.cross(mu, w), atol=8 * EPS)
     assert np.array_equal(G.algebra.poisson_structure(mu), hat(mu))
     assert G.casimirs(mu)[0] == pytest.approx(mu @ mu, rel=4 * EPS)
+
+
+def test_the_matrix_of_the_articles_momentum_equation(rng: np.random.Generator) -> None:
+    """(3) as printed, entry by entry: it is -hat(J^-1 pi), and its product with pi the velocity of
+    a free body.
+    """
+    J, pi = np.array([2 / 3, 1.0, 2.0]), rng.normal(size=3)
+    x, y, z = pi / J
+    A = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
+    body = quiet_body(J)
+    assert np.allclose(A, -hat(np.array(body.velocity(pi))), rtol=1e-15, atol=0.0)
+    assert np.allclose(A @ pi, G.ad_star(body.velocity(pi), pi), atol=8 * EPS)
 
 
 @pytest.mark.parametrize("size", [1e-8, 1e-3, 0.5, 1.57, 1.6, 3.0, 3.2, 6.0, 20.0])

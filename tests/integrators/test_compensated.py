@@ -119,8 +119,8 @@ def _march(n: Any, given: Any, out: Any) -> None:
         if total > 1.5:
             total = total - 0.5
         x = where(total > 1.2, -x, x)
-    write(out, 0, total)
-    write(out, 2, sqrt(total))
+    write(out, 0, total, layout_of(total))
+    write(out, 2, sqrt(total), NUMBER)
 
 
 @pytest.mark.compiled

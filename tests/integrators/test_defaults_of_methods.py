@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import Any
 
 import pytest
 
 import liemech as lm
+from liemech import tableaus
 
 METHODS: dict[type, dict[str, Any]] = {
     lm.AdaptiveVerlet: {"order": 2},
@@ -71,6 +73,13 @@ NAMES = {
     lm.StormerVerlet(first="drift"): "Stormer-Verlet, drift first",
     lm.MultipleTimeSteps((4, 10)): "Impulse 4:10",
     lm.MultipleTimeSteps((4,), mollified=True): "Mollified impulse 4",
+    lm.RKMK(4): "RKMK4",
+    lm.RKMK(tableau=tableaus.gauss(2)): "RKMK (Gauss 4)",
+    lm.RKMK(tableau=tableaus.KUTTA38, retraction=lm.Cayley()): "RKMK (3/8 rule, Cayley)",
+    lm.RKMK(4, truncation=5): "RKMK4 (ad^5)",
+    lm.RKMK(4, truncation="closed"): "RKMK4 (closed)",
+    lm.Taylor(): "Taylor12",
+    lm.Taylor(8, lm.Exponential()): "Taylor8 (Exponential)",
 }
 
 
@@ -97,3 +106,54 @@ def test_which_orders_a_method_offers(made: Any, wanted: list[int]) -> None:
 @pytest.mark.parametrize("method", NAMES, ids=repr)
 def test_what_a_method_is_called(method: lm.Method) -> None:
     assert method.name == NAMES[method]
+
+
+POOL: dict[str, list[Any]] = {
+    "order": [1, 2, 3, 4, 6, 8],
+    "retraction": [lm.Exponential(), lm.Cayley()],
+    "tableau": [
+        *tableaus.TABLEAUS.values(),
+        *tableaus.SPLITTINGS.values(),
+        *tableaus.COMPOSITIONS.values(),
+        tableaus.CF3,
+        tableaus.CF4,
+        tableaus.CG3,
+        tableaus.CG4,
+    ],
+    "truncation": ["closed", 2, 5],
+    "first": ["u", "v", "kick", "drift"],
+    "adjoint": [False, True],
+    "kind": ["qP", "qQ", "pP"],
+    "quadratic": [True, False],
+    "project": [False, True],
+    "mollified": [False, True],
+    "ratios": [(2,), (3,), (2, 2)],
+    "scale": [None, 0.5],
+    "base": [lm.StormerVerlet(), lm.LieVerlet(), lm.PoissonVerlet()],
+    "method": [lm.StormerVerlet(), lm.LieVerlet(), lm.RKMK(4), lm.RKMK(tableau=tableaus.gauss(2))],
+    "free": [lm.ExactFreeBody(), lm.ThreeRotations()],
+}
+SHIPPED = sorted(
+    {x for x in vars(lm).values() if isinstance(x, type) and issubclass(x, lm.Method)}
+    | {getattr(lm, name) for name in lm.__all__ if isinstance(getattr(lm, name), type)},
+    key=lambda kind: kind.__name__,
+)
+
+
+@pytest.mark.parametrize(
+    "kind", [k for k in SHIPPED if issubclass(k, lm.Method)], ids=lambda k: k.__name__
+)
+@pytest.mark.filterwarnings("ignore::liemech.errors.OrderWarning")
+def test_different_methods_have_different_names(kind: Any) -> None:
+    """Two curves of one picture are told apart."""
+    names: dict[str, Any] = {}
+    fields = [f.name for f in dataclasses.fields(kind) if f.init and f.name in POOL]
+    for chosen in itertools.chain.from_iterable(
+        itertools.combinations(fields, k) for k in (0, 1, 2)
+    ):
+        for values in itertools.product(*[POOL[name] for name in chosen]):
+            try:
+                method = kind(**dict(zip(chosen, values)))
+            except (lm.errors.LiemechError, TypeError):
+                continue
+            assert names.setdefault(method.name, method) == method

@@ -66,6 +66,13 @@ def test_the_construction_of_darboux_and_lie(structure: Any, y: list[float], deg
     assert np.allclose(structure.casimirs(leaf), structure.casimirs(near), rtol=1e-10, atol=1e-12)
 
 
+def test_no_chart_where_the_rank_falls() -> None:
+    """Around a wrench without force orbits have four dimensions, at it two."""
+    motions = lm.coadjoint(lm.SE3()).poisson_structure
+    with pytest.raises(lm.errors.InvalidInput, match="is 2, beside it 4"):
+        lm.DarbouxLieChart(motions, [0.3, 0.4, 0.5, 0.0, 0.0, 0.0])
+
+
 @pytest.mark.slow
 def test_the_construction_where_a_level_is_inside_another() -> None:
     """Rank 4 with derivatives of the field in it, and rank 4 of 6."""
@@ -246,3 +253,79 @@ def test_charts_that_are_none_are_refused() -> None:
         lm.in_coordinates(Particle(), Odd())
     with pytest.raises(lm.errors.InvalidType, match="energy"):
         lm.in_coordinates(lm.SO3(), Sphere(True))
+
+
+# ---------------------------------------------------------------- symplectic is Poisson in coordinates
+
+PENDULUM = lm.SphericalPendulum(gravity=GRAVITY)
+METHODS = {
+    "RATTLE": (lm.RATTLE(), True),
+    "Euler": (lm.ConstrainedEuler(), True),
+    "geodesics": (lm.GeodesicSplitting(order=4), True),
+    "Lobatto": (lm.LobattoPair(order=4), True),
+    "projected": (lm.IndexReduction(lm.RKMK(order=2), project=True), False),
+}
+
+
+@pytest.mark.parametrize("momenta", [True, False], ids=["momenta", "velocities"])
+@pytest.mark.parametrize("name", METHODS)
+def test_symplectic_on_the_manifold_is_poisson_in_coordinates(name: str, momenta: bool) -> None:
+    """The lemma, both ways and in two kinds of coordinates, one canonical and one not: a Poisson
+    map in them if and only if check_method, which has coordinates of its own, finds the two-form
+    kept.
+    """
+    method, symplectic = METHODS[name]
+    start = PENDULUM.state(Q0, V0)
+    defect = lm.poisson_defect(method, PENDULUM, start, 0.05, Sphere(momenta))
+    if symplectic:
+        assert defect < 1e-10
+    else:
+        assert defect > 1e-6
+    if momenta:
+        report = lm.check_method(method, PENDULUM, start, h=0.2, raises=False)
+        seen = report["symplectic"].verdict
+        assert seen == ("holds" if symplectic else "not seen")
+
+
+def test_a_hamiltonian_system_is_poisson_in_any_coordinates() -> None:
+    """The lemma without constraints: a symplectic step in coordinates that are not canonical."""
+
+    @lm.record
+    class Polar(lm.LocalChart):
+        """Distance and angle, with their velocities."""
+
+        dim: ClassVar[int] = 4
+
+        def embedding(self, y: lm.Vec) -> lm.Vec:
+            r, a, u, w = y
+            s, c = sin(a), cos(a)
+            return lm.vec(r * c, r * s, u * c - r * w * s, u * s + r * w * c)
+
+        def coordinates(self, x: lm.Vec) -> lm.Vec:
+            r = lm.formulas.sqrt(x[0] * x[0] + x[1] * x[1])
+            u = (x[0] * x[2] + x[1] * x[3]) / r
+            w = (x[0] * x[3] - x[1] * x[2]) / (r * r)
+            return lm.vec(r, lm.formulas.atan2(x[1], x[0]), u, w)
+
+    planet = lm.Kepler()
+    start = planet.state([0.8, 0.3], [-0.2, 1.1])
+    assert lm.check_poisson(lm.InducedStructure(Polar()), [[0.9, 0.2, 0.1, 1.3]])
+    assert lm.poisson_defect(lm.StormerVerlet(), planet, start, 0.1, Polar()) < 1e-13
+    assert lm.poisson_defect(lm.RKMK(order=4), planet, start, 0.1, Polar()) > 1e-9
+
+
+def test_charts_of_defects_are_refused() -> None:
+    start = PENDULUM.state(Q0, V0)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="give coordinates of it, chart="):
+        lm.poisson_defect(lm.RATTLE(), PENDULUM, start, 0.05)
+    with pytest.raises(lm.errors.InvalidType, match="must be a LocalChart"):
+        lm.poisson_defect(lm.RATTLE(), PENDULUM, start, 0.05, lm.Andoyer())  # type: ignore[arg-type]
+    off = Particle().state([0.6, 0.0, -0.9], V0)
+    with pytest.raises(lm.errors.InvalidInput, match=r"is not in Sphere\(momenta=True\)"):
+        lm.poisson_defect(lm.RKMK(order=4), Particle(), off, 0.05, Sphere(True))
+    with pytest.raises(lm.errors.InvalidInput, match="leaves the manifold"):
+        free = Particle().state(Q0, V0)
+        lm.poisson_defect(lm.RKMK(order=4), Particle(), free, 0.05, Sphere(True))
+    with pytest.raises(lm.errors.IncompatibleSystem, match="with a chart"):
+        body = lm.RigidBody([1.0, 1.5, 2.0])
+        lm.poisson_defect(lm.RKMK(order=4), body, body.state([1.0, 0.0, 0.5]), 0.1, Sphere(True))

@@ -9,7 +9,7 @@ import pytest
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, OutsideChart
-from liemech.formulas import cos, sin, sqrt, where
+from liemech.formulas import cos, exp, sin, sqrt, where
 
 EULERS = [lm.PoissonEuler(), lm.PoissonVerlet()]
 
@@ -35,12 +35,12 @@ class Far(lm.PoissonStructure):
 
 @lm.record
 class Nowhere(lm.PoissonStructure):
-    """Its b has values for u < -10^9 only."""
+    """Its b has values for u < -10^40 only."""
 
     dim: ClassVar[int] = 2
 
     def matrix(self, y: lm.Vec) -> lm.Mat:
-        b = sqrt(-1e9 - y[0])
+        b = sqrt(-1e40 - y[0])
         return lm.mat([0.0, b], [-b, 0.0])
 
 
@@ -61,6 +61,56 @@ class Symmetric(lm.PoissonStructure):
 def test_euler_steps_need_a_form_that_was_seen(method: Any, structure: Any, why: str) -> None:
     with pytest.raises(IncompatibleSystem, match=why):
         method.require(lm.PoissonSystem(structure, Sum()))
+
+
+@lm.record
+class Wide(lm.PoissonStructure):
+    """b = 1 + (u/U)^2, or one that is affine though its formula does not look so."""
+
+    dim: ClassVar[int] = 2
+    size: float
+    kind: str
+
+    def matrix(self, y: lm.Vec) -> lm.Mat:
+        u, v = y[0] / self.size, y[1]
+        if self.kind == "square":
+            b = 1.0 + u * u
+        elif self.kind == "root":
+            b = sqrt(1.0 + u * u)
+        elif self.kind == "exponential":
+            b = exp(u)
+        else:
+            b = (u + v) * (u + v) - u * u - v * v
+        return lm.mat([0.0, b], [-b, 0.0])
+
+
+@pytest.mark.parametrize("method", EULERS)
+@pytest.mark.parametrize("size", [1e-25, 1e-7, 1.0, 1e7, 1e25])
+@pytest.mark.parametrize("kind", ["square", "root", "exponential", "product"])
+def test_affine_is_told_in_any_units(method: Any, size: float, kind: str) -> None:
+    """A field that bends over U = 10^7 m is not affine; with u in units of U that is plain."""
+    system = lm.PoissonSystem(Wide(size, kind), Sum())
+    if kind == "product":
+        method.require(system)
+        return
+    with pytest.raises(IncompatibleSystem, match="not affine in u"):
+        method.require(system)
+
+
+@lm.record
+class Coupled(lm.Hamiltonian):
+    """u^2 + v^2 + (u/U) v^2."""
+
+    size: float
+
+    def energy(self, y: lm.Vec) -> float:
+        return y[0] * y[0] + y[1] * y[1] * (1.0 + y[0] / self.size)
+
+
+@pytest.mark.parametrize("size", [1e-25, 1e-7, 1.0, 1e7, 1e25])
+def test_a_coupling_is_seen_in_any_units(size: float) -> None:
+    with pytest.raises(IncompatibleSystem, match="needs an energy K"):
+        lm.PoissonEuler().require(lm.PoissonSystem(lm.Canonical(1), Coupled(size)))
 
 
 def test_casimirs_in_mixed_units() -> None:

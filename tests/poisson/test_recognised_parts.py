@@ -187,6 +187,21 @@ class Quartic(lm.Hamiltonian):
         return 0.5 * square + 0.25 * square * square
 
 
+@lm.record
+class Stiffening(lm.Hamiltonian):
+    """An oscillator whose spring stiffens at the length U."""
+
+    size: float
+
+    def energy(self, y: lm.Vec) -> float:
+        return 0.5 * y[1] * y[1] + 0.5 * y[0] * y[0] * (1.0 + (y[0] / self.size) ** 2)
+
+
+@pytest.mark.parametrize("size", [1e-30, 1.0, 1e14, 1e30])
+def test_a_spring_that_stiffens_far_away_is_not_linear(size: float) -> None:
+    assert isinstance(recognised(lm.Canonical(1), Stiffening(size)), str)
+
+
 def test_products_of_momenta_are_of_higher_degree() -> None:
     plane = lm.Canonical(1)
     assert not second_degree(plane, Quartic(), Spring())

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
+from liemech.groups.skew_matrices import null_vectors, pairs
 from liemech.models.charged_particle import GuidingCentreStructure, MagneticStructure
 from liemech.models.maxwell_bloch import MaxwellBlochStructure
 from liemech.models.toda import FlaschkaStructure
@@ -31,6 +32,97 @@ SHIPPED: list[Any] = [
     MagneticStructure(lm.TokamakField()),
     GuidingCentreStructure(lm.TokamakField()),
 ]
+
+
+@lm.record
+class InUnits(lm.PoissonStructure):
+    """A structure with its coordinates in other units: the points u y of the points y."""
+
+    inner: lm.PoissonStructure
+    units: lm.Vec
+
+    @property
+    def dim(self) -> int:
+        return self.inner.dim
+
+    @property
+    def rank(self) -> int | None:  # type: ignore[override]
+        return self.inner.rank
+
+    def matrix(self, y: lm.Vec) -> lm.Mat:
+        u, B = self.units, self.inner.matrix(y / self.units)
+        return lm.mat(*[lm.vec(*[a * b * c for b, c in zip(row, u)]) for a, row in zip(u, B)])
+
+    def casimirs(self, y: lm.Vec) -> lm.Vec:
+        return self.inner.casimirs(y / self.units)
+
+    def sharp(self, y: lm.Vec, a: lm.Vec) -> lm.Vec:
+        return self.units * self.inner.sharp(y / self.units, self.units * a)
+
+    def coordinate_flow(self, y: lm.Vec, index: int, s: float) -> lm.Vec:
+        s = s * self.units[index]
+        return self.units * self.inner.coordinate_flow(y / self.units, index, s)
+
+    def places(self) -> np.ndarray:
+        """Points of size one in the units of before."""
+        return np.array(self.units) * np.random.default_rng(4).uniform(0.5, 1.5, (3, self.dim))
+
+
+def unlike(structure: Any, decades: float, seed: int) -> InUnits:
+    """The coordinates in units that differ by so many decades."""
+    powers = np.random.default_rng(seed).uniform(-0.5, 0.5, structure.dim) * decades
+    return InUnits(structure, 10.0**powers)
+
+
+@pytest.mark.parametrize("structure", SHIPPED, ids=repr)
+@pytest.mark.parametrize("decades", [6.0, 30.0, 60.0])
+def test_laws_and_ranks_do_not_depend_on_units(structure: Any, decades: float) -> None:
+    """Coordinates of metres beside coordinates of masses of molecules."""
+    other = unlike(structure, decades, 2)
+    y = other.places()[0]
+    rank = np.linalg.matrix_rank(np.array(structure.matrix(y / np.array(other.units))))
+    assert other.rank_at(lm.vec(*y)) == rank
+    if type(structure).coordinate_flow is lm.PoissonStructure.coordinate_flow:
+        report = lm.check_poisson(other, other.places(), raises=False)
+        assert {finding.law for finding in report.broken} <= {"motion of coordinates"}, report
+    else:
+        assert lm.check_poisson(other, other.places())
+    chart = lm.DarbouxLieChart(other, y, steps=1)
+    assert 2 * chart.degrees == rank
+
+
+def test_a_strong_field_hides_no_degree_of_freedom() -> None:
+    """x stays a coordinate whatever the field; a Casimir would stand still."""
+    for strength in 10.0 ** np.arange(-30, 31, 12):
+        structure = MagneticStructure(lm.UniformField([0.0, 0.0, strength]))
+        chart = lm.DarbouxLieChart(structure, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], steps=1)
+        assert chart.degrees == 3
+        assert lm.check_poisson(structure)
+        blocks = np.kron(np.diag([1.0, strength]), [[0.0, 1.0], [-1.0, 0.0]])
+        constant = lm.ConstantStructure(blocks)
+        assert lm.check_poisson(constant) and len(constant.kernel) == 0
+        assert lm.LinearDarboux(constant).defect(np.ones(4)) < 1e-14
+
+
+def test_ranks_of_products_of_vectors() -> None:
+    """The sum of r products a b^T - b a^T has rank 2 r, whatever is rounded, in any units; so has
+    its null space, in which B k vanishes.
+    """
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        n = int(rng.integers(2, 13))
+        r = int(rng.integers(0, n // 2 + 1))
+        vectors = rng.normal(size=(r, 2, n))
+        B = sum((np.outer(a, b) - np.outer(b, a) for a, b in vectors), np.zeros((n, n)))
+        units = 2.0 ** rng.integers(-50, 51, size=n)
+        for u in (np.ones(n), units):
+            scaled = u[:, None] * B * u
+            assert len(pairs(scaled)) == r
+            null = np.array(null_vectors(scaled)).reshape(n - 2 * r, n)
+            back = null * u  # in like units: covectors
+            back = back / np.linalg.norm(back, axis=1, keepdims=True)
+            assert np.abs(back @ B).max(initial=0.0) < 1e-10
+            assert np.linalg.matrix_rank(back) == n - 2 * r
 
 
 @pytest.mark.parametrize("structure", SHIPPED, ids=repr)
@@ -125,6 +217,9 @@ def test_every_slip_is_found_and_its_entries_are_named(
 ) -> None:
     report = lm.check_poisson(structure, raises=False)
     assert next(finding.law for finding in report.broken) == law
+    other = unlike(structure, 30.0, 5)
+    report = lm.check_poisson(other, other.places(), raises=False)
+    assert law in [finding.law for finding in report.broken]
     with pytest.raises(lm.errors.LawViolation, match=entries):
         lm.check_poisson(structure)
 

@@ -308,3 +308,18 @@ def test_a_sample_at_the_end_where_the_velocity_jumps() -> None:
     run = alone(3, plan, t_end=1.0, t_eval=[0.5, 1.0, 1.0])
     assert np.array_equal(run.t, [0.5, 1.0, 1.0])
     assert np.array_equal(run.mu[[-1, -1]], alone(3, plan, t_end=1.0).mu[[-1, -1]])
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("bodies", [1, 17])
+@pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.Taylor(order=10)], ids=repr)
+def test_breaks_without_samples_between(method: Any, bodies: int) -> None:
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start = body.state(mu=np.random.default_rng(4).normal(size=(bodies, 3)))
+    for t_end in (3.0, 2.0):  # a jump at the end, too
+        runs = [
+            lm.integrate(body, method, start, t_end=t_end, breaks=[1.0, 2.0], compiled=compiled)
+            for compiled in (False, True)
+        ]
+        assert runs[1].compiled and runs[0].t[-1] == runs[1].t[-1] == t_end
+        assert np.array_equal(runs[0].mu, runs[1].mu)

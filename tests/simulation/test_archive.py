@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 import json
 import os
@@ -17,7 +18,11 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.simulation import archive
+from liemech.command_line.constructors import names, read
+from liemech.command_line.lists import EXAMPLES
+from liemech.command_line.scenes import SCENES
+from liemech.simulation import files
+from liemech.simulation.encoding import encoded
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
@@ -88,6 +93,25 @@ def test_a_saved_run_comes_back_and_goes_on(case: str, tmp_path: Path) -> None:
         assert np.array_equal(plain["t"], run.t)
 
 
+def test_whatever_the_library_has_can_be_in_files() -> None:
+    """Read in a process that knows nothing but the library."""
+    made = [getattr(scene(), part) for scene in SCENES.values() for part in ("system", "method", "start")]
+    made += [read(EXAMPLES.get(name, name), lm.Method, name) for name in names(lm.Method)
+             if name in EXAMPLES or not inspect.signature(getattr(lm, name)).parameters]  # fmt: skip
+    program = (
+        "import sys, json, liemech as lm\nfrom liemech.simulation.encoding import Decoder\n"
+        "print(*(repr(Decoder('file')(x)) for x in json.load(sys.stdin)), sep='\\n')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        input=json.dumps([*map(encoded, made)]),
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+    assert done.stdout == "\n".join(map(repr, made)) + "\n"
+
+
 def test_adaptive_runs_come_back_with_the_way_between_the_steps(tmp_path: Path) -> None:
     def event(t: float, state: Any) -> float:
         return float(state.mu[1])
@@ -137,7 +161,7 @@ def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.syspath_prepend(tmp_path)
     path = tmp_path / "run.npz"
     CASES["body"][0].run(START, steps=3).save(path)
-    arrays, about = archive._unpacked(path)
+    arrays, about = files.read(path)
     hostile = (
         {"class": "evil:Body", "fields": {}},
         {"type": "os:system"},
@@ -146,7 +170,7 @@ def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyP
     )
     for system in hostile:
         about["system"] = system
-        path.write_bytes(archive._packed(arrays | {"about": np.array(json.dumps(about))}))
+        files.write(path, arrays, about)
         with pytest.raises(lm.errors.InvalidInput, match=r"run\.npz"):
             lm.Trajectory.load(path)
     assert not (tmp_path / "ran").exists()
@@ -155,21 +179,22 @@ def test_a_hostile_file_runs_no_code(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert zipfile.is_zipfile(memory)
 
 
-def test_a_class_of_another_script_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Scripted(lm.RigidBody):
-        pass
-
-    Scripted.__module__, Scripted.__qualname__ = "__main__", "Scripted"
-    monkeypatch.setattr(sys.modules["__main__"], "Scripted", Scripted, raising=False)
-    body = Scripted([1.0, 1.5, 2.0])
-    run = lm.integrate(body, lm.RKMK(order=4), body.state(mu=[0.1, 0.2, 0.3]), h=0.1, steps=2)
-    run.save(tmp_path / "run.npz")
-    assert lm.Trajectory.load(tmp_path / "run.npz") == run
-    monkeypatch.undo()
+def test_a_class_of_another_script_is_told(tmp_path: Path) -> None:
+    program = (
+        "import sys, liemech as lm\n"
+        "class Scripted(lm.RigidBody):\n    pass\n"
+        "def local():\n    class Inner(lm.RigidBody):\n        pass\n    return Inner\n"
+        "for name, kind in (('run', Scripted), ('inner', local())):\n"
+        "    body = kind([1.0, 1.5, 2.0])\n"
+        "    run = lm.integrate(body, lm.RKMK(), body.state([0.1, 0.2, 0.3]), h=0.1, steps=2)\n"
+        "    run.save(f'{name}.npz')\n"
+        "assert lm.Trajectory.load('run.npz').system == Scripted([1.0, 1.5, 2.0])\n"
+    )
+    subprocess.run([sys.executable, "-c", program], cwd=tmp_path, check=True)
     with pytest.raises(lm.errors.InvalidInput, match="Scripted was a class of the script that"):
-        lm.Trajectory.load(tmp_path / "run.npz")
+        lm.Trajectory.load(tmp_path / "run.npz", trusted=True)
+    with pytest.raises(lm.errors.InvalidInput, match="Inner of __main__ was defined inside of a"):
+        lm.Trajectory.load(tmp_path / "inner.npz")
 
 
 def test_what_cannot_be_saved_is_refused(tmp_path: Path) -> None:
@@ -215,6 +240,43 @@ def test_where_a_checkpoint_may_lie(tmp_path: Path) -> None:
         plan.run(START, steps=3, checkpoint=tmp_path / "nowhere" / "run.npz")
     with pytest.raises(lm.errors.InvalidInput, match="number of seconds; got -1"):
         plan.run(START, steps=3, checkpoint=tmp_path / "run.npz", checkpoint_every=-1.0)
+
+
+def test_files_are_like_other_files(tmp_path: Path) -> None:
+    """New ones obey the umask, old ones keep their mode, links stay; what was left is swept."""
+    run, path = CASES["body"][0].run(START, steps=3), tmp_path / "run.npz"
+    before = os.umask(0o027)
+    try:
+        run.save(path)
+        assert path.stat().st_mode & 0o777 == 0o640
+        path.chmod(0o604)
+        run.save(path)
+        assert path.stat().st_mode & 0o777 == 0o604
+        link = tmp_path / "elsewhere" / "link.npz"
+        link.parent.mkdir()
+        for target in (Path("..") / "run.npz", Path("..") / "new.npz"):
+            link.unlink(missing_ok=True)
+            link.symlink_to(target)
+            run.save(link)
+            assert link.is_symlink() and lm.Trajectory.load(link.parent / target) == run
+        assert os.listdir(link.parent) == ["link.npz"]
+    finally:
+        os.umask(before)
+    program = (  # killed while it writes
+        "import os, sys, liemech as lm\nfrom liemech.simulation import files\n"
+        "os.fsync = lambda handle: os.kill(os.getpid(), 9)\n"
+        f"lm.Trajectory.load({str(path)!r}).save({str(path)!r})"
+    )
+    for _ in range(2):
+        subprocess.run([sys.executable, "-c", program], check=False)
+        assert len([x for x in os.listdir(tmp_path) if x.endswith(".part")]) == 1
+    mine = tmp_path / files.unfinished(path).name  # of a process that is alive
+    mine.write_text("")
+    others = tmp_path / ".run.npz.notes.part"
+    others.write_text("")
+    run.save(path)
+    assert {*os.listdir(tmp_path)} == {"run.npz", "new.npz", "elsewhere", mine.name, others.name}
+    assert lm.Trajectory.load(path) == run
 
 
 PROGRAM = """

@@ -199,7 +199,6 @@ def test_tangent_maps_on_complex_groups() -> None:
 @pytest.mark.parametrize(
     ("message", "given"),
     [
-        ("breaks is for adaptive steps", dict(h=0.05, steps=3, breaks=[0.1])),
         (r"breaks has shape \(1, 1\)", dict(t_end=1.0, method=lm.RKMK(order=5), breaks=[[0.1]])),
         ("events are functions of t and state; got 3", dict(h=0.1, steps=2, events=3)),
         ("an event gives a number", dict(h=0.1, steps=2, events=lambda t, state: state.mu)),

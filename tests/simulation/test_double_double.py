@@ -217,6 +217,56 @@ def test_a_million_steps_lose_nothing_of_the_structure(method: lm.Method) -> Non
     assert max(defects(run, start)) < 1e-27
 
 
+@lm.record
+class Drive(lm.LinearGroupEquation):
+    """A velocity that is given, in doubles."""
+
+    def drive(self, t: float) -> lm.Vec:
+        return lm.vec(0.3, -0.7, 1.1)
+
+
+@lm.record
+class FromOutside(Drive):
+    side = "right"
+
+
+@lm.record
+class Given(lm.Hamiltonian):
+    """An energy whose gradient is given."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.3 * mu[0] - 0.7 * mu[1] + 1.1 * mu[2]
+
+
+@pytest.mark.compiled
+@pytest.mark.sample(3)
+@pytest.mark.parametrize(
+    ("system", "method"),
+    [
+        (Drive(lm.SO3()), lm.Magnus(order=4)),
+        (FromOutside(lm.SO3()), lm.RKMK(4)),
+        (lm.LiePoissonSystem(lm.SO3(), Given()), lm.RKMK(4, retraction=lm.Cayley())),
+        (Drive(lm.SO3()), lm.RKMK(4)),
+        (Drive(lm.SO3()), lm.CommutatorFree(4)),
+        (Drive(lm.SU(2)), lm.RKMK(4)),
+        (Drive(lm.UnitQuaternions()), lm.RKMK(4)),
+    ],
+)
+def test_a_velocity_that_is_given_keeps_the_structure(system: Any, method: lm.Method) -> None:
+    """Orthogonal to rounding of what is recorded; steps of doubles are off by hundreds of it."""
+    g = np.array(system.group.identity())
+    free = isinstance(system, lm.LiePoissonSystem)
+    start = system.state(mu=[0.1, 0.2, 0.3], g=g) if free else system.state(g)
+    run = lm.integrate(
+        system, method, start, h=0.1, steps=5000, every=5000, precision="double-double"
+    )
+    assert system.group.defect(np.asarray(run.last.g)) <= 3.0 * 2.0**-52
+    if free:
+        assert np.linalg.norm(run.last.mu) == pytest.approx(
+            np.linalg.norm([0.1, 0.2, 0.3]), rel=2e-16
+        )
+
+
 def test_what_has_16_digits_only_is_refused() -> None:
     body, start = asymmetric_body()
     with pytest.raises(InvalidType, match="power series"):
@@ -342,7 +392,9 @@ class Kinked(lm.GroupEquation):
 
 
 @pytest.mark.compiled
-@pytest.mark.xfail(reason="the float becomes a number of two doubles in native code: 0.1 * 0.1 in 31 digits")
+@pytest.mark.xfail(
+    reason="the float becomes a number of two doubles in native code: 0.1 * 0.1 in 31 digits"
+)
 def test_a_float_on_one_way_stays_a_float() -> None:
     equation = Kinked(lm.SO3())
     plan = lm.Plan(equation, lm.RKMK(order=4), 0.01, precision="double-double")

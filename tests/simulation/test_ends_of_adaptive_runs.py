@@ -296,3 +296,23 @@ def test_a_refusal_of_a_number_of_one_body_names_the_body(compiled: bool, given:
     with pytest.raises(lm.errors.InvalidInput, match=next(iter(given))) as caught:
         plan(BODY, compiled, **given).run(TURNING, t_end=1.0)
     assert caught.value.__notes__ == ["[integrate: body 2]"]
+
+
+class Ends(lm.HamiltonianSystem):
+    """H = p^2/2 + sqrt(q), which a body leaves at q = 0."""
+
+    degrees = 1
+
+    def energy(self, q, p):
+        return 0.5 * p[0] ** 2 + lm.formulas.sqrt(q[0])
+
+
+@pytest.mark.xfail(strict=True, reason="the times of a body that failed are those that were asked for")
+@pytest.mark.parametrize("options", [{"h": 0.01, "steps": 200}, {"t_end": 2.0}])
+@pytest.mark.filterwarnings("ignore:integrate. 1 of 2 bodies stopped early")
+def test_a_body_that_failed_has_its_own_time(options: dict[str, Any]) -> None:
+    system = Ends()
+    start = system.state(q=[[0.1], [5.0]], p=[[-0.5], [0.3]])
+    run = lm.integrate(system, lm.RKMK(order=5), start, compiled=False, **options)
+    if [*run.stopped] == [0]:
+        assert np.broadcast_to(run.carry.t, 2)[0] < 0.3

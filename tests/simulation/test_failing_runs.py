@@ -5,9 +5,10 @@ are left.
 from __future__ import annotations
 
 import math
+import re
 import traceback
 import warnings
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -420,10 +421,10 @@ def test_it_is_raised_and_stops_no_body_as_if_a_step_had_failed(
         lm.integrate(system, lm.RKMK(order=5), start, **steps, compiled=False)
 
 
-def test_a_public_function_names_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_public_function_says_what_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     energy = Energy()
     monkeypatch.setitem(globals(), "wrong", True)
-    with pytest.raises(InvalidType, match=r"Energy.gradient gave .*numbers, vectors, matrices"):
+    with pytest.raises(InvalidType, match=r"a NumPy array where a number belongs"):
         energy.gradient([0.3, 0.8, -0.5])
 
 
@@ -482,3 +483,42 @@ def test_an_adaptive_run_does_not_begin_there(compiled: Any) -> None:
 def test_public_functions_have_no_value_there(name: str) -> None:
     with pytest.raises(InvalidInput, match=rf"Edge.{name} has no finite value at mu = \[-1.0"):
         getattr(Edge(), name)([[1.0, 0.0, 0.0], [-1.0, 0.8, -0.5]])
+
+
+@pytest.mark.parametrize("bodies", [False, True])
+@pytest.mark.parametrize("kind", ["steps", "adaptive", "fictive"])
+@pytest.mark.parametrize("error", [ValueError, TypeError])
+def test_an_error_names_step_and_time(error: Any, kind: str, bodies: bool) -> None:
+    """A failure, and a mistake in a formula."""
+
+    @lm.record
+    class Fenced(lm.SeparableSystem):
+        degrees: ClassVar[int] = 1
+
+        def kinetic(self, p: lm.Vec) -> float:
+            return 0.5 * p[0] * p[0]
+
+        def potential(self, q: lm.Vec) -> float:
+            if q[0] > 0.5:
+                raise error("beyond the fence")
+            return 0.5 * q[0] * q[0]
+
+    system: Any = Fenced()
+    method: Any = {
+        "steps": lm.RKMK(order=4),
+        "adaptive": lm.RKMK(order=5),
+        "fictive": lm.ReversibleController(lm.StormerVerlet(), sigma=lambda q: 1.0),
+    }[kind]
+    start = system.state(q=[0.0], p=[1.0])
+    if bodies:
+        start = system.state(q=[[0.0], [0.0]], p=[[-0.1], [1.0]])
+    given: Any = {"t_end": 4.0} if kind == "adaptive" else {"h": 0.05, "steps": 80}
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            run = lm.integrate(system, method, start, compiled=False, **given)
+        except (lm.errors.IntegrationFailure, TypeError) as caught:
+            said = "; ".join([str(caught), *getattr(caught, "__notes__", [])])
+        else:
+            said = "; ".join([*(str(w.message) for w in told), str(run.stopped[1].error)])
+    assert re.search(r"step \d+|\d+ steps", said) and re.search(r"\bt(au)? = [\d.]+", said), said

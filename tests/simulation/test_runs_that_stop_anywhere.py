@@ -14,6 +14,7 @@ import pytest
 
 import liemech as lm
 from liemech import errors
+from liemech.compiler import kernel
 from liemech.simulation import recorded, watched
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
@@ -78,6 +79,37 @@ def test_a_run_without_samples_stands_where_it_came_to(system, method, start, ho
     nothing = empty.then(plan.resume(empty, t_end=2.0, t_eval=[]))
     assert len(nothing) == 0 and np.all(nothing.carry.t == 2.0)
     assert same(plan.resume(nothing, t_end=3.0), plan.resume(rest, t_end=3.0))
+
+
+@pytest.mark.parametrize("t_eval", [None, (0.0, 0.25, 0.5, 1.5), ()], ids=["steps", "times", "none"])
+@pytest.mark.parametrize("how", ["fixed", "adaptive", "fictive"])
+def test_the_last_state_is_that_of_the_event_that_ended_the_run(how, t_eval, tmp_path: Path):
+    def late(t, state):
+        return t - 0.733
+
+    late.terminal = True
+    orbit, body = lm.Kepler(), lm.RigidBody([1.0, 1.5, 2.0])
+    begin = body.state(mu=[0.5, 0.0, 0.8])
+    system, method, start, options = {
+        "fixed": (body, lm.RKMK(order=4), begin, {"h": 0.1, "steps": 20}),
+        "adaptive": (body, lm.RKMK(order=5), begin, {"t_end": 2.0}),
+        "fictive": (
+            orbit,
+            lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5)),
+            orbit.state(q=[1.0, 0.0], p=[0.0, 1.0]),
+            {"h": 0.05, "t_end": 2.0},
+        ),
+    }[how]
+    run = lm.integrate(
+        system, method, start, events=[late], t_eval=t_eval, compiled=False, **options
+    )
+    run.save(tmp_path / "run.npz")
+    for one in (run, lm.Trajectory.load(tmp_path / "run.npz")):
+        assert one.ended == 0
+        for name, values in one.events[0][1].arrays.items():
+            assert np.array_equal(one.last.arrays[name], values[-1])
+    beyond = lm.integrate(system, method, start, t_eval=t_eval, compiled=False, **options)
+    assert beyond.ended is None
 
 
 def test_a_sample_at_a_last_time_where_the_velocity_jumps():
@@ -184,21 +216,105 @@ def test_a_checkpoint_of_adaptive_steps_with_events(tmp_path: Path):
     assert same(part.then(plan.resume(part, t_end=25.0)), whole)
 
 
-@pytest.mark.compiled
-def test_a_checkpoint_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Says why, and is not tried again: native code has the events from the third run on."""
-    asked = []
+DISKS = {
+    "steps": (BODY, lm.RKMK(order=4), {"h": 0.05}, {"steps": 40}),
+    "events": (BODY, lm.RKMK(order=4), {"h": 0.05, "events": Equator()}, {"steps": 40}),
+    "times": (BODY, lm.RKMK(order=4), {"h": 0.05}, {"t_end": 2.0, "t_eval": [0.5, 1.5, 2.0]}),
+    "energies": (BODY, lm.RKMK(order=4), {"h": 0.05, "record": "energy"}, {"steps": 40}),
+    "adaptive": (BODY, lm.RKMK(order=5), {"rtol": 1e-9}, {"t_end": 20.0}),
+    "fictive": (
+        lm.Kepler(),
+        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.5)),
+        {"h": 0.02},
+        {"steps": 40},
+    ),
+}
+
+
+@pytest.mark.parametrize("bodies", [False, True])
+@pytest.mark.parametrize("kind", DISKS)
+def test_a_checkpoint_that_cannot_be_written(
+    kind: str, bodies: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """The run goes on, and what is on the disk is what was written last."""
+    system, method, given, how = DISKS[kind]
+    start = MANY if bodies else START
+    if kind == "fictive":
+        start = lm.Kepler().pericentre(0.3)
+        if bodies:
+            start = system.state(q=[start.q] * 3, p=[start.p] * 3)
+    path = tmp_path / "run.npz"
+    plan = lm.Plan(system, method, compiled=False, **given)
+    whole, save, asked = plan.run(start, **how), lm.Trajectory.save, []
 
     def full(run: Any, path: Any) -> None:
-        asked.append(path)
-        raise OSError("the disk is full")
+        asked.append(run.steps)
+        if kept is None or len(asked) > kept:
+            raise OSError(28, "No space left on device")
+        save(run, path)
 
     monkeypatch.setattr(lm.Trajectory, "save", full)
-    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.05, events=lambda t, s: s.mu[0], compiled=True)
-    for n in range(1, 5):
-        with pytest.raises(OSError, match="the disk is full"):
-            plan.run(MANY, steps=40, checkpoint=tmp_path / "run.npz", checkpoint_every="7 steps")
-        assert len(asked) == n
+    for kept in (None, 1):
+        asked.clear()
+        with pytest.warns(RuntimeWarning) as told:
+            run = plan.run(start, checkpoint=path, checkpoint_every="7 steps", **how)
+        assert run == whole
+        first, last = [str(w.message) for w in told if "checkpoint" in str(w.message)]
+        assert "run.npz cannot be written, OSError: [Errno 28] No space left" in first
+        assert len(asked) > 1 and f"{len(asked) - (kept or 0)} could not be written" in last
+        assert ("up to step" if kept else "nothing is there of it") in last
+        assert path.exists() == bool(kept)
+    assert lm.Trajectory.load(path).steps == asked[0]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("bodies", [False, True])
+@pytest.mark.parametrize("kind", DISKS)
+def test_an_interrupt_while_native_code_is_made(
+    kind: str, bodies: bool, monkeypatch: pytest.MonkeyPatch
+):
+    """Is one of the run, and it goes on from where it was to begin."""
+    system, method, given, how = DISKS[kind]
+    start = MANY if bodies else START
+    if kind == "fictive":
+        start = lm.Kepler().pericentre(0.3)
+        if bodies:
+            start = system.state(q=[start.q] * 3, p=[start.p] * 3)
+    plain = lm.Plan(system, method, compiled=False, **given)
+    how = {name: x for name, x in how.items() if name != "t_eval"}
+    whole = plain.run(start, **how)
+
+    def pressed(*call: Any, **options: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(kernel, "kernel", pressed)
+    monkeypatch.setattr(kernel, "known", lambda *call, **options: None)
+    plan = lm.Plan(system, method, compiled=True, **given)
+    with pytest.raises(lm.errors.IntegrationInterrupted, match="interrupted") as stop:
+        plan.run(start, **how)
+    begun = stop.value.trajectory
+    assert begun.steps == 0 and begun.t[-1].max() == 0.0
+    assert plain.resume(begun, **how).t[-1].max() == whole.t[-1].max()
+    with pytest.raises(lm.errors.IntegrationInterrupted, match="interrupted") as stop:
+        plan.resume(begun, **how)
+    assert stop.value.trajectory.steps == 0
+
+
+def test_a_disk_that_has_room_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    save, asked = lm.Trajectory.save, []
+
+    def full(run: Any, path: Any) -> None:
+        asked.append(run.steps)
+        if len(asked) in (2, 3):
+            raise PermissionError(13, "Permission denied")
+        save(run, path)
+
+    monkeypatch.setattr(lm.Trajectory, "save", full)
+    plan, path = lm.Plan(BODY, lm.RKMK(order=4), 0.05, compiled=False), tmp_path / "run.npz"
+    with pytest.warns(RuntimeWarning, match="Permission denied; the run goes on") as told:
+        plan.run(START, steps=40, checkpoint=path, checkpoint_every="7 steps")
+    assert len(told) == 1 and asked == [7, 14, 21, 28, 35]
+    assert lm.Trajectory.load(path).steps == 35
 
 
 @lm.record

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from concurrent import futures
@@ -260,6 +261,28 @@ if __name__ == "__main__":
         for process in pool._processes.values():
             process.kill()
 """
+
+
+@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
+def test_chunks_for_which_nobody_waits_end(compiled, monkeypatch, tmp_path):
+    """Those that run, and would for hours, and those that have not begun."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    plan = lm.Plan(PLAN.system, PLAN.method, h=1e-3, every=10**5, compiled=compiled)
+    monkeypatch.setattr(spread, "CHUNK", 1)
+    starts = PLAN.system.state(mu=np.ones((128, 3)))
+    plan.run(starts, steps=1)
+    with futures.ThreadPoolExecutor(2) as pool:
+        wait = futures.wait
+
+        def pressed(running, **how):
+            time.sleep(0.3)
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(futures, "wait", pressed)
+        with pytest.raises(errors.IntegrationInterrupted, match="0 of 8 chunks"):
+            plan.run(starts, steps=10**11, executor=pool)
+        monkeypatch.setattr(futures, "wait", wait)
+    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.slow

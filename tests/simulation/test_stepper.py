@@ -281,7 +281,7 @@ def test_what_is_no_step_of_this_plan_is_refused() -> None:
     ending = plan.replace(events=Equator())
     with pytest.raises(InvalidInput, match=r"Plan\.stepper: this run was interrupted"):
         ending.stepper(ending.run(start, steps=3000))
-    with pytest.raises(IncompatibleSystem, match="leave out max_step and breaks for steps of length h"):
+    with pytest.raises(IncompatibleSystem, match="leave out max_step for steps of length h"):
         lm.Plan(BODY, lm.RKMK(order=4), 0.1, max_step=0.1, breaks=[0.5])
 
 

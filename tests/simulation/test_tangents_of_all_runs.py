@@ -177,6 +177,19 @@ def test_steps_in_fictive_time(system: Any, method: Any) -> None:
         assert np.abs(by - found).max() < 1e-11
 
 
+def test_a_controlled_body_with_an_attitude() -> None:
+    top = lm.HeavyTop([1.0, 1.2, 0.6], 1.0, [0.0, 0.0, 1.0])
+    method = lm.ReversibleController(lm.LieVerlet(), lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))
+    plan, mu, g = lm.Plan(top, method, h=0.05, compiled=False), [1.0, 0.5, 0.2], SO3.exp([0.3, 0.2, 0.1])
+    found = plan.tangent(top.state(mu=mu, g=g), steps=10).tangent["start"][-1]
+
+    def end(x: Any) -> Any:
+        start = top.state(mu=np.add(mu, x[:3]), g=SO3.compose(g, SO3.exp(x[3:])))
+        return plan.run(start, steps=10).mu[-1]
+
+    assert np.abs(found[:3] - slopes(end, np.zeros(6))).max() < 1e-8
+
+
 def test_what_has_none() -> None:
     with pytest.raises(InvalidInput, match="in fictive time give steps, and no t_end"):
         lm.Plan(KEPLER, CONTROLLED, 0.05, compiled=False).tangent(orbit(ORBIT), t_end=1.0)

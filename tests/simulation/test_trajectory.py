@@ -188,6 +188,32 @@ def test_too_few_samples_for_a_trend() -> None:
     assert "too few samples" in str(run.drift())
 
 
+def test_a_step_that_is_too_large_is_not_bounded() -> None:
+    """Changes are told beside the start, however large the motion has become."""
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start = body.state([0.5, 0.0, 0.75**0.5], np.eye(3))
+    for h in (10.0, 100.0):
+        run = lm.integrate(body, RKMK4, start, h=h, steps=40)
+        assert run.drift()["energy"].verdict == "lost"
+        assert run.drift()["Casimir 1"].verdict == "exact"
+    few = lm.integrate(body, RKMK4, start, h=0.1, steps=12)
+    assert few.drift()["energy"].verdict == "changed"
+    orbit = lm.Kepler()
+    for h in (0.5, 1.0):
+        start = orbit.state(q=[0.4, 0.0], p=[0.0, 2.0])
+        run = lm.integrate(orbit, lm.StormerVerlet(), start, h=h, steps=200)
+        report = run.drift()
+        assert np.abs(run.q).max() > 100.0
+        assert report["energy"].verdict == report["Runge-Lenz vector"].verdict == "lost"
+        assert report["energy"].scale < 20.0 and report["Runge-Lenz vector"].scale < 2.0
+
+
+def test_the_report_is_a_collection_of_names(long_runs: dict[lm.Method, lm.Trajectory]) -> None:
+    report = long_runs[EXP].drift()
+    assert list(report) == ["energy", "Casimir 1", "spatial momentum"] and len(report) == 3
+    assert "energy" in report and "typo" not in report and 0 not in report
+
+
 def test_constants_that_are_zero_by_cancelling() -> None:
     """Their changes are told beside the size of their terms: no division by a rounding error."""
     fluid = lm.KirchhoffBody([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])

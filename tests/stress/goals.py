@@ -526,8 +526,8 @@ GOALS = (
     ),
     Goal("R23", "damaged files: all found", damages, "`tests/simulation/test_archive.py`, here"),
     Goal(
-        "R24", "hostile files: no code runs", tests("simulation/test_archive.py::test_a_hostile_file_runs_no_code"),
-        "`tests/simulation/test_archive.py`",
+        "R24", "hostile files: no code runs", tests("simulation/test_forged_files.py"),
+        "`tests/simulation/test_forged_files.py`",
     ),
     Goal(
         "R25", "one bad body costs no other",

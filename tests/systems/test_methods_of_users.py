@@ -45,8 +45,8 @@ WRONG = {
     "no argument": (lambda: _hamiltonian(energy=lambda self: 1.0), r"write `def energy\(self, mu\)`"),
     "a forgotten return": (lambda: _hamiltonian(energy=_forgotten), "returns nothing: end it with `return"),
     "a return on one way": (lambda: _hamiltonian(energy=_on_one_way), "got None: end every way"),
-    "a vector for a number": (lambda: _hamiltonian(energy=lambda self, mu: 0.5 * mu * mu), r"must return a number; got Vec.*lm.dot"),
-    "a number for a vector": (lambda: _hamiltonian(gradient=lambda self, mu: 2.0), r"gradient must return a vector.*lm.vec"),
+    "a vector for a number": (lambda: _hamiltonian(energy=lambda self, mu: 0.5 * mu * mu), r"a number; got Vec.*lm.dot"),
+    "a number for a vector": (lambda: _hamiltonian(gradient=lambda self, mu: 2.0), r"must return a vector.*lm.vec"),
     "a matrix for a number": (lambda: _field(lambda self, g: g), "Mine.energy must return a number; got Mat"),
     "a potential that is a vector": (lambda: _separable(potential=lambda self, q: q), "Mine.potential must return a number"),
     "a potential of time": (lambda: _separable(potential=lambda self, t, q: t), "DrivenHamiltonianSystem"),
@@ -128,5 +128,5 @@ def test_names_that_are_nearly_right() -> None:
     for wrong, right in (("Rattle", "RATTLE"), ("rigid_body", "RigidBody"), ("LieVerlett", "LieVerlet")):
         with pytest.raises(AttributeError, match=rf"Did you mean liemech.{right}\?"):
             getattr(lm, wrong)
-    with pytest.raises(AttributeError, match="no attribute 'zzzzzz'$"):
+    with pytest.raises(AttributeError, match=r"no attribute 'zzzzzz'$"):
         _ = lm.zzzzzz

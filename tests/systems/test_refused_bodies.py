@@ -136,6 +136,20 @@ def test_wrong_dimensions(group: lm.LieGroup, hamiltonian: lm.Hamiltonian) -> No
         lm.LiePoissonSystem(SO3, lm.KineticEnergy([1.0, 2.0, 3.0]), lm.KineticEnergy([1.0, 2.0]))
 
 
+@lm.record
+class Doubled(lm.LiePoissonSystem):
+    """A velocity that is not the derivative of its energy."""
+
+    def velocity(self, mu):  # type: ignore[misc, no-untyped-def]
+        return 2.0 * self.hamiltonian.gradient(mu)
+
+
+def test_what_follows_from_the_rest_is_not_replaced() -> None:
+    """Half of the methods would go by the one, half by the other."""
+    with pytest.raises(lm.errors.InvalidType, match=r"Doubled replaces LiePoissonSystem.velocity"):
+        Doubled(SO3, lm.KineticEnergy([1.0, 2.0, 3.0]))
+
+
 def test_formulas_without_a_value_are_not_judged() -> None:
     body = lm.LiePoissonSystem(SO3, Root())
     assert body.velocity([1.0, 2.0, 8.0]) == pytest.approx([2.0, 1.0, 0.5], rel=1e-15)

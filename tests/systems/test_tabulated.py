@@ -100,26 +100,276 @@ def test_a_run_ends_where_its_table_does():
     assert caught.value.trajectory.t[-1] == 10.0
 
 
-def test_adaptive_steps_told_of_the_knots_integrate_jumps_exactly():
-    """Between two knots the velocity is constant, and every step exact; without `breaks` the jumps
-    cost steps and accuracy.
-    """
+@pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.Taylor(order=8)], ids=repr)
+def test_adaptive_steps_know_where_a_table_jumps(method):
+    """Between two knots the velocity is constant, and every step exact."""
     steps = lm.PiecewisePolynomial.constant(KNOTS, VALUES[1:])
     area = np.diff(KNOTS) @ VALUES[1:]
     system = driven(steps)
-    told, not_told = (
-        lm.integrate(
-            system,
-            lm.RKMK(order=5),
-            system.state(np.zeros(2)),
-            t_end=10.0,
-            breaks=breaks,
-            compiled=False,
+    for breaks in (steps.knots, ()):
+        run = lm.integrate(
+            system, method, system.state(np.zeros(2)), t_end=10.0, breaks=breaks, compiled=False
         )
-        for breaks in (steps.knots, ())
+        assert np.abs(run.g[-1] - area).max() < 1e-13 and run.rejected == 0
+
+
+def test_no_adaptive_step_goes_across_two_pulses():
+    f = lm.PiecewisePolynomial.constant(
+        [0.0, 5.0, 5.01, 7.0, 7.02, 10.0], [0.0, 10.0, 0.0, 5.0, 0.0]
     )
-    assert np.abs(told.g[-1] - area).max() < 1e-13 < np.abs(not_told.g[-1] - area).max()
-    assert told.rejected == 0 < not_told.rejected
+    system = Number(lm.VectorSpace(1), f)
+    run = lm.integrate(system, lm.RKMK(order=5), system.state([0.0]), t_end=10.0, compiled=False)
+    assert abs(run.g[-1, 0] - 0.2) < 10.0 * 1e-13
+
+
+# ------------------------------------------------------------------ steps of one length
+
+
+@lm.record
+class Number(lm.GroupEquation):
+    """x' = f(t), a number."""
+
+    drive: lm.PiecewisePolynomial
+
+    def velocity(self, t, g):
+        return lm.vec(self.drive(t))
+
+
+@lm.record
+class Torque(lm.Force):
+    """A torque that is known by a table."""
+
+    torque: lm.PiecewisePolynomial
+
+    def covector(self, t, xi, g):
+        return self.torque(t)
+
+
+def turned(f: lm.PiecewisePolynomial) -> lm.MechanicalSystem:
+    """A body under such a torque."""
+    return lm.MechanicalSystem(
+        lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Torque(f)
+    )
+
+
+START = {"mu": [1.0, 0.5, 0.2], "g": np.eye(3)}
+
+
+def primitive(f: lm.PiecewisePolynomial, t: np.ndarray) -> np.ndarray:
+    """The integral of a table of one period from its first knot, by SciPy."""
+    from scipy.interpolate import PPoly
+
+    terms = np.moveaxis(np.asarray(f.coefficients).reshape(len(f.knots) - 1, f.degree + 1, -1), 1, 0)
+    curve = PPoly(terms[::-1], np.asarray(f.knots)).antiderivative()
+    length = f.knots.array[-1] - f.knots.array[0]
+    turns = np.floor((t - f.knots.array[0]) / length)
+    whole = curve(f.knots.array[-1] - 1e-300)
+    return turns[:, None] * whole + curve(t - turns * length)
+
+
+@pytest.mark.parametrize(
+    ("method", "outside"),
+    [(lm.RKMK(order=4), "refuse"), (lm.Taylor(order=6), "hold"), (lm.RKMK(order=2), "repeat")],
+    ids=repr,
+)
+def test_held_values_are_integrated_exactly_whether_knots_are_ends_of_steps_or_not(method, outside):
+    """Forwards and backwards, with knots at multiples of h, between them, several in one step, and
+    so that t + h misses them by rounding: 292 * 0.01 + 0.01 < 2.93.
+    """
+    rng = np.random.default_rng(2)
+    for knots, h, steps in (
+        (np.arange(81) * 0.05, 0.05, 80),
+        (np.arange(81) * 0.05, 0.025, 100),
+        (np.arange(81) * 0.05, 0.13, 30),
+        ([0.0, 2.9, 2.93, 4.0], 0.01, 300),
+        ([0.0, 0.31, 1.47, 1.5, 4.0], 0.2, 20),
+    ):
+        values = rng.normal(size=(len(knots) - 1, 2))
+        f = lm.PiecewisePolynomial.constant(knots, values, outside)
+        system = driven(f)
+        for sign in (1.0, -1.0):
+            t0 = 0.0 if sign > 0.0 else h * steps
+            begin = system.state(np.zeros(2))
+            run = lm.integrate(system, method, begin, h=sign * h, steps=steps, t0=t0, compiled=False)
+            t = np.clip(run.t, 0.0, 4.0)
+            wanted = primitive(f, t) - primitive(f, np.array([t0]))
+            assert np.abs(run.g - wanted).max() < 1e-13
+
+
+@pytest.mark.parametrize("kind", ["constant", "linear", "polynomial"])
+def test_a_table_that_is_repeated_jumps_where_it_begins_anew(kind):
+    rng = np.random.default_rng(5)
+    knots = np.array([0.0, 0.2, 0.7, 1.0]) + 0.3
+    f = {
+        "constant": lambda: lm.PiecewisePolynomial.constant(knots, rng.normal(size=(3, 2)), "repeat"),
+        "linear": lambda: lm.PiecewisePolynomial.linear(knots, rng.normal(size=(4, 2)), "repeat"),
+        "polynomial": lambda: lm.PiecewisePolynomial(knots, rng.normal(size=(3, 4, 2)), "repeat"),
+    }[kind]()
+    system = driven(f)
+    for t0, h, steps in ((0.3, 0.1, 40), (0.3, 1.0, 4), (0.0, 0.07, 40), (0.3, -0.1, 40), (0.3, 2.5, 2)):
+        run = lm.integrate(
+            system, lm.Taylor(order=6), system.state(np.zeros(2)), h=h, steps=steps, t0=t0, compiled=False
+        )
+        wanted = primitive(f, run.t) - primitive(f, np.array([t0]))
+        assert np.abs(run.g - wanted).max() < 1e-13 * max(1.0, np.abs(wanted).max())
+
+
+SWITCHED = lm.PiecewisePolynomial.constant(
+    [0.0, 0.31, 0.8, 1.47, 1.5, 2.0], np.random.default_rng(6).normal(size=(5, 3))
+)
+
+
+def momentum_at_the_end() -> np.ndarray:
+    """Of the body under that torque, by SciPy from jump to jump."""
+    from scipy.integrate import solve_ivp
+
+    inertia, mu = np.array([1.0, 1.5, 2.0]), np.array(START["mu"])
+    for a, b in zip(SWITCHED.knots.array[:-1], SWITCHED.knots.array[1:], strict=True):
+        torque = SWITCHED(0.5 * (a + b))
+        mu = solve_ivp(
+            lambda t, m, torque=torque: np.cross(m, m / inertia) + torque, (a, b), mu,
+            method="DOP853", rtol=1e-13, atol=1e-14,
+        ).y[:, -1]  # fmt: skip
+    return mu
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        lm.RKMK(order=4),
+        lm.CommutatorFree(order=4),
+        lm.LieVerlet(),
+        lm.KickDrift(),
+        lm.Composition(lm.LieVerlet(), order=4),
+        lm.RKMK(tableau=lm.tableaus.gauss(2)),
+        lm.Taylor(order=4, retraction=lm.Exponential()),
+    ],
+    ids=repr,
+)
+def test_methods_keep_their_order_and_symmetry_where_inputs_jump_inside_of_steps(method):
+    system, wanted = turned(SWITCHED), momentum_at_the_end()
+    begin, errors = system.state(**START), []
+    for n in (20, 40) if method.analytic else (20, 40, 80):
+        run = lm.integrate(system, method, begin, h=2.0 / n, steps=n, compiled=False)
+        errors.append(np.abs(run.mu[-1] - wanted).max())
+        if n == 20 and method.symmetric:
+            there = system.state(mu=run.mu[-1], g=run.g[-1])
+            back = lm.integrate(system, method, there, h=-2.0 / n, steps=n, t0=2.0, compiled=False)
+            assert np.abs(back.mu[-1] - START["mu"]).max() < 1e-13
+            assert np.abs(back.g[-1] - np.eye(3)).max() < 1e-13
+    slopes = np.diff(np.log2(errors)) * -1.0
+    assert (np.abs(slopes - method.order) < 0.25).all() or errors[-1] < 1e-12
+
+
+def test_controlled_steps_are_cut_where_inputs_jump_too():
+    held = lm.PiecewisePolynomial(SWITCHED.knots, SWITCHED._terms(), "hold")
+    system, wanted, errors = turned(held), momentum_at_the_end(), []
+    base = lm.Composition(lm.LieVerlet(), order=4)
+    method = lm.ReversibleController(base, lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))
+    for h in (0.1, 0.05, 0.025):
+        run = lm.integrate(system, method, system.state(**START), h=h, t_end=2.0, compiled=False)
+        errors.append(np.abs(run.mu[-1] - wanted).max())
+    assert (np.abs(np.diff(np.log2(errors)) + 4.0) < 0.4).all()
+
+
+@lm.record
+class Switch(lm.Force):
+    """A torque that a formula switches, which no table tells."""
+
+    at: float
+
+    def covector(self, t, xi, g):
+        return lm.vec(lm.formulas.where(t < self.at, 1.0, -2.0), 0.3, 0.0)
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieVerlet()], ids=repr)
+@pytest.mark.parametrize("at", [0.9, 0.93])
+def test_steps_of_one_length_end_at_breaks_that_a_user_names(method, at):
+    system = lm.MechanicalSystem(
+        lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Switch(at)
+    )
+    same = lm.PiecewisePolynomial.constant([0.0, at, 2.0], [[1.0, 0.3, 0.0], [-2.0, 0.3, 0.0]])
+    runs = [
+        lm.integrate(one, method, one.state(**START), h=0.05, steps=40, breaks=breaks, compiled=False)
+        for one, breaks in ((system, [at]), (turned(same), ()), (system, ()))
+    ]
+    assert np.abs(runs[0].mu - runs[1].mu).max() < 1e-13
+    assert np.abs(runs[2].mu - runs[1].mu).max() > 1e-3  # without them it is of order one
+    middle = runs[0].at(at + 0.012).mu - runs[1].at(at + 0.012).mu
+    assert np.abs(middle).max() < 1e-13
+    assert runs[0].t[-1] == 2.0 and len(runs[0]) == 41  # samples are at the ends of whole steps
+
+
+def test_a_plan_goes_on_across_breaks_bit_for_bit(tmp_path: Path):
+    system = turned(SWITCHED)
+    plan = lm.Plan(system, lm.LieVerlet(), h=0.07, breaks=[0.5], compiled=False)
+    begin = system.state(**START)
+    whole, first = plan.run(begin, steps=25), plan.run(begin, steps=11)
+    rest = plan.resume(first, steps=14)
+    first.save(tmp_path / "run.npz")
+    loaded = lm.Trajectory.load(tmp_path / "run.npz")
+    again, body = plan.resume(loaded, steps=14), plan.stepper(begin)
+    body.step(25)
+    for mu in (rest.mu[-1], again.mu[-1], body.mu):
+        assert np.array_equal(mu, whole.mu[-1])
+    at = 0.523
+    assert np.array_equal(loaded.at(at).mu, whole.at(at).mu)
+
+
+def test_the_tangent_of_a_run_across_jumps_is_its_derivative():
+    system = turned(SWITCHED)
+    plan = lm.Plan(system, lm.LieVerlet(), h=0.1, compiled=False)
+    made = plan.tangent(system.state(**START), steps=20, by=("start", "body.inertia"))
+    step = 1e-5
+    ends = [
+        plan.run(system.state(mu=[1.0 + x, 0.5, 0.2], g=np.eye(3)), steps=20).mu[-1]
+        for x in (step, -step)
+    ]
+    assert np.abs(made.tangent["start"][-1][:3, 0] - (ends[0] - ends[1]) / (2 * step)).max() < 1e-8
+    with pytest.raises(errors.IncompatibleSystem, match="whatever h is"):
+        plan.tangent(system.state(**START), steps=2, by="h")
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize("method", [lm.LieVerlet(), lm.RKMK(order=4)], ids=repr)
+def test_bodies_with_tables_of_their_own_have_the_bits_of_single_runs(method):
+    rng = np.random.default_rng(8)
+    for outside, h, steps, t0 in (("repeat", 0.07, 30, -0.5), ("hold", -0.1, 25, 1.0)):
+        systems = [
+            turned(
+                lm.PiecewisePolynomial(
+                    np.concatenate([[0.0], np.sort(rng.uniform(0.05, 0.95, n - 1)), [1.0]]),
+                    rng.normal(size=(n, 2, 3)), outside,
+                )
+            )
+            for n in (1, 3, 6, 2, 4)
+        ]  # fmt: skip
+        mu, g = rng.normal(size=(5, 3)), np.broadcast_to(np.eye(3), (5, 3, 3))
+        starts = systems[0].state(mu=mu, g=g)
+        options = {"h": h, "steps": steps, "t0": t0}
+        together = lm.integrate(systems, method, starts, compiled=True, **options)
+        for i, system in enumerate(systems):
+            begin = system.state(mu=mu[i], g=g[i])
+            for compiled in (False, True):
+                alone = lm.integrate(system, method, begin, compiled=compiled, **options)
+                assert np.array_equal(together.mu[:, i], alone.mu)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    "precision", ["double", pytest.param("double-double", marks=pytest.mark.slow)]
+)
+def test_steps_across_jumps_are_the_same_bits_in_native_code(precision):
+    system = turned(SWITCHED)
+    runs = [
+        lm.integrate(
+            system, lm.RKMK(order=4), system.state(**START), h=0.07, steps=28, compiled=compiled,
+            precision=precision,
+        )
+        for compiled in (False, True)
+    ]  # fmt: skip
+    assert np.array_equal(runs[0].mu, runs[1].mu) and np.array_equal(runs[0].g, runs[1].g)
 
 
 def test_a_cubic_table_is_integrated_exactly_by_simpsons_rule():

@@ -210,3 +210,130 @@ def test_what_is_refused() -> None:
 
     with pytest.raises(InvalidInput, match="the fastest first"):
         Nameless()
+
+
+# ---------------------------------------------------------------- sums of fields
+
+
+@lm.record
+class Fast(lm.VectorField):
+    """A gyration that is damped and driven, not Hamiltonian; affine."""
+
+    dim: ClassVar[int] = 3
+    w: float
+
+    def velocity(self, y: lm.Vec) -> lm.Vec:
+        return lm.vec(-self.w * y[1] - 0.3 * y[0], self.w * y[0], -0.2 * y[2])
+
+
+@lm.record
+class Slow(lm.VectorField):
+    """What is dear: no motion of it is known."""
+
+    dim: ClassVar[int] = 3
+
+    def velocity(self, y: lm.Vec) -> lm.Vec:
+        return lm.vec(lm.formulas.sin(y[2]), y[0] * y[2], y[1] - y[2] ** 2)
+
+
+@lm.record
+class Slowest(lm.VectorField):
+    """A wind that changes with height: straight lines."""
+
+    dim: ClassVar[int] = 3
+
+    def velocity(self, y: lm.Vec) -> lm.Vec:
+        return lm.vec(0.1 * lm.formulas.cos(y[2]), 0.2 * y[2] ** 2, 0.0)
+
+
+MIDPOINT = lm.RKMK(tableau=lm.tableaus.gauss(1))
+GAUSS = lm.RKMK(tableau=lm.tableaus.gauss(2))
+FIELDS = {
+    "a method for the slow part": (
+        lm.SplitField((Fast(8.0), Slow())),
+        lm.MultipleTimeSteps(ratios=(4,), methods=(None, MIDPOINT)),
+    ),
+    "methods for both": (
+        lm.SplitField((Fast(8.0), Slow())),
+        lm.MultipleTimeSteps(ratios=(4,), methods=(GAUSS, MIDPOINT)),
+    ),
+    "their own motions, three rates": (
+        lm.SplitField((Fast(8.0), Slowest(), Slowest())),
+        lm.MultipleTimeSteps(ratios=(3, 2)),
+    ),
+    "a sum inside": (
+        lm.SplitField((lm.SplitField((Fast(8.0), Slowest())), Slow())),
+        lm.MultipleTimeSteps(ratios=(4,), methods=(lm.Splitting(order=2), GAUSS)),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_fields_at_several_rates(name: str) -> None:
+    """(3.11) for any symmetric Phi: of order two, and back with -h."""
+    system, method = FIELDS[name]
+    start = system.state([0.5, -0.3, 0.8])
+
+    def end(method: lm.Method, n: int, start: Any = start, t: float = 1.0) -> Any:
+        return lm.integrate(
+            system,
+            method,
+            start,
+            h=t / n,
+            steps=n,
+            compiled=False,
+            compensated=False,
+            progress=False,
+        ).last
+
+    exact = np.array(end(lm.RKMK(order=8), 100).y)
+    errors = [np.abs(np.array(end(method, n).y) - exact).max() for n in (16, 32)]
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+    there = end(method, 5)
+    back = end(method, 5, there, -1.0)
+    assert np.abs(np.array(back.y) - np.array(start.y)).max() < 1e-13
+
+
+def test_one_step_of_each_field_is_strangs_splitting() -> None:
+    system = lm.SplitField((Fast(8.0), Slowest()))
+    start = system.state([0.5, -0.3, 0.8])
+    runs = [
+        lm.integrate(
+            system, method, start, h=0.1, steps=20, compiled=False, compensated=False, progress=False
+        )
+        for method in (lm.MultipleTimeSteps(ratios=(1,)), lm.Splitting(order=2))
+    ]
+    assert np.abs(runs[0].y - runs[1].y).max() < 1e-14
+
+
+@pytest.mark.compiled
+def test_native_code_of_fields_gives_the_same_bits() -> None:
+    system, method = FIELDS["a method for the slow part"]
+    for start in ([0.5, -0.3, 0.8], np.array([[0.5, -0.3, 0.8], [0.1, 0.2, 0.3], [1.0, 0.0, 0.1]])):
+        plain, native = (
+            lm.integrate(
+                system, method, system.state(start), h=0.05, steps=10, compiled=c, progress=False
+            )
+            for c in (False, True)
+        )
+        assert native.y.tobytes() == plain.y.tobytes()
+
+
+def test_what_fields_refuse() -> None:
+    system = lm.SplitField((Fast(8.0), Slow()))
+    with pytest.raises(IncompatibleSystem, match="or give it one of `methods`"):
+        lm.MultipleTimeSteps(ratios=(4,)).require(system)
+    with pytest.raises(IncompatibleSystem, match="for 3 parts"):
+        lm.MultipleTimeSteps(ratios=(4, 2)).require(system)
+    with pytest.raises(IncompatibleSystem, match="mollified"):
+        lm.MultipleTimeSteps(ratios=(4,), mollified=True).require(system)
+    with pytest.raises(InvalidInput, match="is not symmetric"):
+        lm.MultipleTimeSteps(ratios=(4,), methods=(None, lm.RKMK(order=4)))
+    with pytest.raises(InvalidInput, match="for 1 ratios of 2"):
+        lm.MultipleTimeSteps(ratios=(4,), methods=(MIDPOINT,))
+    with pytest.raises(InvalidType, match="are Methods or None"):
+        lm.MultipleTimeSteps(ratios=(4,), methods=(MIDPOINT, "RK4"))  # type: ignore[arg-type]
+    with pytest.raises(IncompatibleSystem, match="for the parts of a SplitField"):
+        lm.MultipleTimeSteps(ratios=(4,), methods=(None, MIDPOINT)).require(SOFT)
+    with pytest.raises(IncompatibleSystem, match="needs a SeparableSystem"):
+        lm.MultipleTimeSteps(ratios=(4,), methods=(None, lm.StormerVerlet())).require(system)

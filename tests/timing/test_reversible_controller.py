@@ -21,6 +21,7 @@ from liemech.errors import (
     InvalidType,
     StepTooSmall,
 )
+from liemech.formulas import cos
 from liemech.systems.clocked import Clocked
 
 KEPLER = lm.Kepler()
@@ -147,6 +148,36 @@ def test_symmetric(method: lm.Method) -> None:
         (*back.q, *back.p, back.time, back.z), (*start.q, *start.p, start.time, start.z)
     ):
         assert abs(a - b) < 2e-13 * max(1.0, abs(b))
+
+
+def test_reversible_where_sigma_does_not_tell_the_direction() -> None:
+    """Forth, velocities turned back, forth again, turned once more: at the start, with z, if
+    sigma(rho y) = sigma(y); not for a sigma that tells p from -p.
+    """
+
+    def turned(state: Any) -> Any:
+        return type(state)(state.q, -state.p, state.time, state.z)
+
+    for sigma, exact in (
+        (lm.DistancePower(1.5), True),
+        (lm.EqualArc(), True),
+        (lambda p: 1.0 / (1.0 + lm.dot(p, p)), True),
+        (lambda p: 1.0 / (2.0 + lm.formulas.tanh(p[0] + p[1])), False),
+    ):
+        method = verlet(sigma)
+        whole = Clocked(KEPLER, method.sigma)
+        start = whole.extended(ORBIT, 0.0)
+        there = start
+        for _ in range(2):
+            memory = method.start(whole, there, 0.1)
+            for _ in range(20):
+                memory = method.step(whole, 0.0, memory, 0.1)
+            there = turned(method.observe(memory))
+        away = [*(there.q - start.q), *(there.p - start.p), there.z - start.z]
+        if exact:
+            assert max(abs(x) for x in away) < 1e-12
+        else:
+            assert max(abs(x) for x in away) > 1e-3
 
 
 def test_energy_does_not_drift_and_z_follows_sigma() -> None:
@@ -300,3 +331,115 @@ def test_which_options_a_run_takes() -> None:
     with pytest.raises(StepTooSmall, match="5 steps led to") as failed:
         lm.integrate(KEPLER, verlet(), ORBIT, h=0.1, t_end=3.0, steps=5)
     assert failed.value.trajectory.steps == 5
+
+
+# ---------------------------------------------------------------- driven systems
+
+
+@lm.record
+class Swing(lm.DrivenHamiltonianSystem):
+    """A planar oscillator whose spring changes with time."""
+
+    degrees = 2
+
+    def energy(self, t: float, q: lm.Vec, p: lm.Vec) -> float:
+        return 0.5 * lm.dot(p, p) + (0.5 + 0.3 * cos(2.0 * t)) * (q[0] ** 2 + 2.0 * q[1] ** 4)
+
+
+@lm.record
+class Pumped(lm.DrivenHamiltonian):
+    """A body whose moments of inertia change with time."""
+
+    def energy(self, t: float, mu: lm.Vec) -> float:
+        a = 1.0 + 0.3 * cos(2.0 * t)
+        return 0.5 * (a * mu[0] ** 2 + 0.6 * mu[1] ** 2 + 0.4 * mu[2] ** 2)
+
+
+SWING, PUMPED = Swing(), lm.DrivenLiePoissonSystem(lm.SO3(), Pumped())
+DRIVEN = [
+    (SWING, SWING.state([1.0, 0.2], [0.3, 0.8]), lm.SymmetricHamiltonJacobi(order=4), sigma)
+    for sigma in (lm.EqualArc(), lm.DistancePower(1.0), lambda q, p: 1.0 / (1.0 + lm.dot(p, p)))
+] + [
+    (PUMPED, PUMPED.state([0.4, 0.9, 1.1]), lm.LiePoissonHamiltonJacobi(order=4), sigma)
+    for sigma in (lm.EqualArc(), lambda mu: 1.0 / (1.0 + mu[0] * mu[0]))
+]
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize(("system", "start", "method", "sigma"), DRIVEN)
+def test_on_driven_systems(system: Any, start: Any, method: lm.Method, sigma: Any) -> None:
+    """Of its order at a physical time, from a time that is not zero; the scale of a sample is that
+    of its time, and grows as `growth` says.
+    """
+    t0, t_end = 0.7, 1.9
+
+    def exact(t: float, here: Any = start, now: float = t0) -> Any:
+        run = lm.integrate(
+            system, lm.RKMK(order=8), here, h=(t - now) / 40, steps=40, t0=now, compiled=False
+        )
+        return run.last
+
+    wanted = np.concatenate([np.array(x) for x in exact(t_end).parts.values() if x is not None])
+    controlled = lm.ReversibleController(method, sigma)
+
+    def run(h: float) -> Any:
+        return lm.integrate(system, controlled, start, h=h, t_end=t_end, t0=t0, compiled=False)
+
+    def error(h: float) -> float:
+        end = run(h).last
+        got = np.concatenate([np.array(x) for x in end.parts.values() if x is not None])
+        return float(np.abs(got - wanted).max())
+
+    (slope,) = slopes(error, 0.1, 2)
+    assert slope == pytest.approx(4.0, abs=0.6)
+    found = run(0.1)
+    bound, k = found.sigma, len(found) // 2
+    t, e = float(found.t[k]), 1e-3
+    here = system.state(*[x[k] for x in found.states.values()])
+    sizes = [bound.value_at(system, t + s, exact(t + s, here, t)) for s in (-e, e)]
+    assert bound.value_at(system, t, here) == pytest.approx(found.scale[k], rel=1e-14)
+    assert (sizes[1] - sizes[0]) / (2.0 * e) == pytest.approx(
+        bound.growth(system, t, here), rel=1e-5
+    )
+
+
+@pytest.mark.compiled
+def test_driven_systems_native_and_plain() -> None:
+    for system, start, method, sigma in (DRIVEN[0], DRIVEN[3]):
+        both = [
+            lm.integrate(
+                system, lm.ReversibleController(method, sigma), start, h=0.1, steps=5, compiled=c
+            )
+            for c in (False, True)
+        ]
+        for name, values in both[0].states.items():
+            assert np.array_equal(values, both[1].states[name]), name
+        assert np.array_equal(both[0].t, both[1].t)
+
+
+def test_gauss_methods_on_vector_spaces_and_not_on_groups() -> None:
+    """(3.8) for any symmetric Phi: those of Gauss are symmetric on R^n, of one stage everywhere."""
+    gauss = lm.tableaus.gauss
+    for stages in (1, 2):
+        method = lm.ReversibleController(lm.RKMK(tableau=gauss(stages)), lm.DistancePower(1.5))
+        whole = Clocked(KEPLER, method.sigma)
+        start = whole.extended(ORBIT, 0.0)
+        state = start
+        for h in (0.1, -0.1):
+            memory = method.start(whole, state, h)
+            for _ in range(10):
+                memory = method.step(whole, 0.0, memory, h)
+            state = method.observe(memory)
+        assert max(abs(x) for x in (*(state.q - start.q), state.z - start.z)) < 1e-12
+        exact = KEPLER.exact(ORBIT, 2.0).q
+        errors = []
+        for h in (0.2, 0.1):
+            run = lm.integrate(
+                KEPLER, method, ORBIT, h=h, t_end=2.0, compiled=False, progress=False
+            )
+            errors.append(np.abs(run.q[-1] - exact).max())
+        assert math.log2(errors[0] / errors[1]) == pytest.approx(2 * stages, abs=0.3)
+    sigma = lm.EqualArc()
+    lm.ReversibleController(lm.RKMK(tableau=gauss(1)), sigma).require(TOP)
+    with pytest.raises(IncompatibleSystem, match="its chart stands at the start of the step"):
+        lm.ReversibleController(lm.RKMK(tableau=gauss(2)), sigma).require(TOP)

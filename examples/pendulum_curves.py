@@ -1,7 +1,7 @@
 """Generating functions in R^2n: how the pendulum's curves fare under Hamilton-Jacobi methods of
 order 1 to 4, at a large step.
 
-In the manner of the article's Fig. 2, with the exact curves of the pendulum below.
+The exact curves are drawn below, in grey.
 """
 
 import matplotlib.pyplot as plt
@@ -28,4 +28,4 @@ for ax, order in zip(panels, (1, 2, 3, 4)):
     print(f"order {order}: the energy stays within {worst:.1e}")
     ax.set(title=f"order {order}, $h = {h}$", xlabel="$q$", xlim=(-np.pi, np.pi), ylim=(-2.6, 2.6))
 panels[0].set_ylabel("$p$")
-lm.plots.save(figure, "figure_two.png", dpi=110)
+lm.plots.save(figure, "pendulum_curves.png", dpi=110)

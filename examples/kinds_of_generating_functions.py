@@ -1,7 +1,7 @@
 """Lie-Poisson Hamilton-Jacobi methods on the momentum sphere: the first kind, Algorithm 1, and the
 second kind of order 4.
 
-In the manner of the article's Fig. 3, with its body and its start.
+The body and the start are those of the article.
 """
 
 import warnings
@@ -31,4 +31,4 @@ for title, method in methods.items():
     panels.append(
         (title, run.mu, f"energy within {energy:.0e}\nmomentum within {off:.0e}", exact[-1])
     )
-lm.plots.save(lm.plots.figure_one(panels, around, body.inertia), "figure_three.png", dpi=110)
+lm.plots.save(lm.plots.figure_one(panels, around, body.inertia), "kinds_of_generating_functions.png", dpi=110)

@@ -1,0 +1,166 @@
+"""Steps that end where an input jumps: each stage sees the limit from inside of its own step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from ..formulas import record, where
+from ..formulas.pytree import fields_of, with_fields
+from ..formulas.tables import Table, entry
+from ..systems.tabulated import NEAR, during, has_inputs, inputs, jump_ahead, reached
+from .method import Method
+
+MARGIN = 4
+"""Units in the last place by which steps keep away from a jump of the velocity that a user has
+named, on both sides.
+"""
+
+ULP = 2.0**-52
+
+
+def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
+    """The method as drivers get it: itself where nothing is known to jump, and where steps are made
+    in a fictive time that is a coordinate.
+
+    One that varies its steps makes those of the method inside of it so.
+    """
+    if getattr(system, "fictive", False) or not (breaks or has_inputs(system)):
+        return method
+    if method.fictive:
+        own = system if hasattr(method, "base") else getattr(system, "system", system)
+        inner = {n: x for n, x in fields_of(method).items() if isinstance(x, Method)}
+        return with_fields(method, **{n: ending_at_jumps(x, own, breaks) for n, x in inner.items()})
+    anew = any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))
+    table = Table(breaks or (0.0,))
+    return EndingAtJumps(method, table, float(len(breaks)), anew, sees_powers(method))
+
+
+def apart(times: Iterable[float]) -> tuple[float, ...]:
+    """Times in order, of those that differ by rounding only the first one."""
+    found: list[float] = []
+    for t in sorted(times):
+        if not found or t - found[-1] > 4 * MARGIN * ULP * abs(t):
+            found.append(t)
+    return tuple(found)
+
+
+def jumps_between(
+    method: Any, system: Any, breaks: tuple[float, ...], t0: float, t_end: float
+) -> tuple[float, ...]:
+    """The times from t0 to t_end at which an input is known to jump, rising, for adaptive steps."""
+    if not has_inputs(system):
+        return breaks
+    low, high, every = min(t0, t_end), max(t0, t_end), sees_powers(method)
+    of_tables = [t for table in inputs(system) for t in table.jump_times(low, high, every)]
+    return apart({*breaks, *of_tables})
+
+
+def cuts(way: EndingAtJumps, system: Any) -> bool:
+    """Are there times at which steps must end?"""
+    tables = inputs(system)
+    return way.count > 0.0 or any(way.every or table.jumping > 0.0 for table in tables)
+
+
+def sees_powers(method: Any) -> bool:
+    """Does a method, or one that it is made of, see an input as a power series in time?"""
+    inner = [x for x in fields_of(method).values() if isinstance(x, Method)]
+    return method.analytic or any(map(sees_powers, inner))
+
+
+@record
+class EndingAtJumps(Method):
+    """A method whose steps are cut where an input jumps: what drivers get instead of the method.
+
+    A step from t to t + h becomes one from t to the first jump, one from there to the next, ..., and
+    one to t + h.  Of the tables in the system each of them sees the limits from inside; from times
+    in `breaks`, about which only the user knows, they keep away by some units in the last place.
+    The cuts depend on the times only, and are the same backwards: what is symmetric or symplectic
+    remains so.
+
+    breaks : a Table of rising times.  count : how many there are, in case there are none.
+    anew : does the method remember what is of steps of one length, in one field?
+    every : does it see an input as a power series, so that its steps must end at every knot?
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6,
+    "Discontinuous equations".
+    """
+
+    method: Method
+    breaks: Any
+    count: float
+    anew: bool
+    every: bool
+
+    @property
+    def name(self) -> str:
+        """That of the method."""
+        return self.method.name
+
+    @property
+    def order(self) -> Any:
+        """That of the method; so are symmetry and symplecticity."""
+        return self.method.order  # type: ignore[attr-defined]
+
+    @property
+    def symmetric(self) -> bool:  # type: ignore[override]
+        """As the method."""
+        return self.method.symmetric
+
+    @property
+    def symplectic(self) -> bool:  # type: ignore[override]
+        """As the method."""
+        return self.method.symplectic
+
+    def start(self, system: Any, state: Any, h: float) -> Any:
+        """What the method begins with."""
+        return self.method.start(system, state, h)
+
+    def observe(self, memory: Any) -> Any:
+        """The state in it."""
+        return self.method.observe(memory)
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        """The steps from jump to jump; of another length than h a method that remembers begins
+        anew, and after them once more.
+        """
+        at, end, lasting, going = t, t + h, h, True
+        while going:
+            to = self._next(system, at, end)
+            begin, s = self._kept_away(at, to, where(at == t and to == end, h, to - at))
+            if self.anew:
+                memory, lasting = self._begun(system, memory, lasting, s), s
+            memory = self.method.step(during(system, begin, s), begin, memory, s)
+            at, going = to, to != end
+        return self._begun(system, memory, lasting, h) if self.anew else memory
+
+    def _begun(self, system: Any, memory: Any, lasting: float, h: float) -> Any:
+        """The memory of steps of length `lasting` for those of length h."""
+        if lasting != h:
+            memory = self.method.start(system, self.method.observe(memory), h)
+        return memory
+
+    def _next(self, system: Any, t: float, end: float) -> float:
+        """Where the next step ends: at the first jump after t, or at `end`."""
+        to = end
+        for table in inputs(system):
+            to = table.jump_ahead(t, to, self.every)
+        return jump_ahead(self.breaks, 0, int(self.count), t, to)
+
+    def _kept_away(self, t: float, to: float, h: float) -> tuple[float, float]:
+        """Where a step from t to `to`, of length h, begins, and its length, away from the times in
+        `breaks`.
+        """
+        sign = where(h > 0.0, 1.0, -1.0)
+        away = MARGIN * ULP * sign
+        begin = where(self._is_break(t), t + away * max(abs(t), abs(h)), t)
+        finish = where(self._is_break(to), to - away * max(abs(to), abs(h)), to)
+        return begin, where(begin != t or finish != to, finish - begin, h)
+
+    def _is_break(self, t: float) -> bool:
+        """Is there a time in `breaks` here?"""
+        near = NEAR * abs(t)
+        found = entry(self.breaks, reached(self.breaks, 0, max(int(self.count) - 1, 0), t + near))
+        return self.count > 0.0 and abs(found - t) <= near
+
+    def __repr__(self) -> str:
+        return repr(self.method)

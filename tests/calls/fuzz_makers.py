@@ -1,0 +1,170 @@
+"""Random calls of what makes things: constructors, tableaus, checks, and the methods of integrators
+that are called with numbers, each with one argument that nobody could mean.
+
+A call ends well if it gives something, or an error of this package, without warnings of NumPy's.
+Run `python tests/calls/fuzz_makers.py [count] [seed]` for a report.
+"""
+
+from __future__ import annotations
+
+import functools
+import sys
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from fuzz_calls import PATIENCE, Method, Subject, _shown, numbers_in, wrong
+from scipy.linalg import LinAlgWarning
+
+import liemech as lm
+
+Maker = tuple[Callable[..., Any], dict[str, Any]]
+
+
+@functools.cache
+def makers() -> tuple[Maker, ...]:
+    """What is called, and arguments with which it goes well."""
+    rng = np.random.default_rng(8)
+    so3, body = lm.SO3(), lm.RigidBody([1.0, 1.6, 2.3])
+    mu, g, q = [0.3, 0.2, 0.8], so3.random(rng), [0.4, 0.1]
+    models: Any = lm
+    algorithm: Any = lm.CovariantVariational()
+    hj: Any = lm.LiePoissonHamiltonJacobi(order=4)
+    state = body.state(mu, g)
+    kepler, eye = models.Kepler(), np.eye(3)
+    tableaus: Any = lm.tableaus
+    table = ([0.0, 1.0, 2.0], [[0.0, 1.0], [1.0, 2.0], [0.5, 0.0]])
+    tops = {"inertia": [1.0, 1.5, 0.7], "weight": 1.3, "centre": [0.6, 0.0, 0.8]}
+    return (
+        (models.RigidBody, {"inertia": [1.0, 1.6, 2.3]}),
+        (models.HeavyTop, tops),
+        (models.LagrangeTop, {"weight": 1.0, "transverse": 0.5, "axial": 1.0, "length": 1.0}),
+        (models.ReducedHeavyTop, tops),
+        (models.KirchhoffBody, {"inertia": [1.0, 1.6, 2.3, 1.0, 2.0, 3.0]}),
+        (models.KirchhoffBody.of_blocks, {"angular": [1.2, 2.0, 2.6], "linear": [1.3, 1.8, 2.5], "coupling": 0.1 * eye}),
+        (models.FallingBody, {"inertia": [1.0, 1.6, 2.3], "mass": 1.0}),
+        (models.OrbitingBody, {"inertia": [0.05, 0.08, 0.11], "mass": 1.7, "attraction": 1.0}),
+        (models.Kepler, {"attraction": 1.0}),
+        (models.Pendulum, {}),
+        (models.DoublePendulum, {"masses": [1.0, 0.5], "lengths": [1.0, 0.8]}),
+        (models.SphericalPendulum, {"length": 1.0}),
+        (models.ChainPendulum, {"masses": [1.0, 0.5], "lengths": [1.0, 0.8]}),
+        (models.NBody, {"masses": [1.0, 0.5, 0.2]}),
+        (models.PlanetarySystem, {"masses": [1.0, 0.001]}),
+        (models.TodaLattice, {"particles": 3}),
+        (models.FermiPastaUlam, {"particles": 3}),
+        (models.LotkaVolterra, {}),
+        (models.MaxwellBloch, {}),
+        (models.PoissonTop, {"moments": [1.0, 1.5, 0.7], "weight": 1.3, "centre": [0.6, 0.0, 0.8]}),
+        (models.Link, {"mass": 1.0, "inertia": [0.1, 0.2, 0.2]}),
+        (models.KineticEnergy, {"inertia": [1.0, 2.0, 3.0]}),
+        (models.LiePoissonSystem, {"group": so3, "hamiltonian": models.KineticEnergy([1.0, 2.0, 3.0])}),
+        (models.ConstantStructure, {"values": [[0.0, 1.0], [-1.0, 0.0]]}),
+        (models.LogCanonical, {"values": [[0.0, 1.0], [-1.0, 0.0]]}),
+        (models.PiecewisePolynomial.linear, {"t": table[0], "values": table[1]}),
+        (models.PiecewisePolynomial.cubic, {"t": table[0], "values": table[1]}),
+        (models.PiecewisePolynomial.constant, {"t": [0.0, 1.0, 2.0, 3.0], "values": table[1]}),
+        (lm.MatrixLieGroup.of, {"generators": so3.generators if hasattr(so3, "generators") else lm.SO(3).generators}),
+        (lm.SO, {"n": 3}), (lm.SU, {"n": 2}), (lm.U, {"n": 2}), (lm.SL, {"n": 2}), (lm.GL, {"n": 2}), (lm.Sp, {"n": 2}),
+        (lm.VectorSpace, {"n": 3}), (lm.Heisenberg, {"n": 1}),
+        (lm.ProductGroup, {"0": so3, "1": so3}),
+        (lm.RKMK, {"order": 4}), (lm.Taylor, {"order": 8}), (lm.Magnus, {"order": 4}), (lm.CommutatorFree, {"order": 4}),
+        (lm.LiePoissonHamiltonJacobi, {"order": 4}), (lm.HamiltonJacobi, {"order": 4}), (lm.Splitting, {"order": 4}),
+        (lm.GalerkinVariational, {"order": 4}), (lm.CovariantVariational, {"retraction": lm.Cayley()}),
+        (lm.Composition, {"base": lm.StormerVerlet(), "order": 4}), (lm.KickDrift, {"order": 2}),
+        (lm.MoserVeselov, {}), (lm.MultipleTimeSteps, {"ratios": (3,)}), (lm.AdaptiveVerlet, {}),
+        (lm.ReversibleController, {"method": lm.StormerVerlet(), "sigma": lm.DistancePower(1.5)}),
+        (models.DistancePower, {"power": 1.5}), (lm.TimeTransformed, {"system": kepler, "sigma": lm.DistancePower(1.5)}),
+        *((getattr(tableaus, name), {"stages": 3})
+          for name in ("gauss", "lobatto_iiia", "lobatto_iiib", "lobatto_iiic", "radau_iia")),
+        (tableaus.suzuki, {"base_order": 2}), (tableaus.triple_jump, {"base_order": 2}),
+        (tableaus.named, {"0": "Dormand-Prince 5(4)"}),
+        (algorithm.largest_step, {"system": body, "start": state}),
+        (algorithm.velocity, {"system": body, "mu": mu, "h": 0.1}),
+        (algorithm.momentum, {"system": body, "xi": mu, "h": 0.1}),
+        (algorithm.step_warning, {"system": body, "start": state, "h": 0.1}),
+        (hj.require, {"system": body}),
+        (lm.check_group, {"group": so3, "seed": 0}),
+        (lm.check_retraction, {"retraction": lm.Cayley(), "group": so3, "seed": 0}),
+        (lm.check_poisson, {"structure": lm.ConstantStructure([[0.0, 1.0], [-1.0, 0.0]])}),
+        (kepler.pericentre, {"eccentricity": 0.3}),
+        (kepler.state, {"q": q, "p": q}),
+        (body.state, {"mu": mu, "g": g}),
+        (body.exact, {"start": state, "t": [0.0, 1.0]}),
+        (models.RigidBody(inertia=[1.0, 1.6, 2.3]).velocity, {"mu": mu}),
+        (lm.integrate, {"system": body, "method": lm.RKMK(), "start": state, "h": 0.1, "steps": 2, "compiled": False}),
+        (lm.integrate, {"system": body, "method": lm.RKMK(order=5), "start": state, "t_end": 0.1, "rtol": 1e-6, "atol": 1e-9,
+                        "compiled": False, "t0": 0.0}),
+        (lm.Plan, {"system": body, "method": lm.RKMK(), "h": 0.1, "every": 1}),
+    )  # fmt: skip
+
+
+def called(function: Callable[..., Any], given: dict[str, Any]) -> Any:
+    """The result; names that are numbers stand for places."""
+    places = [x for name, x in given.items() if name.isdigit()]
+    return function(*places, **{name: x for name, x in given.items() if not name.isdigit()})
+
+
+SUBJECT = Subject(lm.SO3(), lm.SO3())
+METHOD = Method(SUBJECT, "exp")
+
+
+def ending(maker: Maker, rng: np.random.Generator) -> str:
+    """What became of a call with one argument that is not as it should be."""
+    function, given = maker
+    names = list(given)
+    name = names[int(rng.integers(len(names)))] if names else None
+    value = wrong(METHOD, "mu", "Vec", rng)
+    arguments = given | {name: value} if name else given
+    large = isinstance(value, int) and abs(value) > 10**6
+    if name == "t_end" or (large and name in ("n", "steps", "particles")):
+        return ""  # what is asked for takes long
+    if isinstance(value, lm.Vec) and None in value:
+        return ""  # a small vector of no numbers, which formulas do not look at
+    begun = time.process_time()
+    said = f"\n    {getattr(function, '__qualname__', function)}(..., {name}={value!r:.200})"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            warnings.filterwarnings("error", category=RuntimeWarning)
+            warnings.filterwarnings("ignore", message="integrate: ", category=RuntimeWarning)
+            warnings.filterwarnings("ignore", category=LinAlgWarning)  # SciPy's, of bad knots
+            result = called(function, arguments)
+    except lm.errors.LiemechError:
+        return f"slow{said}" if time.process_time() - begun > PATIENCE else ""
+    except Exception as error:
+        return f"bare: {_shown(error)}{said}"
+    if time.process_time() - begun > PATIENCE:
+        return f"slow{said}"
+    if isinstance(result, lm.Trajectory):
+        result = (result.t, *result.states.values())
+    try:
+        found = list(numbers_in(result))
+    except ValueError:
+        found = []  # a vector of vectors
+    if not all(np.isfinite(a).all() for a in found if a.dtype.kind in "biufc"):
+        return f"not finite{said}"
+    return ""
+
+
+def failures(count: int, seed: int) -> list[str]:
+    """What ended badly among so many calls."""
+    rng, all_makers = np.random.default_rng(seed), makers()
+    endings = (ending(all_makers[int(rng.integers(len(all_makers)))], rng) for _ in range(count))
+    return [what for what in endings if what]
+
+
+if __name__ == "__main__":
+    count, seed = map(int, (*sys.argv[1:], "0")[:2] if len(sys.argv) > 1 else (2000, 0))
+    for function, given in makers():
+        try:
+            called(function, given)
+        except Exception as error:
+            print("WRONG TABLE", function, repr(error)[:200])
+    bad = failures(count, seed)
+    print("\n".join(sorted(bad)))
+    kinds = Counter(b.partition(":")[0].partition("\n")[0] for b in bad)
+    print(count, "calls,", len(bad), "ended badly:", dict(kinds))
