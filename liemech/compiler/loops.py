@@ -12,6 +12,7 @@ from typing import Any
 
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
+from ..formulas.taken_back import back
 from .asking import Look
 from .branches import Branches
 from .ir_numbers import Num, kind_of
@@ -178,13 +179,14 @@ class Loops(Branches):
         ]
         lengths = [len(items) for items in lists]
         state = self.base, self.depth, self.raises, self.marks, self.region, frame.env, frame.node
-        attempts = self.failed, self.outcome
+        attempts, take_back = (self.failed, self.outcome), back()
         taken, emitted = (
             [(stream, stream.taken, stream.region) for stream in self.streams],
             b.emitted,
         )
 
         def forget() -> None:
+            take_back()
             for items, length in zip(lists, lengths, strict=True):
                 del items[length:]
             del function.blocks[blocks:], block.instructions[instructions:]

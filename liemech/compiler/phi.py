@@ -19,6 +19,7 @@ from llvmlite import ir
 from ..formulas.compensated import Compensated
 from ..formulas.complex_numbers import Complex
 from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves, paired
+from ..formulas.taken_back import back
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import Emitter, Num, Values
 from .iterators import Region, Stream
@@ -191,7 +192,9 @@ class Phis:
         outer = self.region
         self.regions += 1
         self.region = (*outer, (self.regions, loop))
+        take_back = back()  # what is first computed here is not there elsewhere
         yield
+        take_back()
         self.region = outer
 
     def fail_if(self, condition: Any, everywhere: bool = False) -> None:

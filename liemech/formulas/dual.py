@@ -15,6 +15,8 @@ import math
 from contextvars import ContextVar
 from typing import Any
 
+import numpy as np
+
 from ..errors import NotCompilable
 from . import functions as f
 from .complex_numbers import outranks
@@ -263,11 +265,14 @@ def value_of(x: Any) -> Any:
 
 def _not_only_here(equal: Any, a: Any, b: Any) -> None:
     """Refuse that two numbers are equal although they move apart."""
-    if equal is False or a is b or outranks(b) or not isinstance(b, (int, float, StandIn, Operand)):
+    if equal is False or a is b or outranks(b) or not isinstance(b, _COMPARED):
         return
     motion = _motion(a - b)
     if type(motion) is not int:
         raise_if(equal & (constant(motion) != 0.0), ONLY_THERE.format("a number that carries a derivative"))
+
+
+_COMPARED = (int, float, np.number, StandIn, Operand)
 
 
 def _motion(x: Any) -> Any:

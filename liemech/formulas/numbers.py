@@ -165,7 +165,7 @@ def raise_if(condition: Any, message: str) -> None:
     """Raise InvalidInput if a condition holds, which may be known only at run time."""
     if isinstance(condition, StandIn):
         condition.fails()
-    elif condition is True:
+    elif isinstance(condition, (bool, np.bool_)) and condition:
         raise InvalidInput(message)
 
 

@@ -23,6 +23,7 @@ from .functions import LOG_2, LOG_10
 from .numbers import INTEGER_POWER, ONLY_THERE, CarriesMore, Operand, Pair, StandIn, raise_if, whole_power
 from .products import Products, cauchy, plus
 from .pytree import build, layout_of, leaves
+from .taken_back import noted
 from .vectors import vec
 
 
@@ -48,6 +49,7 @@ class Series(Operand):
                 return None
             while len(self._terms) <= k:
                 self._terms.append(self._rule(len(self._terms)))
+                noted(self._terms.pop)
         return self._terms[k]
 
     def __getitem__(self, k: int) -> Any:
@@ -273,6 +275,7 @@ class Series(Operand):
         self._rule = rule
         if not self._terms:
             self._terms.append(rule(0))
+            noted(self._terms.pop)
         return self
 
 

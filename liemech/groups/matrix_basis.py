@@ -346,6 +346,12 @@ def _checked(array: np.ndarray, name: str) -> np.ndarray:
         raise InvalidInput(
             f"{name}.generators{list(at)} is {array[at]}; every entry must be finite"
         )
+    largest = float(max(np.abs(array.real).max(), np.abs(array.imag).max()))
+    if largest > np.finfo(float).max ** 0.5 / array.shape[1]:
+        raise InvalidInput(
+            f"{name}.generators have entries up to {largest:.1e}, whose products leave the range of "
+            "floats; scale the generators"
+        )
     sizes = np.linalg.norm(array, axis=(1, 2))
     if len(array) <= 2 * SMALL**2:
         flat = real_parts(array) / np.where(sizes > 0.0, sizes, 1.0)[:, None]

@@ -249,6 +249,9 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
             times = arrays[f"event.{i}"][first:end]
             met.append((times, cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
         events.append(met[0] if bodies is None else tuple(met))
+    ended = about.get("ended")
+    if ended is not None and not (type(ended) is int and 0 <= ended < len(events)):
+        raise InvalidInput(f"{decode.where}: {ended!r} is the number of no event")
     if "carry" in about:
         carry = _carry_of(about["carry"], "carry", arrays, bodies, origin, decode)
     elif "carries" in about:
@@ -288,8 +291,8 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         "events": tuple(events),
         "carry": carry,
         "observed": tuple(about.get("observed", ())),
-        "breaks": tuple(about.get("breaks", ())),
-        "ended": about.get("ended"),
+        "breaks": tuple([float(t) for t in about.get("breaks", ())]),
+        "ended": ended,
     }
 
 

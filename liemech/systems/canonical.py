@@ -45,6 +45,11 @@ class PhaseSpace(System):
 
     # ---------------------------------------------------------------- how it moves
 
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """Positions and momenta: (n, n)."""
+        return self.degrees, self.degrees
+
     @property  # type: ignore[misc]
     def group(self) -> VectorSpace:
         """R^2n under addition."""

@@ -127,6 +127,13 @@ class System(Record):
         """The state after a displacement tau(omega)."""
         raise NotDefined(f"{type(self).__name__} must define `displaced`")
 
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """How many components of the velocity in a row share a physical unit: by default those of
+        the group.
+        """
+        return self.group.unit_blocks
+
     def essential_part(self, state: State) -> Any:
         """The part of the state that the velocity depends on; what is None in it may be left
         unrecorded.

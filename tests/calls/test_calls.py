@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import fuzz_calls
@@ -11,6 +12,7 @@ import fuzz_makers
 import numpy as np
 import pytest
 
+import liemech as lm
 from liemech.compiler import batch
 
 
@@ -26,6 +28,15 @@ def test_what_makes_things_is_called_as_it_should_be(function: Any, given: dict[
 @pytest.mark.parametrize("count, seed", [(1000, 5), pytest.param(20_000, 6, marks=pytest.mark.slow)])
 def test_things_are_made_or_refused_with_an_error_that_says_why(count: int, seed: int) -> None:
     assert fuzz_makers.failures(count, seed) == []
+
+
+@pytest.mark.parametrize("factor", [1e160, 1e300, 1e308 + 1e308j])
+def test_generators_whose_products_leave_the_range_of_floats_are_refused(factor: complex) -> None:
+    generators = lm.SU(2).generators if isinstance(factor, complex) else lm.SO(3).generators
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(lm.errors.InvalidInput, match="products leave the range of floats"):
+            assert lm.MatrixLieGroup.of(np.where(np.array(generators) != 0.0, factor, 0.0)).dim
 
 
 @pytest.mark.slow
