@@ -280,8 +280,11 @@ def interpolated(x: Any, nodes: Any, values: Any) -> Any:
 
 
 def place(nodes: Any, x: Any, side: str = "left") -> Any:
-    """How many of some increasing numbers lie below x; with side="right", not above it."""
+    """How many of some increasing numbers lie below x; with side="right", not above it.  All are
+    below nan.
+    """
     found = 0
     for a in nodes:
-        found = found + (a < x if side == "left" else a <= x)
+        below = a < x if side == "left" else a <= x
+        found = found + (below | (x != x))
     return found

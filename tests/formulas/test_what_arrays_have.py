@@ -125,6 +125,16 @@ def test_what_numpy_rounds_in_its_own_way_is_refused_by_name(case: str, tmp_path
         worlds.same_in_all_worlds(module.formula, ROWS)
 
 
+def test_places_of_special_numbers_are_those_of_numpy() -> None:
+    from liemech.formulas.reductions import interpolated, place
+
+    nodes, values = [-1.0, 0.0, 0.5, 2.0], [1.0, -2.0, 0.25, 3.0]
+    for x in (math.nan, math.inf, -math.inf, 0.0, -0.0, *nodes, -0.7, 0.3, 3.0):
+        for side in ("left", "right"):
+            assert place(nodes, x, side) == np.searchsorted(nodes, x, side=side)
+        assert worlds.bits(interpolated(x, nodes, values)) == worlds.bits(np.interp(x, nodes, values))
+
+
 def test_bounds_and_ties_of_clip_are_those_of_numpy() -> None:
     from liemech.formulas.of_numpy import clip
 

@@ -28,7 +28,9 @@ def _separable(**methods: Any) -> Any:
 
 def _field(energy: Callable[..., Any]) -> Any:
     cls = type("Mine", (lm.Potential,), {"energy": energy})
-    return lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.record(cls)())
+    body: Any = lm.RigidBody([1.0, 1.5, 2.0])
+    system: Any = lm.MechanicalSystem
+    return system(body, lm.record(cls)())
 
 
 def _forgotten(self: Any, mu: Any) -> Any:
