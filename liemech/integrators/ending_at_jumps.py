@@ -8,7 +8,7 @@ from typing import Any
 from ..formulas import record, where
 from ..formulas.pytree import fields_of, with_fields
 from ..formulas.tables import Table, entry
-from ..systems.tabulated import NEAR, during, has_inputs, inputs, jump_ahead, reached
+from ..systems.tabulated import NEAR, ROUNDING, during, has_inputs, inputs, jump_ahead, reached
 from .method import Method
 
 MARGIN = 4
@@ -33,7 +33,8 @@ def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
         return with_fields(method, **{n: ending_at_jumps(x, own, breaks) for n, x in inner.items()})
     anew = any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))
     table = Table(breaks or (0.0,))
-    return EndingAtJumps(method, table, float(len(breaks)), anew, sees_powers(method))
+    beyond = overshoot(method) or None
+    return EndingAtJumps(method, table, float(len(breaks)), anew, sees_powers(method), beyond)
 
 
 def apart(times: Iterable[float]) -> tuple[float, ...]:
@@ -68,6 +69,21 @@ def sees_powers(method: Any) -> bool:
     return method.analytic or any(map(sees_powers, inner))
 
 
+def overshoot(method: Any) -> float:
+    """The part of a step by which stages of a method lie before its beginning or behind its end."""
+    tableau = getattr(method, "tableau", None)
+    shares = getattr(tableau, "gamma", None)
+    if shares is None:
+        times = getattr(tableau, "c", None) or getattr(tableau, "nodes", None) or (0.0,)
+        return max(-min(times), max(times) - 1.0, 0.0)
+    inner = max((overshoot(x) for x in fields_of(method).values() if isinstance(x, Method)), default=0.0)
+    far = 0.0
+    for node, share in zip(tableau.nodes, shares, strict=True):
+        ends = node - inner * share, node + (1.0 + inner) * share
+        far = max(far, -min(ends), max(ends) - 1.0)
+    return far if far > ROUNDING else 0.0
+
+
 @record
 class EndingAtJumps(Method):
     """A method whose steps are cut where an input jumps: what drivers get instead of the method.
@@ -81,6 +97,7 @@ class EndingAtJumps(Method):
     breaks : a Table of rising times.  count : how many there are, in case there are none.
     anew : does the method remember what is of steps of one length, in one field?
     every : does it see an input as a power series, so that its steps must end at every knot?
+    beyond : the part of a step by which its stages lie beyond the ends of the step, or None.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6,
     "Discontinuous equations".
     """
@@ -90,6 +107,7 @@ class EndingAtJumps(Method):
     count: float
     anew: bool
     every: bool
+    beyond: Any
 
     @property
     def name(self) -> str:
@@ -129,7 +147,7 @@ class EndingAtJumps(Method):
             begin, s = self._kept_away(at, to, where(at == t and to == end, h, to - at))
             if self.anew:
                 memory, lasting = self._begun(system, memory, lasting, s), s
-            memory = self.method.step(during(system, begin, s), begin, memory, s)
+            memory = self.method.step(during(system, begin, s, self.beyond), begin, memory, s)
             at, going = to, to != end
         return self._begun(system, memory, lasting, h) if self.anew else memory
 
