@@ -71,7 +71,7 @@ def sees_powers(method: Any) -> bool:
 
 def overshoot(method: Any) -> float:
     """The part of a step by which stages of a method lie before its beginning or behind its end."""
-    tableau = getattr(method, "tableau", None)
+    tableau: Any = getattr(method, "tableau", None)
     shares = getattr(tableau, "gamma", None)
     if shares is None:
         times = getattr(tableau, "c", None) or getattr(tableau, "nodes", None) or (0.0,)
