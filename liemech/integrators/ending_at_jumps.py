@@ -18,6 +18,9 @@ named, on both sides.
 
 ULP = 2.0**-52
 
+SMALLEST = 2.0**-960
+"""Times below it are none: their rounding errors have no digits."""
+
 
 def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
     """The method as drivers get it: itself where nothing is known to jump, and where steps are made
@@ -41,9 +44,14 @@ def apart(times: Iterable[float]) -> tuple[float, ...]:
     """Times in order, of those that differ by rounding only the first one."""
     found: list[float] = []
     for t in sorted(times):
-        if not found or t - found[-1] > 4 * MARGIN * ULP * abs(t):
+        if not found or not same(t, found[-1]):
             found.append(t)
     return tuple(found)
+
+
+def same(t: float, other: float) -> bool:
+    """Do two times differ by rounding only?"""
+    return abs(t - other) <= 4 * MARGIN * ULP * max(abs(t), abs(other), SMALLEST)
 
 
 def jumps_between(

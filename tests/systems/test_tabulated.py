@@ -114,6 +114,21 @@ def test_adaptive_steps_know_where_a_table_jumps(method):
         assert np.abs(run.g[-1] - area).max() < 1e-13 and run.rejected == 0
 
 
+@pytest.mark.parametrize(("t0", "t_end"), [(0.0, 2.1), (-2.7, 3.0), (2.0, -1.0)])
+@pytest.mark.parametrize("ulps", [-8, -4, -3, -1, 1, 2, 3, 8])
+def test_jumps_within_rounding_of_the_ends_stop_no_adaptive_run(t0, t_end, ulps):
+    before, behind = min(t0, t_end) - 1.0, max(t0, t_end) + 1.0
+    for end in t0, t_end:
+        at = end + ulps * np.spacing(abs(end))
+        table = lm.PiecewisePolynomial.constant([before, at, behind], [[1.0], [2.0]])
+        first, second = (1.0, 2.0) if t_end > t0 else (2.0, 1.0)
+        x = Driven(lm.VectorSpace(1), table)
+        for start in x.state([0.0]), x.state(np.zeros((3, 1))):
+            run = lm.integrate(x, lm.RKMK(order=5), start, t0=t0, t_end=t_end)
+            exact = (t_end - t0) * (second if end == t0 else first)
+            assert np.abs(run.g[-1] - exact).max() < 1e-13
+
+
 def test_no_adaptive_step_goes_across_two_pulses():
     f = lm.PiecewisePolynomial.constant(
         [0.0, 5.0, 5.01, 7.0, 7.02, 10.0], [0.0, 10.0, 0.0, 5.0, 0.0]
