@@ -687,8 +687,8 @@ class Plan:
         Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state
         at each sample, group elements left-trivialised, dg = g hat(eta).  Of an ensemble of m
         bodies, one after another, (n, m, N, N).
-        Raises what `integrate` does; InvalidInput for what is no parameter, IncompatibleSystem for
-        classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
+        Raises what `integrate` does, for a body of an ensemble too; InvalidInput for what is no
+        parameter, IncompatibleSystem for classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
         """
         from .tangent import of_bodies
 

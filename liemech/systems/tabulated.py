@@ -28,8 +28,8 @@ the last place, for the rounding of t0 + n h, of h and of the knot.
 EQUAL = 2.0**-44
 """Part of its terms by which the value of a table may change at a knot and not jump."""
 
-ANY = math.inf
-"""In place of the number of a period: each time is in a period of its own."""
+ANY = 0.5
+"""In place of the number of a period, which is whole: each time is in a period of its own."""
 
 
 @record
@@ -62,7 +62,10 @@ class PiecewisePolynomial(Record):
     # the times at which the value jumps, in the first period, and how many there are
     jumps: Any = dataclasses.field(default=None, init=False)
     jumping: float = dataclasses.field(default=0.0, init=False)
-    # the intervals that count, from the first to the last one, and the period: see `during`
+    # from `begin` to `end` the intervals that count, from the first to the last one, and the
+    # period: see `during`; at other times, of a delay or of a place, all of them count
+    begin: float = dataclasses.field(default=1.0, init=False)
+    end: float = dataclasses.field(default=-1.0, init=False)
     first: float = dataclasses.field(default=-1.0, init=False)
     last: float = dataclasses.field(default=0.0, init=False)
     period: float = dataclasses.field(default=ANY, init=False)
@@ -204,8 +207,10 @@ class PiecewisePolynomial(Record):
         """
         if isinstance(t, np.ndarray):
             return self._of_array(real_array(t, "PiecewisePolynomial: t"))
-        t = self._inside(t)
-        i = self._interval(t)
+        seen = self.begin <= t <= self.end
+        first, last = where(seen, self.first, -1.0), where(seen, self.last, self.intervals)
+        t = self._inside(t, first, last, where(seen, self.period, ANY))
+        i = self._interval(t, first, last)
         width = max(self.size, 1)
         at = i * ((self.degree + 1) * width)
         rows = [
@@ -219,7 +224,7 @@ class PiecewisePolynomial(Record):
     def _of_array(self, t: np.ndarray) -> np.ndarray:
         """The values at many times, to the bit."""
         knots, terms = np.asarray(self.knots), self._terms()
-        times = np.array([self._inside(x) for x in t.ravel().tolist()])
+        times = np.array([self._inside(x, -1.0, self.intervals, ANY) for x in t.ravel().tolist()])
         i = np.clip(np.searchsorted(knots, times, "right") - 1, 0, len(knots) - 2)
         x = (times - knots[i]).reshape(-1, *[1] * (terms.ndim - 2))
         found = horner([terms[i, k] for k in range(self.degree + 1)], x)
@@ -231,19 +236,16 @@ class PiecewisePolynomial(Record):
             len(self.knots) - 1, self.degree + 1, *([self.size] if self.size else [])
         )
 
-    def _inside(self, t: Any) -> Any:
-        """The time in the table that counts for t."""
+    def _inside(self, t: Any, low: Any, high: Any, period: Any) -> Any:
+        """The time in the table that counts for t, where the intervals from `low` to `high` do."""
         first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
         if self.outside == "hold":
-            t = where(self.last >= self.intervals, min(t, last), t)
-            t = where(self.first < 0.0, max(t, first), t)
-            return where(
-                self.first >= self.intervals, last, where(self.last < 0.0, first, t)
-            )
+            t = where(high >= self.intervals, min(t, last), t)
+            t = where(low < 0.0, max(t, first), t)
+            return where(low >= self.intervals, last, where(high < 0.0, first, t))
         if self.outside == "repeat":
-            return where(
-                self.period == ANY, first + (t - first) % (last - first), t - self.period * (last - first)
-            )
+            length = last - first
+            return where(period == ANY, first + (t - first) % length, t - period * length)
         slack = ROUNDING * max(abs(first), abs(last))
         if not (first - slack <= t <= last + slack):
             raise ValueError(
@@ -251,22 +253,29 @@ class PiecewisePolynomial(Record):
             )
         return t
 
-    def _interval(self, t: Any) -> Any:
-        """The number of the interval in which t is, by bisection among those that count."""
+    def _interval(self, t: Any, low: Any, high: Any) -> Any:
+        """The number of the interval in which t is, by bisection among those from `low` to `high`."""
         ends = self.intervals - 1.0
-        return reached(
-            self.knots, int(min(max(self.first, 0.0), ends)), int(max(min(self.last, ends), 0.0)), t
-        )
+        return reached(self.knots, int(min(max(low, 0.0), ends)), int(max(min(high, ends), 0.0)), t)
 
     # ---------------------------------------------------------------- the table and steps
 
-    def during(self, t: Any, h: Any) -> PiecewisePolynomial:
+    def during(self, t: Any, h: Any, beyond: Any = None) -> PiecewisePolynomial:
         """The table as a step from t to t + h sees it: where the step begins or ends at a knot, the
         interval on the other side of the knot does not count.
+
+        beyond : the part of h by which stages lie beyond the ends of the step, None if none does;
+        where an end is at a jump, they see the polynomial on this side of it.
         """
         low, high = _from_to(t, h)
         first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
         ends = int(self.intervals) - 1
+        slack = 2.0 * _slack(t, t + h)
+        begin, end = min(t, t + h) - slack, max(t, t + h) + slack
+        if beyond is not None:
+            far = beyond * abs(h)
+            begin = where(self._jumps_at(begin + slack, slack), begin - far, begin)
+            end = where(self._jumps_at(end - slack, slack), end + far, end)
         if self.outside == "repeat":
             length = last - first
             period = (low - first) // length
@@ -274,16 +283,30 @@ class PiecewisePolynomial(Record):
             shift = period * length
             return with_fields(
                 self,
-                first=where(alone, 1.0 * reached(self.knots, 0, ends, low - shift), 0.0),
+                begin=begin,
+                end=end,
+                first=where(alone, 1.0 * reached(self.knots, 0, ends, low - shift), -1.0),
                 last=where(alone, 1.0 * _left_of(self.knots, 0, ends, high - shift), 1.0 * ends),
                 period=where(alone, period, ANY),
             )
-        begin = 1.0 * reached(self.knots, 0, ends, low)
-        end = 1.0 * _left_of(self.knots, 0, ends, high)
+        one = 1.0 * reached(self.knots, 0, ends, low)
+        other = 1.0 * _left_of(self.knots, 0, ends, high)
         if self.outside == "hold":
-            begin = where(low < first, -1.0, where(low >= last, self.intervals, begin))
-            end = where(high <= first, -1.0, where(high > last, self.intervals, end))
-        return with_fields(self, first=begin, last=end)
+            one = where(low < first, -1.0, where(low >= last, self.intervals, one))
+            other = where(high <= first, -1.0, where(high > last, self.intervals, other))
+        return with_fields(self, begin=begin, end=end, first=one, last=other)
+
+    def _jumps_at(self, t: Any, slack: Any) -> Any:
+        """Does the value jump at t, as far as times at the ends of a step can tell?"""
+        count, again = max(int(self.jumping) - 1, 0), 0.0
+        if self.outside == "repeat":
+            first = entry(self.knots, 0)
+            length = entry(self.knots, int(self.intervals)) - first
+            t = t - length * ((t - first) // length)
+            again = length
+        near = entry(self.jumps, reached(self.jumps, 0, count, t + slack))
+        distance = min(abs(near - t), abs(entry(self.jumps, 0) + again - t))
+        return where(self.jumping > 0.0, distance, math.inf) <= slack
 
     def jump_times(self, low: float, high: float, every: bool) -> list[float]:
         """All times from `low` to `high` that `jump_ahead` knows."""
@@ -443,7 +466,10 @@ def _has_table(layout: Layout) -> bool:
     return own or any(map(_has_table, layout.parts))
 
 
-def during(system: Any, t: Any, h: Any) -> Any:
-    """The system as a step from t to t + h sees it: every table by its limits from inside."""
-    seen = [table.during(t, h) for table in inputs(system)]
+def during(system: Any, t: Any, h: Any, beyond: Any = None) -> Any:
+    """The system as a step from t to t + h sees it: every table by its limits from inside.
+
+    beyond : the part of h by which stages of the method lie beyond the ends of the step, or None.
+    """
+    seen = [table.during(t, h, beyond) for table in inputs(system)]
     return exchanged(system, PiecewisePolynomial, seen)
