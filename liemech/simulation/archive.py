@@ -151,11 +151,12 @@ def load(
     already are found without.  trusted : modules that the file names are imported.
     Raises InvalidInput for files that are damaged, of another kind, or whose classes are not there.
     """
+    path = Path(path)
     named = (modules,) if isinstance(modules, str) else tuple(modules)
     for name in named:
         importlib.import_module(name)
     try:
-        arrays, about = read(Path(path))
+        arrays, about = read(path)
         if about.get("format") != FORMAT:
             raise InvalidInput(
                 f"{path}: is of format {about.get('format')!r}; this liemech reads format {FORMAT}"

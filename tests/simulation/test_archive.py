@@ -253,7 +253,8 @@ def test_a_record_comes_back_with_what_it_held(value: Any, tmp_path: Path) -> No
     run = run_holding(value)
     run.save(tmp_path / "run.npz")
     again = lm.Trajectory.load(tmp_path / "run.npz")
-    found = again.system.hamiltonian.value
+    system: Any = again.system
+    found = system.hamiltonian.value
     assert type(found) is type(value)
     assert np.asarray(found).dtype == np.asarray(value).dtype
     assert np.asarray(found).tobytes() == np.asarray(value).tobytes()
@@ -267,6 +268,30 @@ class Holding(lm.Hamiltonian):
 
     def energy(self, mu: lm.Vec) -> float:
         return 0.5 * lm.dot(mu, mu)
+
+
+@lm.record
+class Derived(lm.Hamiltonian):
+    scale: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "half", 0.5 * self.scale)
+
+    def energy(self, mu: lm.Vec) -> float:
+        return self.half * lm.dot(mu, mu)  # type: ignore[attr-defined,no-any-return]
+
+
+def test_what_a_formula_misses_is_told_and_not_taken_for_a_part_of_the_run(tmp_path: Path) -> None:
+    """What a class keeps beside its fields is not in a file."""
+    system = lm.LiePoissonSystem(lm.SO3(), Derived(2.0))
+    start = system.state(mu=[1.0, 2.0, 3.0])
+    run = lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=2, compiled=False)
+    run.save(tmp_path / "run.npz")
+    again = lm.Trajectory.load(tmp_path / "run.npz")
+    with pytest.raises(RuntimeError, match=r"Trajectory\.energy could not be made.*'half'"):
+        again.energy  # noqa: B018
+    assert not hasattr(again, "half")
 
 
 def run_holding(value: Any) -> lm.Trajectory:
@@ -317,6 +342,15 @@ def test_a_checkpoint_is_the_run_so_far(every: int, tmp_path: Path) -> None:
     joined = part.then(rest)
     assert np.array_equal(joined.t, whole.t)
     assert np.array_equal(joined.mu, whole.mu)
+
+
+def test_a_folder_that_is_not_there_is_told_by_the_name_that_was_given(tmp_path: Path) -> None:
+    run, path = CASES["body"][0].run(START, steps=3), tmp_path / "nowhere" / "run.npz"
+    with pytest.raises(FileNotFoundError) as told:
+        run.save(path)
+    assert told.value.filename == str(path)
+    with pytest.raises(TypeError, match="PathLike"):
+        lm.Trajectory.load(None)  # type: ignore[arg-type]
 
 
 def test_where_a_checkpoint_may_lie(tmp_path: Path) -> None:
