@@ -9,10 +9,11 @@ from collections.abc import Callable
 from typing import Any
 
 from .errors import NoConvergence
-from .formulas import Mat, Vec, cross, dot, mat, solve, solve3, vec
+from .formulas import Mat, Vec, cross, dot, mat, solve, solve3, sum, vec, where
 from .formulas.double_double import is_long
 from .formulas.pytree import double_double, layout_of, rounded
 from .formulas.sizes import EPSILON
+from .formulas.vectors import Vec as SmallVec
 
 TOLERANCE = 2.0**-30
 """A residual below this, relative to the data, means that the correction it asks for is the last
@@ -27,6 +28,11 @@ NOISE = 2.0**-40
 else it is no convergence.
 
 Rounding of the largest of the data may be large beside the smallest one.
+"""
+
+STALLED = 5
+"""So many sweeps without a smaller change, and what changes in one unit is what cancelled there but
+for rounding.
 """
 
 LIMIT = 50
@@ -129,24 +135,31 @@ def _asked(solved: Callable[[Mat, Vec], Vec] | None, jacobian: Mat, r: Vec) -> V
 
 
 def fixed_point(
-    sweep: Callable[[Any], tuple[Any, float, float]], guess: Any, method: Any, h: float
+    sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], guess: Any, method: Any, h: float
 ) -> Any:
     """What sweeps leave as it is: they are repeated until they change no more than rounding does.
 
-    sweep : gives of an unknown a better one, how much they differ and how large the data are.
+    sweep : gives of an unknown a better one, how much they differ and how large the data are; for
+    data in several units both of each, which are compared apart and added up relative to their
+    size.
     It ends when a change is below eps, when the next one, judged by the last two, would be below
-    eps/16, or when the changes are rounding and become no smaller.  Raises NoConvergence in the
-    name of a method with step size h.
+    eps/16, or when the changes are rounding and become no smaller; where the data of one unit
+    cancel and leave rounding alone, that is rounding beside all of them.  Raises NoConvergence in
+    the name of a method with step size h.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.2 and VIII.5
     (the error is iterated away).
     """
     unknown, change, size, done = guess, 0.0, 0.0, False
+    all_change, all_size = 0.0, 0.0
+    least, since = math.inf, 0.0
     words = 2 if layout_of(guess).long else 1
     epsilon, noise = EPSILON**words, NOISE**words
     for _ in range(words * LIMIT):
         before = change
-        unknown, change, size = sweep(unknown)
+        unknown, changes, sizes = sweep(unknown)
+        change, size = _in_one_unit(changes, sizes)
+        all_change, all_size = _added_up(changes), _added_up(sizes)
         done = change <= epsilon * size
         if before > 0.0:
             ratio = change / before
@@ -155,9 +168,15 @@ def fixed_point(
                 or 16.0 * ratio * change <= epsilon * size
                 or (ratio >= 1.0 and change <= noise * size)
             )
+        if _is_in_units(changes):
+            since = where(change < least, 0.0, since + 1.0)
+            least = where(change < least, change, least)
+            done = done or (since >= STALLED and all_change <= 64.0 * epsilon * all_size)
         # iterates that grow without bound: no change is small beside infinity
         if done or not size < math.inf:
             break
+    if not done:  # what is rounding in one unit may be small beside all data
+        change, size = all_change, all_size
     if not (size < math.inf and (done or change <= 64.0 * epsilon * size)):
         raise NoConvergence(
             f"{method!r}: the stages did not converge in {LIMIT} iterations, they still change by "
@@ -165,6 +184,26 @@ def fixed_point(
             f"large for this motion; try {0.25 * h:g}"
         )
     return unknown
+
+
+def _in_one_unit(change: Any, size: Any) -> tuple[float, float]:
+    """A change and what it is relative to; of several units the sum of the relative changes, and 1."""
+    if not _is_in_units(change):
+        return _added_up(change), _added_up(size)
+    total = 0.0
+    for c, s in zip(change, size):
+        total = total + where(s > 0.0, c / where(s > 0.0, s, 1.0), where(c > 0.0, 1.0, 0.0))
+    return total, where(_added_up(size) < math.inf, 1.0, math.inf)
+
+
+def _is_in_units(change: Any) -> bool:
+    """Are there several units?"""
+    return isinstance(change, SmallVec) and len(change) > 1
+
+
+def _added_up(x: Any) -> float:
+    """The sum of the components of a vector, or a number as it is."""
+    return sum(x) if isinstance(x, SmallVec) else x
 
 
 def correction(jacobian: Mat, residual: Vec) -> Vec:

@@ -73,18 +73,23 @@ def _displaced(potential: Any, group: Any, g: Any, eta: Any) -> Any:
     return potential.energy(group.compose_exp(g, eta))
 
 
+def _some(n: int) -> int:
+    """How many axes are visited."""
+    return n if n <= LARGE else LARGE // 2
+
+
 def special_points(x: Any) -> Iterator[Any]:
     """Zero, equal components and the axes, of the size of x."""
     n, length = len(x), size(x) or 1.0
     yield vec(*[0.0] * n)
     yield vec(*[length / n**0.5] * n)
-    for i in range(min(n, LARGE)):
+    for i in range(_some(n)):
         yield vec(*[length if j == i else 0.0 for j in range(n)])
 
 
 def _derivatives(energy: Function, first: Function, x: Any, sign: float) -> Iterator[Same]:
     unit = STEP * (size(x) or 1.0)
-    directions = [*np.eye(len(x))[:LARGE]]
+    directions = [*np.eye(len(x))[: _some(len(x))]]
 
     def along(f: Function, d: np.ndarray) -> Callable[[float], Any]:
         return lambda s: f(vec(*(flat(x) + s * d).tolist()))

@@ -408,6 +408,7 @@ def _translation(
     with _importing:
         from llvmlite import ir
 
+        from ..formulas.taken_back import journal
         from . import llvm
         from .buffers import Array, arguments, entrance, unchanged
         from .ir_numbers import F64, I64, Emitter
@@ -458,7 +459,8 @@ def _translation(
         driver.any_body: emitter.any,
     }
     try:
-        interpreter.call(entry, *args)
+        with journal():
+            interpreter.call(entry, *args)
     except Exception as error:
         located = _located(error, interpreter)
         if located is error:

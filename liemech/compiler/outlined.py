@@ -24,6 +24,7 @@ from ..errors import NotCompilable
 from ..formulas.pytree import PAIRS, Layout, build, fill, is_any_number, layout_of, leaves
 from ..formulas.records import Record
 from ..formulas.tables import Table
+from ..formulas.taken_back import back
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import F64, I32, I64, TYPES, Num
 from .phi import Open
@@ -576,6 +577,7 @@ class Outliner:
         b.within.append(function)
         escapes: list[Open] = []
         made: Outlined | None = None
+        take_back = back()
         try:
             b.position_at_end(function.append_basic_block("entry"))
             values = iter(function.args[1:])
@@ -611,6 +613,7 @@ class Outliner:
             outer = b.emitted  # the formula that becomes a function is found by that
             raise
         finally:
+            take_back()
             if made is None:
                 del module.globals[name]
             b.within.pop()

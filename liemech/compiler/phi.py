@@ -19,6 +19,7 @@ from llvmlite import ir
 from ..formulas.compensated import Compensated
 from ..formulas.complex_numbers import Complex
 from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves, paired
+from ..formulas.taken_back import back
 from ..formulas.vectors import Mat, Vec
 from .ir_numbers import Emitter, Num, Values
 from .iterators import Region, Stream
@@ -63,6 +64,13 @@ class Loop:
     masked: bool = False
     breaks: list[Open] = dataclasses.field(default_factory=list)
     continues: list[Open] = dataclasses.field(default_factory=list)
+
+
+class Returns(Exception):
+    """A loop turns out to have a `return`: the variable for its value, before there is one."""
+
+    def __init__(self, blank: Any) -> None:
+        self.blank = blank
 
 
 class Promote(Exception):
@@ -134,6 +142,13 @@ class Phis:
 
         return self._numberwise([value], arbitrary)
 
+    def zeros(self, value: Any) -> Any:
+        """A value of the same structure whose numbers are 0: those known now what they are."""
+        return self._numberwise(
+            [value],
+            lambda x: self.emitter.constant(0, x.kind, x.varying) if isinstance(x, Num) else x,
+        )
+
     def _numberwise(self, items: list[Any], combine: Callable[..., Any]) -> Any:
         """Combine values of one structure number by number; numbers that agree stay as they are."""
         if len(items) > 1 and all(v is items[0] for v in items):
@@ -177,7 +192,9 @@ class Phis:
         outer = self.region
         self.regions += 1
         self.region = (*outer, (self.regions, loop))
+        take_back = back()  # what is first computed here is not there elsewhere
         yield
+        take_back()
         self.region = outer
 
     def fail_if(self, condition: Any, everywhere: bool = False) -> None:

@@ -15,11 +15,13 @@ import math
 from contextvars import ContextVar
 from typing import Any
 
+import numpy as np
+
 from ..errors import NotCompilable
 from . import functions as f
 from .complex_numbers import outranks
 from .functions import LOG_2, LOG_10
-from .numbers import AN_INT, INTEGER_POWER, ONLY_THERE, ByValue, Operand, StandIn, raise_if, whole_power
+from .numbers import AN_INT, INTEGER_POWER, ONLY_THERE, ByValue, CarriesMore, Operand, StandIn, raise_if, whole_power
 
 DEPTH: ContextVar[int] = ContextVar(
     "how many derivatives are being taken, one inside the other", default=0
@@ -225,11 +227,7 @@ class Dual(ByValue):
     __hash__ = None
 
     def __float__(self) -> float:
-        raise TypeError(
-            "a number that carries a derivative cannot become a float: take functions from "
-            "liemech.formulas (sin, exp, sqrt, ...), not from math; of a function that is not "
-            "there, write the gradient or force yourself"
-        )
+        raise CarriesMore("a number that carries a derivative")
 
     def __repr__(self) -> str:
         return f"({self.value} + e {self.slope})"
@@ -267,11 +265,14 @@ def value_of(x: Any) -> Any:
 
 def _not_only_here(equal: Any, a: Any, b: Any) -> None:
     """Refuse that two numbers are equal although they move apart."""
-    if equal is False or a is b or outranks(b) or not isinstance(b, (int, float, StandIn, Operand)):
+    if equal is False or a is b or outranks(b) or not isinstance(b, _COMPARED):
         return
     motion = _motion(a - b)
     if type(motion) is not int:
         raise_if(equal & (constant(motion) != 0.0), ONLY_THERE.format("a number that carries a derivative"))
+
+
+_COMPARED = (int, float, np.number, StandIn, Operand)
 
 
 def _motion(x: Any) -> Any:

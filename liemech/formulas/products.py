@@ -11,10 +11,12 @@ Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 13 (convo
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 from .numbers import StandIn
+from .taken_back import noted
 
 FIRST = 3
 """The term of a product from which it is computed beside others: by then it is known which products
@@ -78,6 +80,7 @@ class Products:
         """The terms of one more product, a b."""
         product = _Product(a, b, rank)
         self._known.append(product)
+        noted(self._known.pop)
 
         def term(k: int) -> Any:
             if k >= FIRST and not self._in_rows:
@@ -88,6 +91,7 @@ class Products:
 
     def _put_in_rows(self) -> None:
         self._in_rows = True
+        noted(self._alone_again)
         alike: dict[Any, list[_Product]] = {}
         for product in self._known:
             if product.wanted:
@@ -96,6 +100,12 @@ class Products:
             if len(products) >= LEAST:
                 for begin in range(0, len(products), MOST):
                     _Rows(products[begin : begin + MOST])
+
+
+    def _alone_again(self) -> None:
+        self._in_rows = False
+        for product in self._known:
+            product.rows = None
 
 
 class _Product:
@@ -115,7 +125,9 @@ class _Product:
 
     def term(self, k: int) -> Any:
         """The term k."""
-        self.wanted = self.wanted or k > 0
+        if k > 0 and not self.wanted:
+            self.wanted = True
+            noted(functools.partial(setattr, self, "wanted", False))
         terms = self.rows.terms(k) if self.rows and k >= FIRST else None
         return terms[self.place] if terms else cauchy(*self.factors, k)
 
@@ -139,6 +151,7 @@ class _Rows:
             except _Unlike:
                 row = None
             self._found[k] = None if row is None else row.apart()
+            noted(functools.partial(self._found.pop, k))
         return self._found[k]
 
 
@@ -157,6 +170,7 @@ class _Row:
         """The row of the terms k; None if none of them is there.  Raises _Unlike."""
         while len(self._terms) <= k:
             self._terms.append(self._beside([x.term(len(self._terms)) for x in self._series]))
+            noted(self._terms.pop)
         return self._terms[k]
 
     def _beside(self, terms: list[Any]) -> Any:

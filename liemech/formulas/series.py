@@ -20,9 +20,10 @@ from typing import Any
 from ..errors import InvalidType, NotCompilable
 from . import functions as f
 from .functions import LOG_2, LOG_10
-from .numbers import INTEGER_POWER, ONLY_THERE, Operand, Pair, StandIn, raise_if, whole_power
+from .numbers import INTEGER_POWER, ONLY_THERE, CarriesMore, Operand, Pair, StandIn, raise_if, whole_power
 from .products import Products, cauchy, plus
 from .pytree import build, layout_of, leaves
+from .taken_back import noted
 from .vectors import vec
 
 
@@ -48,6 +49,7 @@ class Series(Operand):
                 return None
             while len(self._terms) <= k:
                 self._terms.append(self._rule(len(self._terms)))
+                noted(self._terms.pop)
         return self._terms[k]
 
     def __getitem__(self, k: int) -> Any:
@@ -183,6 +185,9 @@ class Series(Operand):
 
     __hash__ = None  # type: ignore[assignment]
 
+    def __float__(self) -> float:
+        raise CarriesMore("a power series")
+
     def __repr__(self) -> str:
         return f"<power series {id(self):x}>"
 
@@ -270,6 +275,7 @@ class Series(Operand):
         self._rule = rule
         if not self._terms:
             self._terms.append(rule(0))
+            noted(self._terms.pop)
         return self
 
 

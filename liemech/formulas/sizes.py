@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .dual import size_of
-from .vectors import Vec
+from .vectors import Vec, vec
 
 EPSILON = 2.0**-52
 """The distance from 1 to the next double."""
@@ -15,3 +15,13 @@ def one_norm(x: Vec) -> float:
     for i in range(1, len(x)):
         total = total + size_of(x[i])
     return total
+
+
+def one_norms(x: Vec, blocks: tuple[int, ...]) -> Vec:
+    """`one_norm` of each of the blocks into which the components fall, told by their lengths."""
+    norms: list[float] = []
+    first = 0
+    for n in blocks:
+        norms = [*norms, one_norm(vec(*[x[first + i] for i in range(n)]))]
+        first = first + n
+    return vec(*norms)

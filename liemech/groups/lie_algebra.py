@@ -288,6 +288,8 @@ class LieAlgebra(Record):
         that of -Killing; otherwise what the linear equations for a form leave: the Klein form w.v
         on se(3), any form on an abelian algebra, nothing on the Heisenberg algebra.
         """
+        from .matrix_invariants import null_space  # which builds on algebras of matrices
+
         ad, n = self._ad_matrices, self.dim
         killing = self.killing_form
         if _nondegenerate(killing):
@@ -301,6 +303,11 @@ class LieAlgebra(Record):
         _, sizes, directions = np.linalg.svd(equations.reshape(len(pairs), -1).T)
         rank = int((sizes > 1e-12 * max(sizes.max(initial=0.0), 1e-300)).sum())
         kernel = np.einsum("kp,pab->kab", directions[rank:], forms)
+        # one with the fewest entries: a sum of several, as w.v + w.w, would add up units
+        for weights in null_space(equations.reshape(len(pairs), -1).T):
+            form = np.einsum("p,pab->ab", weights, forms)
+            if _nondegenerate(form):
+                return form / np.abs(form).max()
         for weights in np.random.default_rng(1).normal(size=(4 if len(kernel) else 0, len(kernel))):
             # a generic member of the family: degenerate only if all are
             form = np.einsum("k,kab->ab", weights, kernel)

@@ -156,7 +156,7 @@ class EndingAtJumps(Method):
             if self.anew:
                 memory, lasting = self._begun(system, memory, lasting, s), s
             memory = self.method.step(during(system, begin, s, self.beyond), begin, memory, s)
-            at, going = to, to != end
+            at, going = to, where(h > 0.0, to < end, to > end)
         return self._begun(system, memory, lasting, h) if self.anew else memory
 
     def _begun(self, system: Any, memory: Any, lasting: float, h: float) -> Any:
@@ -176,17 +176,18 @@ class EndingAtJumps(Method):
         """Where a step from t to `to`, of length h, begins, and its length, away from the times in
         `breaks`.
         """
-        sign = where(h > 0.0, 1.0, -1.0)
+        near, sign = NEAR * max(abs(t), abs(to)), where(h > 0.0, 1.0, -1.0)
+        first, last = self._break_before(t + near), self._break_before(to + near)
+        at_first = self.count > 0.0 and abs(first - t) <= near
+        at_last = self.count > 0.0 and abs(last - to) <= near
         away = MARGIN * ULP * sign
-        begin = where(self._is_break(t), t + away * max(abs(t), abs(h)), t)
-        finish = where(self._is_break(to), to - away * max(abs(to), abs(h)), to)
-        return begin, where(begin != t or finish != to, finish - begin, h)
+        begin = where(at_first, first + away * max(abs(first), abs(h)), t)
+        finish = where(at_last, last - away * max(abs(last), abs(h)), to)
+        return begin, where(at_first or at_last, finish - begin, h)
 
-    def _is_break(self, t: float) -> bool:
-        """Is there a time in `breaks` here?"""
-        near = NEAR * abs(t)
-        found = entry(self.breaks, reached(self.breaks, 0, max(int(self.count) - 1, 0), t + near))
-        return self.count > 0.0 and abs(found - t) <= near
+    def _break_before(self, t: float) -> float:
+        """The last time in `breaks` up to t, or the first one of all."""
+        return entry(self.breaks, reached(self.breaks, 0, max(int(self.count) - 1, 0), t))
 
     def __repr__(self) -> str:
         return repr(self.method)

@@ -7,7 +7,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Mat, Vec, derivative, dot, jacobian, norm, plain, record
+from ..formulas import Mat, Vec, derivative, dot, jacobian, norm, plain, record, vec, where
+from ..formulas.sizes import one_norms
 from ..formulas.sums import total
 from ..retractions import Exponential, Retraction
 from ..solvers import newton
@@ -135,11 +136,18 @@ class FirstKindHamiltonJacobi(Implicit):
         self, system: Any, h: float, mu: Vec, scale: float, guess: Vec, end: float = 0.0
     ) -> Vec:
         """The xi whose momentum is mu, seen from where the step begins; it ends at the time `end`."""
+        weights, data = None, dot(mu, mu)
+        if len(system.unit_blocks) > 1:  # residuals in several units, each beside its momenta
+            norms = one_norms(plain(mu), system.unit_blocks)
+            inverse = [where(x > 0.0, 1.0 / where(x > 0.0, x, 1.0), 0.0) for x in norms]
+            weights = vec(*[w for w, n in zip(inverse, system.unit_blocks) for _ in range(n)])
+            data = 1.0
         xi, size, enough, _ = newton(
             lambda x: self.equation(system, h, mu, scale, x, end),
             guess,
-            dot(mu, mu),
+            data,
             tolerance=FINER,
+            weights=weights,
         )
         if not size <= enough:
             raise self._unsolved(h, size, enough, f", |xi| = {norm(xi):.2g}, scale = {scale:.2g}")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, OrderWarning, warn
-from ..formulas import Record, Vec, plain, record, sqrt, where
-from ..formulas.sizes import one_norm
+from ..formulas import Record, Vec, plain, record, sqrt, vec, where
+from ..formulas.sizes import one_norms
 from ..groups.bernoulli import BERNOULLI, TERMS
 from ..groups.vector_space import VectorSpace
 from ..retractions import Exponential, Retraction
@@ -158,14 +158,17 @@ class RKMK(Method):
         first: Vec,
         h: float,
         slopes: list[Vec],
-    ) -> tuple[list[Vec], float, float]:
-        """Every slope anew, each from the new ones before it; their change and their size."""
-        change, size = 0.0, 0.0
+    ) -> tuple[list[Vec], Vec, Vec]:
+        """Every slope anew, each from the new ones before it; their change and their size, in each
+        unit apart.
+        """
+        blocks = system.unit_blocks
+        change = size = vec(*[0.0 for _ in blocks])
         for i, (row, c) in enumerate(zip(tableau.A, tableau.c)):
             omega, old = combination(row, slopes, h), slopes[i]
             new = first if omega is None else self.slope(system, t + c * h, start, omega)
             slopes = [*slopes[:i], new, *slopes[i + 1 :]]
-            change, size = change + one_norm(new - old), size + one_norm(new)
+            change, size = change + one_norms(new - old, blocks), size + one_norms(new, blocks)
         return slopes, change, size
 
     def _more(

@@ -46,7 +46,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     about |= {"steps": run.steps, "bodies": run.bodies}
     about |= {"method": _of_each(run.method), "system": _of_each(run.system)}
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
-    about |= {"breaks": list(run.breaks), "ended": run.ended}
+    about |= {"breaks": list(run.breaks), "ended": run.ended, "parts": list(run.states)}
     about["stopped"] = {
         str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()
     }
@@ -187,6 +187,11 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     states = {
         name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")
     }
+    # not every kind of file keeps the order of its arrays
+    parts = about.get("parts", list(states))
+    if not isinstance(parts, list) or sorted(map(str, parts)) != sorted(states):
+        raise InvalidInput(f"{decode.where}: samples of {', '.join(states)} are told as {parts!r}")
+    states = {name: states[name] for name in parts}
     bodies = about["bodies"]
     if bodies is not None and type(bodies) is not int:
         raise InvalidInput(f"{decode.where}: {bodies!r} is no number of bodies")
@@ -249,6 +254,9 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
             times = arrays[f"event.{i}"][first:end]
             met.append((times, cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
         events.append(met[0] if bodies is None else tuple(met))
+    ended = about.get("ended")
+    if ended is not None and not (type(ended) is int and 0 <= ended < len(events)):
+        raise InvalidInput(f"{decode.where}: {ended!r} is the number of no event")
     if "carry" in about:
         carry = _carry_of(about["carry"], "carry", arrays, bodies, origin, decode)
     elif "carries" in about:
@@ -288,8 +296,8 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         "events": tuple(events),
         "carry": carry,
         "observed": tuple(about.get("observed", ())),
-        "breaks": tuple(about.get("breaks", ())),
-        "ended": about.get("ended"),
+        "breaks": tuple([float(t) for t in about.get("breaks", ())]),
+        "ended": ended,
     }
 
 

@@ -255,7 +255,7 @@ def fictive_tangent_run(
     inner: Any = getattr(plan.one, "system", None) if plan.one.fictive else plan.one
     origin = Origin(plan.one, plan.method, start)
     whole, frames = origin.whole, frames_of(inner, start)
-    now = whole.extended(start, t0)
+    now = origin.begun(t0)
 
     def begun(system: Any, method: Any, at: Any) -> np.ndarray:
         made = Origin(system, method, at).whole

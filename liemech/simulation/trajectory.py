@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas import Record
+from ..formulas.pytree import exact
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
@@ -275,7 +277,8 @@ class Trajectory:
         system: Any = self.system
         example = system.state(**{name: x[0] for name, x in self.states.items()})
         method = ending_at_jumps(self.method, self.system, self.breaks)
-        return ShortSteps(system, method, example, self.t, flat(self.states, len(self.t)))
+        states = {name: self.states[name] for name in example.arrays}  # as in the state
+        return ShortSteps(system, method, example, self.t, flat(states, len(self.t)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum;
@@ -585,6 +588,8 @@ def _same(x: Any, y: Any) -> bool:
         return x.keys() == y.keys() and all(_same(v, y[name]) for name, v in x.items())
     if isinstance(x, (list, OfBodies)) and type(x) is type(y):
         return len(x) == len(y) and all(_same(*pair) for pair in zip(x, y, strict=True))
+    if isinstance(x, Record):  # whose fields may be arrays
+        return bool(exact(x) == exact(y))
     return bool(x == y)
 
 

@@ -26,6 +26,7 @@ from ..formulas import (
 )
 from ..formulas.broadcasting import small
 from ..formulas.derivatives import tangent
+from ..formulas.derived import derived
 from ..formulas.vectors import Vec as SmallVec
 from ..solvers import correction, newton
 from .canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
@@ -40,6 +41,9 @@ what it was.
 """
 
 EPSILON = float(np.finfo(float).eps)
+
+AGAIN = 4
+"""Turns in which a momentum is brought into the tangent space of constraints nearly parallel."""
 
 NEAREST = 12
 """Turns in which Newton's method finds the nearest consistent position; if not, the one across the
@@ -93,6 +97,7 @@ class ConstrainedSystem(CanonicalSystem):
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
+    @derived
     def constraint_jacobian(self, q: Vec) -> Mat:
         """G(q) = dg/dq, (m, n).  q : (n,)."""
         return jacobian(lambda x: self.constraint(x), q)
@@ -313,7 +318,12 @@ class ConstrainedSystem(CanonicalSystem):
         """The nearest position y = q + x H_pp G(y)^T by Newton's method from the one across the
         constraints, and its momentum.
         """
-        there, n = self.across(q, p, q), len(q)
+        n = len(q)
+        try:
+            there = self.across(q, p, q)
+        except NoConvergence:
+            near = self._stepwise(q, p)
+            there = self.across(near, p, near)
 
         def off(z: Vec) -> Vec:
             y, x = vec(*[z[i] for i in range(n)]), vec(*[z[i] for i in range(n, len(z))])
@@ -328,7 +338,33 @@ class ConstrainedSystem(CanonicalSystem):
                 if max(abs(y - there)) <= max(abs(there - q)):
                     there = self.across(y, p, y)
                 break
-        return there, self.tangent(there, p)
+        return there, self._tangent_nearby(there, p)
+
+    def _tangent_nearby(self, q: Vec, p: Vec) -> Vec:
+        """`tangent`; of constraints nearly parallel by eliminations with exchange, which leave no
+        more than rounding of their large impulses, until that is small too.
+        """
+        try:
+            found = self.tangent(q, p)
+            if max(self.defects(q, found)) <= CONSISTENT:
+                return found
+        except NoConvergence:
+            pass
+        G = self.constraint_jacobian(q)
+        for _ in range(AGAIN):
+            p = p - solve(cross_products(G, self.normals(q, p)), G @ self.velocity(q, p)) @ G
+        return p
+
+    def _stepwise(self, q: Vec, p: Vec) -> Vec:
+        """A position near q where g is small, across the constraints as they are after every step:
+        of those that are nearly parallel, the difference turns on the way.
+        """
+        y = q
+        for _ in range(NEAREST):
+            normals = self.normals(y, p)
+            m = cross_products(self.constraint_jacobian(y), normals)
+            y = y - in_order(m, self.constraint(y)) @ normals
+        return y
 
     def _check_formulas(self, q: np.ndarray) -> None:
         """Is `constraint` a vector of numbers?  q : (n,), or (members, n)."""
@@ -433,15 +469,18 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
         """p . M(q)^-1 p/2 + U(q).  q, p : (n,)."""
         return 0.5 * dot(p, self.velocity(q, p)) + self.potential(q)
 
+    @derived
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """M(q)^-1 p, (n,).  q, p : (n,)."""
         return solve(self.mass(q), p)
 
+    @derived
     def force(self, q: Vec, p: Vec) -> Vec:
         """d/dq (v . M(q) v)/2 - dU/dq at the velocity v that belongs to p, (n,).  q, p : (n,)."""
         v = self.velocity(q, p)
         return gradient(lambda x: 0.5 * dot(v, self.mass(x) @ v) - self.potential(x), q)
 
+    @derived
     def momentum(self, q: Vec, v: Vec) -> Vec:
         """p = M(q) v, (n,).  q, v : (n,)."""
         return self.mass(q) @ v
@@ -612,15 +651,15 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     """
     n = len(rhs)
     if n == 1:
-        return vec(rhs[0] / m[0, 0] if constant(m[0, 0]) != 0.0 else rhs[0]), vec(m[0, 0])
+        return vec(rhs[0] / where(constant(m[0, 0]) != 0.0, m[0, 0], 1.0)), vec(m[0, 0])
     if n == 2:  # by Cramer's rule: one division before the solution
         volume = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
-        scale = 1.0 / volume if constant(volume) != 0.0 else 1.0
+        scale = 1.0 / where(constant(volume) != 0.0, volume, 1.0)
         both = vec(
             scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]),
             scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]),
         )
-        return both, vec(m[0, 0], volume / m[0, 0] if constant(m[0, 0]) != 0.0 else volume)
+        return both, vec(m[0, 0], volume / where(constant(m[0, 0]) != 0.0, m[0, 0], 1.0))
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []
     for k in range(n):

@@ -108,6 +108,11 @@ class MechanicalSystem(System):
 
     # ---------------------------------------------------------------- how it moves
 
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        """The blocks of equal units of the velocity, and of the force."""
+        return (*self.body.group.unit_blocks, *self.body.group.unit_blocks)
+
     @final
     def rate(self, t: float, state: BodyState) -> Vec:
         """(xi, f): the velocity on T*G."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import IncompatibleSystem
+from ..errors import IncompatibleSystem, NotDefined
 from ..formulas import Vec, record, vec
 from ..formulas.remembered import common
 from ..groups.lie_group import LieGroup
@@ -39,17 +39,17 @@ class InFictiveTime(System):
 
     def extended(self, start: Any, t0: float) -> Any:
         """A start of the system, or an ensemble of them, with its time."""
-        raise NotImplementedError(f"{type(self).__name__} must define `extended`")
+        raise NotDefined(f"{type(self).__name__} must define `extended`")
 
     def apart(
         self, states: dict[str, np.ndarray]
     ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray | None]:
         """The samples taken apart: the times, and the parts of the states of the system itself."""
-        raise NotImplementedError(f"{type(self).__name__} must define `apart`")
+        raise NotDefined(f"{type(self).__name__} must define `apart`")
 
     def clock(self, state: Any) -> Any:
         """The physical time of a state."""
-        raise NotImplementedError(f"{type(self).__name__} must define `clock`")
+        raise NotDefined(f"{type(self).__name__} must define `clock`")
 
     def of_tangent(self, components: int) -> list[int]:
         """Of the components of states with their clock those of the system itself, and then that of

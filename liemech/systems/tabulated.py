@@ -118,6 +118,10 @@ class PiecewisePolynomial(Record):
             or self.intervals != len(self.knots) - 1
             or len(self.coefficients) != self.intervals * (self.degree + 1) * max(self.size, 1)
             or not (np.diff(np.asarray(self.knots)) > 0.0).all()
+            or not (isinstance(self.jumps, Table) and len(self.jumps) > 0)
+            or not all(isinstance(x, float) for x in (self.jumping, self.first, self.last, self.period))
+            or not 0.0 <= self.jumping <= len(self.jumps)
+            or not -1.0 <= self.first <= self.last <= self.intervals
         ):
             raise InvalidInput("PiecewisePolynomial: its tables do not fit its degree and size")
 

@@ -16,6 +16,7 @@ from liemech.formulas import Complex, Dual, functions, vec
 from liemech.formulas.numbers import StandIn
 from liemech.formulas.products import FIRST, LEAST, Products
 from liemech.formulas.series import Series
+from liemech.formulas.taken_back import back, journal
 from liemech.formulas.vectors import Vec
 
 X = (0.3, -0.7, 0.4, 0.25, -0.1)
@@ -275,3 +276,49 @@ def test_a_product_of_unlike_terms_is_computed_alone() -> None:
 def test_factors_may_change_places() -> None:
     x, y = Series(*X), Series(*Y)
     assert (terms(x * y) == terms(y * x)).all()
+
+
+def test_what_was_computed_since_is_taken_back() -> None:
+    """Terms, and products in rows; they are computed anew when they are wanted again."""
+    made: list[int] = []
+    products = Products()
+    x = Series(1.0).among(products)
+    x.by(lambda k: made.append(k) or 1.0 / k)  # type: ignore[func-returns-value]
+    with journal():
+        assert x[2] == 0.5
+        take_back = back()
+        y = x * x
+        assert (x[4], y[4], made) == (0.25, y[4], [1, 2, 3, 4])
+        take_back()
+        assert (x[4], made) == (0.25, [1, 2, 3, 4, 3, 4])
+    assert x[5] == 0.2 and made[-1] == 5
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_terms_that_are_first_wanted_in_a_part_that_is_taken_back() -> None:
+    """A term is computed where it is first wanted.  Where the compiler tries a loop or a formula and
+    takes it back, or where that is a branch, it is computed anew elsewhere: before, the code was
+    invalid.
+    """
+    a = np.random.default_rng(0).normal(size=(6, 6))
+    body = lm.KirchhoffBody(a @ a.T + 6.0 * np.eye(6))
+    start = body.state(mu=[0.5, 0.1, 0.8, 0.1, 0.2, 0.3])
+    method = lm.LiePoissonHamiltonJacobi(order=8)
+    runs = [
+        lm.integrate(body, method, start, h=0.01, steps=2, compiled=c, progress=False).mu
+        for c in (False, True)
+    ]
+    assert np.array_equal(*runs)
+
+
+@pytest.mark.compiled
+def test_power_series_on_constraints() -> None:
+    """A choice between a number and a series is one between series."""
+    pendulum = lm.SphericalPendulum(length=1.0)
+    start = pendulum.state(q=[0.6, 0.0, -0.8], p=[0.0, 0.5, 0.0])
+    runs = [
+        lm.integrate(pendulum, lm.Taylor(), start, h=0.05, steps=4, compiled=c, progress=False).q
+        for c in (False, True)
+    ]
+    assert np.array_equal(*runs)

@@ -242,7 +242,7 @@ def test_flows_that_are_none_are_refused_by_the_state() -> None:
         def flow(self, system: Any, q: lm.Vec, p: lm.Vec, t: float) -> Any:
             return q
 
-    with pytest.raises(InvalidType, match=r"It is flow\(self, system, q, p, t\)"):
+    with pytest.raises(InvalidType, match=r"write `def flow\(self, system, q, p, t\)`"):
         Ball((Alone(), Weight(G))).state(SWINGING.q, SWINGING.p)
     with pytest.raises(InvalidInput, match="two vectors of 3 numbers"):
         Ball((Half(), Weight(G))).state(SWINGING.q, SWINGING.p)

@@ -12,7 +12,7 @@ from compiler.worlds import same_in_all_worlds
 
 import liemech as lm
 from liemech import formulas as f
-from liemech.errors import InvalidType
+from liemech.errors import InvalidInput, InvalidType
 from liemech.formulas import (
     Complex,
     Dual,
@@ -472,6 +472,8 @@ def test_math_says_which_functions_to_take() -> None:
 
 
 def test_a_dual_is_true_where_its_value_is() -> None:
-    assert derivative(lambda x: x * x if x else x, 0.0) == 1.0
+    assert derivative(lambda x: x * x if x else x, 2.0) == 4.0
+    with pytest.raises(InvalidInput, match="no slope"):
+        derivative(lambda x: x * x if x else x, 0.0)
     assert isinstance(gradient(lambda x: x[0], vec(1.0, 2.0)), Vec)
     assert isinstance(jacobian(lambda x: x, vec(1.0, 2.0)), Mat)

@@ -56,6 +56,11 @@ def test_comparisons_look_at_the_value(operation: Any) -> None:
         for b in (-1.0, 0.5):
             x, y = Series(a, 3.0, -2.0), Series(b, -4.0, 5.0)
             wanted = operation(a, b)
+            if a == b and operation in (operator.eq, operator.ne):
+                for one, other in ((x, y), (x, b), (a, y), (Dual(a, 1.0), b)):
+                    with pytest.raises(InvalidInput, match="not beside"):
+                        operation(one, other)
+                continue
             assert operation(x, y) is operation(x, b) is operation(a, y) is wanted
             seen = []
             derivative(

@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -178,6 +179,77 @@ def test_units_of_mass_and_time_change_no_bit(method: lm.Method, exponent: int) 
     assert same_bits(slow.g, run.g)
     assert same_bits(slow.t, unit * run.t)
     assert same_bits(other.energy, unit * run.energy)
+
+
+@lm.record
+class Reduced(lm.Hamiltonian):
+    """A heavy top as a body on the dual of se(3): momentum, and the vertical in the body."""
+
+    inertia: lm.Vec
+    weight: float
+
+    def energy(self, mu: lm.Vec) -> float:
+        m = lm.vec(mu[0], mu[1], mu[2])
+        return 0.5 * lm.dot(m, m / self.inertia) + self.weight * mu[5]
+
+
+def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any, Any, Any]:
+    """A system, a start, and the units of the parts of its state."""
+    inertia, push = mass * length**2, mass * length / second**2
+    turn = inertia / second
+    moments = inertia * np.array([1.0, 1.0, 0.5])
+    if scene == "top":
+        top = lm.LagrangeTop(push, moments[0], moments[2], length)
+        g = lm.SO3().exp([0.3, 0.2, 0.1])
+        return top, top.state(turn * np.array([0.3, 0.1, 1.5]), g), {"mu": turn, "g": 1.0}
+    if scene == "double pendulum":
+        gravity = 9.8 * length / second**2
+        links = lm.DoublePendulum(
+            mass * np.array([1.0, 1.3]), length * np.array([1.0, 0.7]), gravity
+        )
+        start = links.state([0.5, -0.8], turn * np.array([0.3, 0.2]))
+        return links, start, {"q": 1.0, "p": turn}
+    if scene == "reduced top":
+        units = np.repeat([turn, 1.0], 3)
+        group = lm.SemidirectProduct(lm.SO3())
+        reduced = lm.LiePoissonSystem(group, Reduced(moments, push * length))
+        start = reduced.state(units * [0.3, 0.1, 1.5, 0.2, 0.3, 0.9])
+        return reduced, start, {"mu": units}
+    units = np.repeat([turn, turn / length], 3)
+    body = lm.KirchhoffBody(np.array([*moments, mass, 1.2 * mass, 1.7 * mass]))
+    return body, body.state(units * [0.3, 0.1, 1.5, 0.2, 0.3, 0.9]), {"mu": units}
+
+
+@pytest.mark.sample(3)
+@pytest.mark.parametrize(
+    ("scene", "method"),
+    [
+        ("top", lm.RKMK(tableau=lm.tableaus.IMPLICIT_MIDPOINT)),
+        ("double pendulum", lm.RKMK(tableau=lm.tableaus.gauss(2))),
+        ("top", lm.RKMK(tableau=lm.tableaus.gauss(2))),
+        ("top", lm.KickDrift(order=4)),
+        ("double pendulum", lm.SymmetricHamiltonJacobi(order=4)),
+        ("reduced top", lm.RKMK(tableau=lm.tableaus.gauss(3))),
+        ("submarine", lm.FirstKindHamiltonJacobi(order=2)),
+        ("submarine", lm.GalerkinVariational(order=4)),
+        ("submarine", lm.LiePoissonHamiltonJacobi(order=4)),
+        ("submarine", lm.Taylor(order=8)),
+        pytest.param(
+            "reduced top", lm.FirstKindHamiltonJacobi(order=2), marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_units_of_mass_length_and_time_change_no_bit(scene: str, method: lm.Method) -> None:
+    """Torques beside velocities, angles beside momenta: what stops an iteration compares each with
+    its own.
+    """
+    system, start, _ = in_units(scene, 1.0, 1.0, 1.0)
+    run = lm.integrate(system, method, start, h=0.1, steps=2, compiled=False)
+    for k, l, s in ((40, 0, 0), (0, -50, 0), (0, 45, 0), (0, 0, 40), (-30, 21, 13)):
+        there, begin, units = in_units(scene, 2.0**k, 2.0**l, 2.0**s)
+        other = lm.integrate(there, method, begin, h=0.1 * 2.0**s, steps=2, compiled=False)
+        for name, unit in units.items():
+            assert same_bits(other.states[name], unit * run.states[name]), (name, k, l, s)
 
 
 @ALL

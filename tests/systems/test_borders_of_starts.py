@@ -173,3 +173,39 @@ def test_defects_are_the_same_in_any_unit(unit: float) -> None:
         q, p = np.array([1.2, 0.01, -1.6]), np.array([0.4, 0.9, 0.3])
         found.append(np.array(ball.defects(vec(*(length * q)), vec(*(length * p)))))
     assert np.allclose(found[0], found[1], rtol=1e-12) and (found[0] > 1e-6).all()
+
+
+@lm.record
+class TwoSpheres(lm.SeparableConstrainedSystem):
+    """A point on two spheres whose centres are a little apart: a circle, across both."""
+
+    degrees = 3
+    off: float
+
+    def kinetic(self, p: lm.Vec) -> float:
+        return 0.5 * (p[0] * p[0] + p[1] * p[1] / 3.0 + 2.0 * p[2] * p[2])
+
+    def potential(self, q: lm.Vec) -> float:
+        return q[2]
+
+    def constraint(self, q: lm.Vec) -> lm.Vec:
+        other = q - vec(self.off, 0.5 * self.off, 0.0)
+        return vec(lm.dot(q, q) - 1.0, lm.dot(other, other) - 1.0)
+
+
+@pytest.mark.sample(4)
+@pytest.mark.parametrize("off", [1e-4, 1e-5, 1.0, 1e-3])
+@pytest.mark.parametrize("away", [1e-6, 1e-3, 3e-2])
+def test_constraints_that_are_nearly_parallel(off: float, away: float) -> None:
+    """Where RATTLE runs a consistent start is found from near by."""
+    system = TwoSpheres(off)
+    x = np.array([0.5 * off, 0.25 * off, 0.0])
+    q = x + np.sqrt(1.0 - x @ x) * np.array([0.0, 0.0, -1.0])
+    p = np.array([0.1, -0.2, 0.0]) * [0.5, 3.0, 0.0]
+    rng = np.random.default_rng(2)
+    for _ in range(3):
+        a, b = away * rng.normal(size=(2, 3))
+        start = system.consistent(q + a, p + b)
+        assert np.linalg.norm(np.array(start.q) - q) <= 4.0 * np.linalg.norm(a)
+        run = lm.integrate(system, lm.RATTLE(), start, h=0.01, steps=3, compiled=False)
+        assert np.abs(run.drift()["constraint"].largest) <= 1e-14

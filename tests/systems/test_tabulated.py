@@ -316,6 +316,29 @@ def test_steps_of_one_length_end_at_breaks_that_a_user_names(method, at):
     assert runs[0].t[-1] == 2.0 and len(runs[0]) == 41  # samples are at the ends of whole steps
 
 
+@lm.record
+class Reversed(lm.GroupEquation):
+    """x' = 1 before the time zero, and -2 from then on."""
+
+    def velocity(self, t, g):
+        return lm.vec(lm.formulas.where(t < 0.0, 1.0, -2.0))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.RKMK(order=5)], ids=repr)
+def test_a_break_at_time_zero_which_sums_of_steps_miss_by_rounding(method, sign):
+    assert -1e-16 < -0.45 + 3 * 0.15 < 0.0
+    system = Reversed(lm.VectorSpace(1))
+    options = {"t0": sign * -0.45, "breaks": [0.0], "compiled": False}
+    fixed = lm.integrate(
+        system, method, system.state([0.0]), h=sign * 0.15, steps=6, **options
+    )
+    assert abs(fixed.g[-1, 0] + sign * 0.45) < 1e-14
+    if method.error_order:
+        run = lm.integrate(system, method, system.state([0.0]), t_end=sign * 0.45, **options)
+        assert abs(run.g[-1, 0] - fixed.g[-1, 0]) < 1e-14
+
+
 def test_a_plan_goes_on_across_breaks_bit_for_bit(tmp_path: Path):
     system = turned(SWITCHED)
     plan = lm.Plan(system, lm.LieVerlet(), h=0.07, breaks=[0.5], compiled=False)

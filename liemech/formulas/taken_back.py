@@ -1,0 +1,40 @@
+"""What is computed when it is first wanted, and kept, must go when the compiler takes back what it
+has emitted since, or leaves the branch in which it was: those numbers are not there any more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator
+
+_here = threading.local()
+
+
+def noted(undo: Callable[[], object]) -> None:
+    """Something was kept that this takes away again."""
+    journal = getattr(_here, "journal", None)
+    if journal is not None:
+        journal.append(undo)
+
+
+@contextlib.contextmanager
+def journal() -> Iterator[None]:
+    """Around a translation: what is kept in it is noted."""
+    before, _here.journal = getattr(_here, "journal", None), []
+    try:
+        yield
+    finally:
+        _here.journal = before
+
+
+def back() -> Callable[[], None]:
+    """What takes away all that will have been kept from here on."""
+    length = len(getattr(_here, "journal", None) or [])
+
+    def undo() -> None:
+        entries = getattr(_here, "journal", None) or []
+        while len(entries) > length:
+            entries.pop()()
+
+    return undo
