@@ -297,6 +297,8 @@ class Plan:
         if self.events:
             arguments.events(self.events)  # whose attributes may have changed
         start, t0 = self._started(start), arguments.real(t0, "t0")
+        if self.adaptive and self._given["atol"] is None:
+            arguments.large_enough(start)
         one_by_one = apart(self, start, t_end, t_eval)
         if one_by_one and (self.fictive or self.adaptive):
             return self._one_by_one(start, t0, steps, t_end, t_eval, kept)

@@ -272,41 +272,42 @@ class PiecewisePolynomial(Record):
         ends = int(self.intervals) - 1
         slack = 2.0 * _slack(t, t + h)
         begin, end = min(t, t + h) - slack, max(t, t + h) + slack
-        if beyond is not None:
-            far = beyond * abs(h)
-            begin = where(self._jumps_at(begin + slack, slack), begin - far, begin)
-            end = where(self._jumps_at(end - slack, slack), end + far, end)
+        period, shift = ANY, 0.0
         if self.outside == "repeat":
             length = last - first
-            period = (low - first) // length
-            alone = period == -((first - high) // length) - 1.0
-            shift = period * length
-            return with_fields(
-                self,
-                begin=begin,
-                end=end,
-                first=where(alone, 1.0 * reached(self.knots, 0, ends, low - shift), -1.0),
-                last=where(alone, 1.0 * _left_of(self.knots, 0, ends, high - shift), 1.0 * ends),
-                period=where(alone, period, ANY),
-            )
-        one = 1.0 * reached(self.knots, 0, ends, low)
-        other = 1.0 * _left_of(self.knots, 0, ends, high)
-        if self.outside == "hold":
-            one = where(low < first, -1.0, where(low >= last, self.intervals, one))
-            other = where(high <= first, -1.0, where(high > last, self.intervals, other))
-        return with_fields(self, begin=begin, end=end, first=one, last=other)
-
-    def _jumps_at(self, t: Any, slack: Any) -> Any:
-        """Does the value jump at t, as far as times at the ends of a step can tell?"""
-        count, again = max(int(self.jumping) - 1, 0), 0.0
+            here = (low - first) // length
+            period = where(here == -((first - high) // length) - 1.0, here, ANY)
+            shift = here * length
+        one, other = low - shift, high - shift
+        if beyond is not None:
+            begin, end = begin - beyond * abs(h), end + beyond * abs(h)
+            one, other = self._up_to_jumps(one, other)
+            if self.outside == "repeat":  # where it begins anew without a jump, another period counts
+                smooth = entry(self.jumps, 0) > first
+                begin = where(smooth, max(begin, first + shift), begin)
+                end = where(smooth, min(end, last + shift), end)
+        i = 1.0 * reached(self.knots, 0, ends, one)
+        j = 1.0 * _left_of(self.knots, 0, ends, other)
         if self.outside == "repeat":
-            first = entry(self.knots, 0)
-            length = entry(self.knots, int(self.intervals)) - first
-            t = t - length * ((t - first) // length)
-            again = length
-        near = entry(self.jumps, reached(self.jumps, 0, count, t + slack))
-        distance = min(abs(near - t), abs(entry(self.jumps, 0) + again - t))
-        return where(self.jumping > 0.0, distance, math.inf) <= slack
+            i, j = where(period == ANY, -1.0, i), where(period == ANY, 1.0 * ends, j)
+        if self.outside == "hold":
+            i = where(one < first, -1.0, where(one >= last, self.intervals, i))
+            j = where(other <= first, -1.0, where(other > last, self.intervals, j))
+        return with_fields(self, begin=begin, end=end, first=i, last=j, period=period)
+
+    def _up_to_jumps(self, low: Any, high: Any) -> tuple[Any, Any]:
+        """The last jump before `low`, and the first one behind `high`; beyond the table if there
+        is none.
+        """
+        first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
+        length, none = last - first, max(int(self.jumping) - 1, 0)
+        before = entry(self.jumps, reached(self.jumps, 0, none, low))
+        k = _left_of(self.jumps, 0, none, high)
+        k = where(entry(self.jumps, 0) >= high, 0, k + 1)
+        behind = entry(self.jumps, min(k, none))
+        before = where(self.jumping > 0.0, where(before <= low, before, first - length), first - length)
+        behind = where(self.jumping > 0.0, where(k <= none, behind, last + length), last + length)
+        return min(before, low), max(behind, high)
 
     def jump_times(self, low: float, high: float, every: bool) -> list[float]:
         """All times from `low` to `high` that `jump_ahead` knows."""

@@ -518,6 +518,22 @@ def test_stages_beyond_a_step_see_a_fine_table_as_it_is():
     assert errors[0] < 2e-4 and errors[0] / errors[1] > 12.0
 
 
+@pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
+def test_stages_beyond_a_step_do_not_look_behind_a_jump(outside):
+    from liemech.tableaus.compositions import TRIPLE_JUMP4, YOSHIDA6
+
+    knots = [-1.0, 0.33, 1.0, 1.4142, 5.0]
+    push = lm.PiecewisePolynomial.constant(knots, np.outer([0.3, 2.0, -1.0, 0.5], [1.0, 0.2, -0.5]), outside)
+    body = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Torque(push))
+    start = body.state([0.3, 0.5, -0.7], np.eye(3))
+    exact = lm.integrate(body, lm.RKMK(order=8), start, h=0.005, steps=400).mu[-1]
+    for tableau in TRIPLE_JUMP4, YOSHIDA6:
+        method = lm.Composition(lm.KickDrift(), tableau=tableau)
+        for steps in 80, 160:
+            run = lm.integrate(body, method, start, h=2.0 / steps, steps=steps)
+            assert np.abs(run.mu[-1] - exact).max() < 2e-6
+
+
 def test_native_code_is_one_for_tables_of_all_lengths_and_has_the_bits_of_python():
     long = np.linspace(0.0, 10.0, 3000)
     short, many = (
