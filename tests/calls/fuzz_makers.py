@@ -1,5 +1,6 @@
 """Random calls of what makes things: constructors, tableaus, checks, and the methods of integrators
-that are called with numbers, each with one argument that nobody could mean.
+that are called with numbers, each with one argument that nobody could mean; and classes of users
+with one method that takes or gives something else than its base.
 
 A call ends well if it gives something, or an error of this package, without warnings of NumPy's.
 Run `python tests/calls/fuzz_makers.py [count] [seed]` for a report.
@@ -11,6 +12,7 @@ import functools
 import re
 import sys
 import time
+import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable
@@ -271,8 +273,21 @@ def signature_ending(rng: np.random.Generator) -> tuple[str, str]:
     except lm.errors.LiemechError as error:
         return f"late: {error}", said
     except Exception as error:
-        return f"bare: {_shown(error)}", said
+        # a run raises as it is what a line of the user's raises
+        own = traceback.extract_tb(error.__traceback__)[-1].filename == "<string>"
+        return f"{'late' if own else 'bare'}: {_shown(error)}", said
     return "silent", said
+
+
+def wrong_signatures(count: int, seed: int) -> tuple[Counter[str], list[str]]:
+    """How many of so many classes with one wrong method end how, and those that end badly."""
+    rng, found, bad = np.random.default_rng(seed), Counter[str](), []
+    for _ in range(count):
+        end, said = signature_ending(rng)
+        found[end.partition(":")[0]] += 1
+        if not end.startswith(("made", "late")):
+            bad.append(f"{end}\n    {said}")
+    return found, bad
 
 
 def called(function: Callable[..., Any], given: dict[str, Any]) -> Any:
@@ -341,3 +356,5 @@ if __name__ == "__main__":
     print("\n".join(sorted(bad)))
     kinds = Counter(b.partition(":")[0].partition("\n")[0] for b in bad)
     print(count, "calls,", len(bad), "ended badly:", dict(kinds))
+    ends, bad = wrong_signatures(count, seed)
+    print(*bad, f"{count} classes with a wrong method: {dict(ends)}", sep="\n")
