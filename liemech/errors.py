@@ -95,6 +95,10 @@ class NotCompiledWarning(UserWarning):
     """A formula could not be compiled and runs, much slower, in plain Python."""
 
 
+class FormulaWarning(UserWarning):
+    """A saved run was made by other formulas than those that its classes have now."""
+
+
 class IntegrationFailure(LiemechError, ArithmeticError):
     """A run ended before its last step; `trajectory` holds every sample that was accepted, `reached`
     the state after the last step that was, and `clock`, in fictive time, when: t, tau and z.

@@ -17,13 +17,14 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import FormulaWarning, InvalidInput, warn
 from ..formulas import Record
 from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
 from ..formulas.records import known, refilled
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
+from .fingerprints import changed, fingerprint
 
 LIBRARY = __name__.partition(".")[0]
 ROOMS = "groups", "integrators", "models", "systems", "tableaus"
@@ -74,7 +75,9 @@ def encoded(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
         cls = type(value)
         fields = {f.name: encoded(getattr(value, f.name)) for f in dataclasses.fields(value)}
-        return {"class": f"{cls.__module__}:{cls.__qualname__}", "fields": fields}
+        told = {"class": f"{cls.__module__}:{cls.__qualname__}", "fields": fields}
+        formulas = fingerprint(cls)
+        return told if formulas is None else told | {"formulas": formulas}
     raise InvalidInput(
         f"Trajectory.save: {value!r} cannot be saved; records hold "
         "numbers, vectors, matrices, texts and records"
@@ -186,6 +189,13 @@ class Decoder:
             raise InvalidInput(
                 f"{self.where}: {cls.__qualname__} does not have the "
                 f"fields of the file, {', '.join(fields)}"
+            )
+        if changed(cls, more.get("formulas")):
+            warn(
+                f"{self.where}: the formulas of {cls.__qualname__} are others now than when this was "
+                "saved; its samples are of the old ones, and what is computed of them, or goes on "
+                "from them, is of the new ones",
+                FormulaWarning,
             )
         if issubclass(cls, Record):
             return refilled(cls, fields)

@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -433,3 +434,52 @@ def test_a_killed_run_leaves_a_whole_file(tmp_path: Path) -> None:
             whole = plan.run(START, steps=part.carry.step + 50)
             assert np.array_equal(part.then(plan.resume(part, steps=50)).mu, whole.mu)
     assert max(reached) > min(reached) > 0
+
+
+# ---------------------------------------------------------------- formulas that are others now
+
+
+@lm.record
+class Stiff(lm.Hamiltonian):
+    """An energy of one's own, with a constant of its class."""
+
+    scale = 2.0
+
+    def energy(self, mu: lm.Vec) -> float:
+        """Some energy."""
+        return self.scale * lm.dot(mu, mu) + mu[0] ** 4
+
+
+def test_a_run_says_that_its_formulas_have_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another power, another constant of the class; not other words of documentation."""
+    system = lm.LiePoissonSystem(lm.SO3(), Stiff())
+    start = system.state([1.0, 2.0, 3.0])
+    run = lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=2, compiled=False)
+    run.save(tmp_path / "run.npz")
+
+    def loaded() -> list[warnings.WarningMessage]:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            assert np.array_equal(lm.Trajectory.load(tmp_path / "run.npz").mu, run.mu)
+        return told
+
+    def energy(self: Any, mu: lm.Vec) -> float:
+        """Other words."""
+        return self.scale * lm.dot(mu, mu) + mu[0] ** 4
+
+    def other(self: Any, mu: lm.Vec) -> float:
+        return self.scale * lm.dot(mu, mu) + mu[0] ** 6
+
+    assert not loaded()
+    monkeypatch.setattr(Stiff, "energy", energy)
+    assert not loaded()
+    monkeypatch.setattr(Stiff, "energy", other)
+    (told,) = loaded()
+    assert told.category is lm.errors.FormulaWarning and "Stiff" in str(told.message)
+    monkeypatch.undo()
+    monkeypatch.setattr(Stiff, "scale", 3.0)
+    assert [w.category for w in loaded()] == [lm.errors.FormulaWarning]
+    monkeypatch.undo()
+    assert not loaded()
