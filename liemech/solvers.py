@@ -30,6 +30,11 @@ else it is no convergence.
 Rounding of the largest of the data may be large beside the smallest one.
 """
 
+STALLED = 5
+"""So many sweeps without a smaller change, and what changes in one unit is what cancelled there but
+for rounding.
+"""
+
 LIMIT = 50
 """Iterations after which a step is declared unsolvable; a good step needs two or three."""
 
@@ -138,14 +143,16 @@ def fixed_point(
     data in several units both of each, which are compared apart and added up relative to their
     size.
     It ends when a change is below eps, when the next one, judged by the last two, would be below
-    eps/16, or when the changes are rounding and become no smaller.  Raises NoConvergence in the
-    name of a method with step size h.
+    eps/16, or when the changes are rounding and become no smaller; where the data of one unit
+    cancel and leave rounding alone, that is rounding beside all of them.  Raises NoConvergence in
+    the name of a method with step size h.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.2 and VIII.5
     (the error is iterated away).
     """
     unknown, change, size, done = guess, 0.0, 0.0, False
     all_change, all_size = 0.0, 0.0
+    least, since = math.inf, 0.0
     words = 2 if layout_of(guess).long else 1
     epsilon, noise = EPSILON**words, NOISE**words
     for _ in range(words * LIMIT):
@@ -161,10 +168,14 @@ def fixed_point(
                 or 16.0 * ratio * change <= epsilon * size
                 or (ratio >= 1.0 and change <= noise * size)
             )
+        if _is_in_units(changes):
+            since = where(change < least, 0.0, since + 1.0)
+            least = where(change < least, change, least)
+            done = done or (since >= STALLED and all_change <= 64.0 * epsilon * all_size)
         # iterates that grow without bound: no change is small beside infinity
         if done or not size < math.inf:
             break
-    if not done:  # what cancels in one unit, but for rounding, is small beside all data
+    if not done:  # what is rounding in one unit may be small beside all data
         change, size = all_change, all_size
     if not (size < math.inf and (done or change <= 64.0 * epsilon * size)):
         raise NoConvergence(
@@ -177,14 +188,17 @@ def fixed_point(
 
 def _in_one_unit(change: Any, size: Any) -> tuple[float, float]:
     """A change and what it is relative to; of several units the sum of the relative changes, and 1."""
-    if not isinstance(change, SmallVec):
-        return change, size
-    if len(change) == 1:
-        return change[0], size[0]
+    if not _is_in_units(change):
+        return _added_up(change), _added_up(size)
     total = 0.0
     for c, s in zip(change, size):
         total = total + where(s > 0.0, c / where(s > 0.0, s, 1.0), where(c > 0.0, 1.0, 0.0))
     return total, where(_added_up(size) < math.inf, 1.0, math.inf)
+
+
+def _is_in_units(change: Any) -> bool:
+    """Are there several units?"""
+    return isinstance(change, SmallVec) and len(change) > 1
 
 
 def _added_up(x: Any) -> float:

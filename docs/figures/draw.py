@@ -17,6 +17,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import textwrap
 from collections.abc import Callable
 from pathlib import Path
 
@@ -75,8 +76,8 @@ SECTIONS = {
 
 HEAD = """# Gallery
 
-One idea per example, in under forty lines; each ends with a number and a picture. `python docs/figures/draw.py` draws all of
-them anew, and writes this page.
+One idea per example, in under forty lines; each ends with a number and a picture.
+`python docs/figures/draw.py` draws all of them anew, and writes this page.
 """
 TAIL = """
 The page of the flip, as it moves:
@@ -98,7 +99,10 @@ def gallery(examples: list[str]) -> str:
             code = (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8")
             about = " ".join((ast.get_docstring(ast.parse(code)) or "").split("\n\n")[0].split())
             about = re.sub(r"docs/([\w/]+\.md)", r"[\1](\1)", about)
-            text += f"\n**[{name}](../examples/{name}.py)** {about}\n"
+            entry = f"**[{name}](../examples/{name}.py)** {about}"
+            # a link stays in one line
+            wrapped = textwrap.fill(entry, 100, break_long_words=False, break_on_hyphens=False)
+            text += f"\n{wrapped}\n"
             pictures = [
                 p for p in dict.fromkeys(re.findall(r'"(\w+\.png)"', code)) if (HERE / p).exists()
             ]

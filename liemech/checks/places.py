@@ -85,12 +85,16 @@ class Place:
         """The system that the method steps, with a clock in fictive time."""
         if not self.fictive:
             return self.system
-        return Origin(self.system, self.method, self.start).whole
+        return self._origin.whole
+
+    @cached_property
+    def _origin(self) -> Origin:
+        return Origin(self.system, self.method, self.start)
 
     @cached_property
     def begin(self) -> Any:
         """The start, with a clock in fictive time."""
-        return self.whole.extended(self.start, self.t0) if self.fictive else self.start
+        return self._origin.begun(self.t0) if self.fictive else self.start
 
     def plainly(self, state: Any) -> Any:
         """A state of the system as a user has it."""

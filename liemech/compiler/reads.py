@@ -15,6 +15,7 @@ import dataclasses
 import decimal
 import enum
 import functools
+import inspect
 import keyword
 import operator
 import types
@@ -120,6 +121,11 @@ class Reads:
             if theirs and code is not None and code.co_filename != "<string>":  # of `dataclass`
                 return name
         return ""
+
+    def sets_fields(self, cls: type) -> bool:
+        """Do the library's own checks of a record set fields that were left out?"""
+        checks = [vars(c).get("__post_init__") for c in cls.__mro__]
+        return any("__setattr__" in inspect.unwrap(c).__code__.co_names for c in checks if c)
 
     def has(self, value: Any, name: str) -> bool:
         """What `hasattr` says."""

@@ -264,6 +264,12 @@ class Interpreter(Statements):
                 f"{cls.__name__}.{own} would run where a formula makes one: make it before the run, "
                 "or a record without it"
             )
+        left = [f.name for f in fields if given[f.name] is None and f.default is None]
+        if left and self.reads.sets_fields(cls):
+            raise NotCompilable(
+                f"{cls.__name__} finds its {' and '.join(left)} itself when it is made, which a "
+                "formula cannot do: make it before the run, as a field or a global name"
+            )
         made = fill(cls, {f.name: given[f.name] for f in fields})
         try:
             converted = {

@@ -7,9 +7,10 @@ from __future__ import annotations
 from typing import Any
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..formulas import cos, derivative, dot, vec
+from ..formulas import cos, derivative, dot, norm, vec
 from ..formulas.remembered import Remembered
 from ..formulas.vectors import Vec
+from ..systems.agreement import APART, ROUNDING, parts_in_units
 from ..systems.driven import DrivenLiePoissonSystem
 from ..systems.lie_poisson import LiePoissonSystem
 from .method import alternatives
@@ -50,7 +51,8 @@ def require_derivatives(method: Any, system: Any) -> None:
             raise InvalidInput(f"{name}.energy must return a number; it returned {energy!r}")
         xi = system.velocity(mu)
         change = derivative(lambda m: system.velocity(m), mu, onward)
-        slope = derivative(lambda m: system.energy(m), mu, onward)
+        directions = parts_in_units(onward, system.unit_blocks)
+        slopes = [derivative(lambda m: system.energy(m), mu, along) for along in directions]
     except InvalidInput:
         raise
     except Exception as error:
@@ -68,12 +70,16 @@ def require_derivatives(method: Any, system: Any) -> None:
             raise InvalidInput(
                 f"{name}.gradient must return a vector of {n} numbers; it returned {xi!r}"
             )
-    along, size = dot(xi, onward), dot(xi, xi) ** 0.5 * dot(onward, onward) ** 0.5
-    if abs(along - slope) > 1e-6 * size:
-        raise InvalidInput(
-            f"{name}.gradient is not the gradient of its energy: at mu = {tuple(mu)}, along "
-            f"{tuple(onward)}, {along:.6g} instead of {slope:.6g}. Leave it out and it is derived"
-        )
+    whole = norm(xi) * norm(onward)
+    for direction, slope in zip(directions, slopes):
+        along = dot(xi, direction)
+        own = vec(*[x if d != 0.0 else 0.0 for x, d in zip(xi, direction)])
+        if abs(along - slope) > max(APART * norm(own) * norm(direction), ROUNDING * whole):
+            raise InvalidInput(
+                f"{name}.gradient is not the gradient of its energy: at mu = {tuple(mu)}, along "
+                f"{tuple(direction)}, {along:.6g} instead of {slope:.6g}. Leave it out and it is "
+                "derived"
+            )
     _derivable.set(hamiltonian, n)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import Mat, Record, Vec, derivative, identity_matrix, mat, norm, plain, record, vec
 from ..formulas.derivatives import tangent
-from ..formulas.sizes import one_norm
+from ..formulas.sizes import one_norms
 from ..retractions import Exponential, Retraction
 from ..solvers import correction, fixed_point
 from ..systems.kinetic_energy import times
@@ -156,9 +156,9 @@ class GalerkinVariational(Implicit):
         h: float,
         middle: Middle,
         velocities: tuple[Vec, ...],
-    ) -> tuple[Any, float, float]:
+    ) -> tuple[Any, Vec, Vec]:
         """Better velocities, and what the field adds to the momentum; how far momenta were off, and
-        their size.
+        their size, in each unit apart.
         """
         body, places = _body(system), [combination(row, velocities, h) for row in self.tableau[0]]
         misfits, kick, size = self._misfits(system, t, start, h, velocities, places)
@@ -166,9 +166,9 @@ class GalerkinVariational(Implicit):
         velocities = tuple(
             [v - (e + 0.5 * body.group.ad(x, e)) for v, e, x in zip(velocities, steps, places)]
         )
-        off = 0.0
+        off = vec(*[0.0 for _ in body.group.unit_blocks])
         for r in misfits:
-            off = off + one_norm(r)
+            off = off + one_norms(r, body.group.unit_blocks)
         return (velocities, kick), off, size
 
     def _misfits(
@@ -179,21 +179,21 @@ class GalerkinVariational(Implicit):
         h: float,
         velocities: tuple[Vec, ...],
         places: list[Vec],
-    ) -> tuple[list[Vec], Vec | None, float]:
+    ) -> tuple[list[Vec], Vec | None, Vec]:
         """How far the equations are from holding, as body momenta at the nodes; what the field adds
-        to mu; the size of momenta.
+        to mu; the size of momenta in each unit.
         """
         (_, b, c, later), tau, body = self.tableau, self.retraction, _body(system)
         group, kick, size = (
             body.group,
             None if body is system else 0.0 * start.mu,
-            one_norm(start.mu),
+            one_norms(start.mu, body.group.unit_blocks),
         )
         momenta, rates, misfits = [], [], []  # type: list[Vec], list[Vec], list[Vec]
         for i, (x, v) in enumerate(zip(places, velocities)):
             xi = tau.dtau(group, x, v, "left")
             p = body.lagrangian.momentum(xi)
-            rate, size = group.ad_star(xi, p), size + one_norm(p)
+            rate, size = group.ad_star(xi, p), size + one_norms(p, group.unit_blocks)
             if kick is not None:
                 force = _force(system, t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
                 rate, kick = rate + force, kick + (h * b[i]) * tau.tau_Ad_star(group, -x, force)

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, sqrt, vec
+from ..formulas.sizes import one_norms
 from ..solvers import fixed_point
 from ..systems.canonical import CanonicalState
 from ..systems.constrained import eliminated
@@ -78,7 +79,7 @@ class LobattoPair(OnConstraints):
 
     def _sweep(
         self, system: Any, h: float, q: Vec, p: Vec, stages: Any
-    ) -> tuple[Any, float, float]:
+    ) -> tuple[Any, float | Vec, float | Vec]:
         """All stages anew from the forces of the last ones; multipliers by Newton's method with
         these.
         """
@@ -104,7 +105,13 @@ class LobattoPair(OnConstraints):
         qs = [qs[0], *[qs[i] + combination(A[i], pushed, h) for i in range(1, s)]]
         L = [L[j] - dL[j] for j in range(s - 1)]
         # momenta follow from positions
-        return (qs, ps, L), sqrt(_squares(qs, Q)), norm(q) + norm(qs[s - 1] - q)
+        blocks = _of_positions(system.unit_blocks, len(q))
+        if len(blocks) == 1:
+            return (qs, ps, L), sqrt(_squares(qs, Q)), norm(q) + norm(qs[s - 1] - q)
+        off = vec(*[0.0 for _ in blocks])
+        for new, old in zip(qs, Q):
+            off = off + one_norms(new - old, blocks)
+        return (qs, ps, L), off, one_norms(q, blocks) + one_norms(qs[s - 1] - q, blocks)
 
     def _slope(self, h: float, rows: list[Mat], normals: list[Mat]) -> Mat:
         """How the g(Q_i), i = 2..s, change with the -L_j, j = 1..s-1, through the momenta."""
@@ -128,6 +135,17 @@ def _entry(A: tuple[Row, ...], B: tuple[Row, ...], i: int, j: int) -> float:
     for k in range(len(A)):
         total = total + A[i][k] * B[k][j]
     return total
+
+
+def _of_positions(blocks: tuple[int, ...], n: int) -> tuple[int, ...]:
+    """Those of the blocks of positions and momenta that n positions fill."""
+    found: list[int] = []
+    filled = 0
+    for size in blocks:
+        if filled < n:
+            found = [*found, size]
+        filled = filled + size
+    return tuple(found)
 
 
 def _squares(new: list[Vec], old: list[Vec]) -> float:

@@ -44,6 +44,14 @@ class Origin:
             method = method.base
         return Clocked(given, method.sigma.bound(given, self.start))
 
+    def begun(self, t0: float) -> Any:
+        """The start with its clock, at the time t0; InvalidTimeScale unless sigma is positive
+        there.
+        """
+        whole = self.whole
+        whole.sigma.require_positive(whole.system, t0, self.start)
+        return whole.extended(self.start, t0)
+
     def steps(self, plan: Steps) -> Steps:
         """The steps of a plan, of the system with its clock; the plan keeps what is laid out and
         compiled for them, as long as the origin is there.

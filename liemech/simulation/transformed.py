@@ -159,7 +159,7 @@ class TransformedRun:
         else:
             self.origin = Origin(plan.system, plan.method, start)
             self.t0, self.bodies, self.before = t0, start.bodies, 0
-            self.now = self.origin.whole.extended(start, t0)
+            self.now = self.origin.begun(t0)
         self.whole, self.plan, self.h, self.kept = (
             self.origin.whole,
             self.origin.steps(plan),

@@ -111,14 +111,19 @@ class TimeScale(Record):
     def bound(self, system: System, start: State) -> TimeScale:
         """This sigma for the motion from a start, on whose energy it may depend.
 
-        Raises IncompatibleSystem for a system it is not made for, InvalidTimeScale unless it is
-        positive at the start, InvalidType if its value is no number.
+        Raises IncompatibleSystem for a system it is not made for.
+        """
+        return self
+
+    def require_positive(self, system: System, t0: float, start: State) -> None:
+        """Raise InvalidTimeScale unless sigma is positive where and when a motion starts,
+        InvalidType if its value is no number.
         """
         many = start.bodies is not None
         for i in range(start.bodies or 1):
             here = f"at the start{f' of body {i}' if many else ''}"
             try:
-                value: Any = self.value(system, member(start, i))
+                value: Any = self.value_at(system, t0, member(start, i))
             except LiemechError:
                 raise
             except (ArithmeticError, ValueError) as error:
@@ -129,7 +134,6 @@ class TimeScale(Record):
                 raise InvalidType(f"{self!r} must be one number; {here} it is {value!r}")
             if not float(value) > 0.0:
                 raise InvalidTimeScale(f"{self!r} = {float(value):g} {here}; {POSITIVE}")
-        return self
 
 
 @record

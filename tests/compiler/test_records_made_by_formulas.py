@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from compiler.worlds import NotCompilable, native, same_in_all_worlds
 
+import liemech as lm
 from liemech.formulas import Mat, Record, Vec, record, vec
 
 pytestmark = pytest.mark.compiled
@@ -62,6 +63,7 @@ def test_they_hold_what_the_constructor_makes(formula: Callable[..., Any]) -> No
         (lambda x, y, n: Point(x, [x, y]).place[0], r"Point.place .* write liemech.vec\(...\)"),
         (lambda x, y, n: Frame([[x, y], [y, x]]).axes[0, 0], r"Frame.axes .*liemech.mat\(...\)"),
         (lambda x, y, n: Angle(x).phi, "Angle.__post_init__ would run"),
+        (lambda x, y, n: lm.RKMK(order=4).tableau.b[0], "RKMK finds its tableau and truncation"),
         (lambda x, y, n: Point("one", vec(x, y)).place[0], "Point.mass is a number"),
     ],
 )  # fmt: skip

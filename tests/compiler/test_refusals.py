@@ -449,7 +449,15 @@ def test_a_compiler_that_fails_is_no_reason_to_stop(
     monkeypatch.setattr(cache, "load", lambda key, fits: None)
     kernel.forget()
     monkeypatch.setattr(execution, "_histories", {})
-    body = lm.RigidBody([1.0, 1.5, 2.0])
+
+    @lm.record
+    class Unseen(lm.Hamiltonian):
+        """Its native code cannot be there already, whatever ran before."""
+
+        def energy(self, mu: lm.Vec) -> float:
+            return 0.5 * (mu[0] ** 2 + mu[1] ** 2 / 1.5 + mu[2] ** 2 / 2.0)
+
+    body = lm.LiePoissonSystem(lm.SO3(), Unseen())
     with pytest.warns(NotCompiledWarning, match="LLVM does not know this processor"):
         run = lm.integrate(
             body, lm.RKMK(order=4), body.state(mu=[0.5, 0.0, 0.5]), h=0.1, steps=800, every=800

@@ -22,6 +22,12 @@ from liemech.formulas.pytree import NUMBER, layout_of
 
 REJECTED = "rejected"  # the formula raised
 
+BEHIND = 64
+"""Rows behind a result, which nothing may write."""
+
+UNWRITTEN = 0x7FF5_0123_4567_89AB
+"""The bits of a nan that no formula gives."""
+
 SPECIAL = (0.0, -0.0, 1.0, -1.0, 1e-310, 1e300, -1e300, float("inf"), float("-inf"), float("nan"))
 
 
@@ -83,11 +89,15 @@ def outcomes(
     results: list[Any] = []
 
     def run(given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        out, fine = np.zeros((width, given.shape[1])), np.zeros((1, given.shape[1]))
+        out, fine = np.empty((width + BEHIND, given.shape[1])), np.zeros((1, given.shape[1]))
+        out.view(np.int64)[...] = UNWRITTEN
         args = formula, extra, layout, turns, given, out, fine
         n = given.shape[1]
         kernel.kernel(drive, *args, lanes=lanes)(*args, bodies=n, end=n)
-        return out, fine
+        empty = out.view(np.int64) == UNWRITTEN
+        assert empty[width:].all(), f"{formula} gives more than {width} numbers"
+        assert not empty[:width, fine[0] != 0.0].any(), f"{formula} gives less than {width} numbers"
+        return out[:width], fine
 
     if lanes > 1:
         out, fine = run(given)

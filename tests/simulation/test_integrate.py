@@ -193,6 +193,28 @@ class Reduced(lm.Hamiltonian):
         return 0.5 * lm.dot(m, m / self.inertia) + self.weight * mu[5]
 
 
+@lm.record
+class Crank(lm.ConstrainedSystem):
+    """A slider at x that a heavy crank at the angle phi pushes on a spring: a length and an angle."""
+
+    degrees = 2
+
+    mass: float
+    length: float
+    stiffness: float
+
+    @property
+    def unit_blocks(self) -> tuple[int, ...]:
+        return 1, 1, 1, 1
+
+    def energy(self, q: lm.Vec, p: lm.Vec) -> float:
+        turning = 0.5 * p[1] ** 2 / (self.mass * self.length**2)
+        return 0.5 * p[0] ** 2 / self.mass + turning + 0.5 * self.stiffness * q[0] ** 2
+
+    def constraint(self, q: lm.Vec) -> lm.Vec:
+        return lm.vec(q[0] / self.length - np.sin(q[1]) - 0.2 * np.cos(q[1]))
+
+
 def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any, Any, Any]:
     """A system, a start, and the units of the parts of its state."""
     inertia, push = mass * length**2, mass * length / second**2
@@ -237,6 +259,10 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
             length * np.array([0.6, 0.0, -0.8]), mass * speed * np.array([0.4, 0.5, 0.3])
         )
         return on_sphere, start, {"q": length, "p": mass * speed}
+    if scene == "crank":
+        crank = Crank(mass, length, mass / second**2)
+        start = crank.consistent([0.5 * length, 0.4], turn * np.array([0.0, 1.3]))
+        return crank, start, {"q": np.array([length, 1.0]), "p": turn * np.array([1.0 / length, 1.0])}
     units = np.repeat([turn, turn / length], 3)
     body = lm.KirchhoffBody(np.array([*moments, mass, 1.2 * mass, 1.7 * mass]))
     return body, body.state(units * [0.3, 0.1, 1.5, 0.2, 0.3, 0.9]), {"mu": units}
@@ -254,6 +280,8 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
         ("reduced top", lm.RKMK(tableau=lm.tableaus.gauss(3))),
         ("submarine", lm.FirstKindHamiltonJacobi(order=2)),
         ("submarine", lm.GalerkinVariational(order=4)),
+        ("submarine", lm.GalerkinVariational(order=8, retraction=lm.Cayley())),
+        ("crank", lm.LobattoPair(order=6)),
         ("submarine", lm.LiePoissonHamiltonJacobi(order=4)),
         ("submarine", lm.Taylor(order=8)),
         pytest.param(
@@ -266,10 +294,10 @@ def test_units_of_mass_length_and_time_change_no_bit(scene: str, method: lm.Meth
     its own.
     """
     system, start, _ = in_units(scene, 1.0, 1.0, 1.0)
-    run = lm.integrate(system, method, start, h=0.1, steps=2, compiled=False)
+    run = lm.integrate(system, method, start, h=0.1, steps=6, compiled=False)
     for k, l, s in ((40, 0, 0), (0, -50, 0), (0, 45, 0), (0, 0, 40), (-30, 21, 13)):
         there, begin, units = in_units(scene, 2.0**k, 2.0**l, 2.0**s)
-        other = lm.integrate(there, method, begin, h=0.1 * 2.0**s, steps=2, compiled=False)
+        other = lm.integrate(there, method, begin, h=0.1 * 2.0**s, steps=6, compiled=False)
         for name, unit in units.items():
             assert same_bits(other.states[name], unit * run.states[name]), (name, k, l, s)
 

@@ -111,6 +111,29 @@ def test_lagrangians_of_the_same_body() -> None:
         lm.LiePoissonSystem(SO3, Fast(2.0), Relativistic(2.1))
 
 
+@lm.record
+class Heavy(lm.Hamiltonian):
+    """A body whose mass is small beside its moments of inertia, in one unit and in the other."""
+
+    slip: float
+
+    def energy(self, mu: lm.Vec) -> float:
+        turning = mu[0] ** 2 + mu[1] ** 2 + mu[2] ** 2
+        return 0.5e9 * turning + 0.5 * (mu[3] ** 2 + mu[4] ** 2 + mu[5] ** 2)
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        s = self.slip
+        return lm.vec(1e9 * mu[0], 1e9 * mu[1], 1e9 * mu[2], s * mu[3], s * mu[4], s * mu[5])
+
+
+def test_a_gradient_that_is_wrong_in_one_unit() -> None:
+    """A velocity is as wrong beside an angular velocity of 1e9 as alone."""
+    lm.LiePoissonSystem(SE3, Heavy(1.0))
+    for slip in (1.001, -1.0):
+        with pytest.raises(lm.errors.InvalidInput, match="is not the gradient of its energy"):
+            lm.LiePoissonSystem(SE3, Heavy(slip))
+
+
 def test_gradient_that_is_none() -> None:
     lm.LiePoissonSystem(SO3, Own([1.0, 2.0, 3.0]))
     for slip in (1e-4, -2.0):

@@ -443,3 +443,37 @@ def test_gauss_methods_on_vector_spaces_and_not_on_groups() -> None:
     lm.ReversibleController(lm.RKMK(tableau=gauss(1)), sigma).require(TOP)
     with pytest.raises(IncompatibleSystem, match="its chart stands at the start of the step"):
         lm.ReversibleController(lm.RKMK(tableau=gauss(2)), sigma).require(TOP)
+
+
+@lm.record
+class Ramp(lm.DrivenHamiltonianSystem):
+    """A particle at which a force pulls that grows from nothing at one time."""
+
+    degrees = 1
+
+    begins: float = 0.0
+
+    def energy(self, t: float, q: lm.Vec, p: lm.Vec) -> float:
+        return 0.5 * lm.dot(p, p) - (t - self.begins) * q[0]
+
+
+@pytest.mark.parametrize("transformed", [False, True])
+def test_sigma_is_asked_for_when_the_motion_starts(transformed: bool) -> None:
+    """At rest |f| is the force: none at `begins`, where 1/|f| has no value, and 1 a second later."""
+
+    def run(t0: float, begins: float) -> lm.Trajectory:
+        system: Any = Ramp(begins)
+        start, method = system.state([0.0], [0.0]), lm.SymmetricHamiltonJacobi(order=4)
+        if transformed:
+            system, method = lm.SundmanTransformed(system, lm.EqualArc()), lm.RKMK(order=4)
+        else:
+            method = lm.ReversibleController(method, lm.EqualArc())
+        return lm.integrate(system, method, start, h=0.01, steps=20, t0=t0)
+
+    there = run(1.0, 0.0)
+    # p' = t from p(1) = 0
+    assert there.p[-1, 0] == pytest.approx(0.5 * (there.t[-1] ** 2 - 1.0), rel=1e-5)
+    assert run(0.0, -1.0).p[-1, 0] == pytest.approx(there.p[-1, 0], rel=1e-14)
+    for t0 in 0.0, 1.0:
+        with pytest.raises(InvalidTimeScale, match="at the start"):
+            run(t0, t0)
