@@ -2,8 +2,10 @@
 it must notice.
 
 `python tests/mutation.py 200 --seed 1` tries two hundred changes in a copy of the tree; `--list`
-only shows them, `--under groups` takes those of some folders.  Numbers, signs, operators,
-comparisons and small indices of groups, methods, tableaus, systems, models and formulas are changed.
+only shows them, `--under groups compiler/guard.py` takes those of some folders and files.  Numbers
+of all kinds (sizes, indices, thresholds), signs, operators, comparisons, guards (`and`, `or`,
+`not`), truth values, what ends loops, and `min`, `max`, `any`, `all` are changed; of groups,
+methods, tableaus, systems, models and formulas, if nothing else is asked for.
 
 First all tests run once in plain Python, and which lines each of them reaches is kept (`--reach`
 names the file).  Then each change is put into the functions of a process that has collected all
@@ -48,6 +50,7 @@ from _pytest.runner import runtestprotocol
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = "groups", "integrators", "tableaus", "systems", "models", "formulas"
+"""Whose changes are tried unless others are asked for."""
 OTHERS = {
     "+": "-",
     "-": "+",
@@ -59,7 +62,27 @@ OTHERS = {
     ">=": "<",
     "==": "!=",
     "!=": "==",
+    "//": "*",
+    "%": "//",
+    "+=": "-=",
+    "-=": "+=",
+    "*=": "/=",
+    "/=": "*=",
 }
+WORDS = {
+    "and": "or",
+    "or": "and",
+    "not": "",
+    "True": "False",
+    "False": "True",
+    "min": "max",
+    "max": "min",
+    "break": "continue",
+    "continue": "break",
+    "all": "any",
+    "any": "all",
+}
+"""Guards, and what ends loops and chooses among numbers."""
 ELSEWHERE = "test_documentation.py", "test_site.py", "viewer"
 """Tests whose formulas run in other processes, where what they reach is not seen."""
 LONGEST = 1.0
@@ -143,14 +166,20 @@ def changes(file: Path) -> list[Change]:
             continue
         if re.search(r"reshape\(.*-$", token.line[:column]):
             continue  # any negative length is the one that NumPy finds
-        if token.type == tokenize.NUMBER and token.string.replace(".", "").isdigit():
-            value = float(token.string)
-            new = (
-                str(int(value) + 1)
-                if token.string.isdigit()
-                else repr(value * 1.25 if value else 1.0)
-            )
+        if token.type == tokenize.NUMBER:
+            number = ast.literal_eval(token.string)
+            whole = isinstance(number, int)
+            new = str(number + 1) if whole else repr(number * 1.25 if number else number + 1.0)
             found.append(Change(file, line, column, token.string, new))
+        elif token.type == tokenize.NAME and token.string in WORDS:
+            before = token.line[:column].split()[-1:]
+            after = token.line[column + len(token.string) :].lstrip()
+            called = token.string in ("min", "max", "all", "any")
+            if token.string == "not" and (before == ["is"] or after.startswith("in ")):
+                continue  # parts of another word
+            if called and (not after.startswith("(") or token.line[column - 1 : column] == "."):
+                continue  # a name of something else
+            found.append(Change(file, line, column, token.string, WORDS[token.string]))
         elif (
             token.type == tokenize.OP
             and token.string in OTHERS
@@ -496,18 +525,20 @@ def main() -> None:
     parser.add_argument("count", type=int)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
-        "--under", nargs="+", default=FOLDERS, choices=FOLDERS, help="only files of these folders"
+        "--under", nargs="+", default=FOLDERS, help="only these folders and files of liemech"
     )
     parser.add_argument("--list", action="store_true", help="only show the changes")
     parser.add_argument(
         "--reach", type=Path, help="what each test reaches: written here, or read if it is there"
     )
     options = parser.parse_args()
-    files = [
-        p.relative_to(ROOT)
-        for folder in options.under
-        for p in sorted((ROOT / "liemech" / folder).rglob("*.py"))
-    ]
+    files = []
+    for name in options.under:
+        place = ROOT / "liemech" / name
+        inside = [place] if place.is_file() else sorted(place.rglob("*.py"))
+        if not inside:
+            parser.error(f"--under: there is no file under liemech/{name}")
+        files += [p.relative_to(ROOT) for p in inside]
     chosen = random.Random(options.seed).sample(
         [c for file in files for c in changes(file)], options.count
     )

@@ -179,7 +179,8 @@ def overridables() -> tuple[Overridable, ...]:
         ),
         Overridable(
             lm.Constraint, {"value": ("g", "lm.vec(g[2, 0])")},
-            lambda mine: models.ConstrainedBody(in_field(body, lm.NoPotential()), mine), run_of(lm.LieRATTLE(), [0.0, 0.0, 0.3], eye),
+            lambda mine: models.ConstrainedBody(in_field(body, lm.NoPotential()), mine),
+            run_of(lm.LieRATTLE(), [0.0, 0.0, 0.3], eye),
         ),
         Overridable(
             lm.HamiltonianSystem,

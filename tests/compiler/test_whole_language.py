@@ -2,7 +2,8 @@
 name.
 
 `python tests/compiler/test_whole_language.py 0 2000` runs many, and prints failures and refusals by
-kind.
+kind; `... 0 100 memories` runs methods that remember something, in every driver, between guard
+words, `... 0 2000 special` derivatives at special points.
 """
 
 from __future__ import annotations
@@ -220,7 +221,7 @@ def check_derivatives(
                 continue
             right = names["formula"](*map(mpmath.mpf, row), 2)
             for x, y in zip(right, found, strict=True):
-                if not abs(x - y) <= 1e-9 * (1.0 + abs(x)):
+                if not abs(x - y) <= 1e-9 * (1.0 + abs(x)) and mpmath.isfinite(x):
                     raise Difference(
                         f"{text}\n{row}: {found} instead of {[float(x) for x in right]}"
                     )
@@ -332,6 +333,36 @@ def check_memory(seed: int, folder: Path, every_driver: bool = True) -> None:
             same(b, a, f"native {how}")
 
 
+@pytest.mark.sample(8)
+@pytest.mark.compiled
+@pytest.mark.parametrize("seed", range(40))
+def test_derivatives_at_special_points(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At zero, on axes, on diagonals, at ends of branches: right, or refused by name."""
+    monkeypatch.setattr(cache, "store", lambda *_: None)
+    lanes = (1, kernel.lanes()) if seed % 8 == 0 else ()
+    refused = check_derivatives(seed, tmp_path, lanes, fuzz_language.SpecialPoints)
+    assert all("carries a derivative" in line for line in refused.splitlines())
+
+
+def test_guarded_quotients_are_written_at_special_points_too() -> None:
+    texts = [fuzz_language.SpecialPoints(seed).module() for seed in range(1000)]
+    assert any(" != 0.0 else 1.0" in text for text in texts)
+
+
+@pytest.mark.sample(1)
+@pytest.mark.compiled
+@pytest.mark.parametrize("seed", range(20))
+def test_random_memories(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    monkeypatch.setattr(cache, "store", lambda *_: None)
+    monkeypatch.setattr(guard, "ON", True)
+    warnings.simplefilter("ignore")
+    check_memory(seed, tmp_path, every_driver=request.node.get_closest_marker("slow") is not None)
+
+
 def crossing(t: float, state: Any) -> Any:
     return state.mu[2] - 0.02
 
@@ -354,9 +385,34 @@ HOW: dict[str, Any] = {
 DRIVERS = tuple(HOW)
 
 
-def main(first: int, last: int) -> None:
+def each(first: int, last: int, checked: Any) -> None:
+    """Print which seeds fail, how many were refused, and how many went well."""
+    found: collections.Counter[str] = collections.Counter()
+    for seed in range(first, last):
+        try:
+            found["refused" if checked(seed) else "fine"] += 1
+        except Exception as failure:
+            found[type(failure).__name__] += 1
+            print(f"seed {seed}: {type(failure).__name__}: {failure}", flush=True)
+    print(dict(found))
+
+
+def main(first: int, last: int, kind: str = "") -> None:
     cache.store = lambda *_: None
     with tempfile.TemporaryDirectory() as folder:
+        if kind:
+            warnings.simplefilter("ignore")
+            guard.ON, home, writer = kind == "memories", Path(folder), fuzz_language.SpecialPoints
+            each(
+                first,
+                last,
+                lambda seed: (
+                    check_memory(seed, home)
+                    if kind == "memories"
+                    else check_derivatives(seed, home, () if seed % 10 else (1,), writer)
+                ),
+            )
+            return
         if first == last:
             for form, kinds in forms_alone(Path(folder)):
                 print(
@@ -374,4 +430,4 @@ def main(first: int, last: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]))
+    main(int(sys.argv[1]), int(sys.argv[2]), *sys.argv[3:])

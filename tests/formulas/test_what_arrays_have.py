@@ -90,6 +90,14 @@ def _in_numpy(case: str, row: list[float], module: Any) -> np.ndarray:
 EVERY = _cases(VECTORS), _cases(ARRAYS)
 
 
+@pytest.mark.parametrize("cases", EVERY, ids=("vectors", "arrays"))
+def test_values_of_numpy_in_plain_python(cases: list[str], tmp_path: Path) -> None:
+    module = _module(cases, tmp_path, "plain_for_arrays")
+    for row in ROWS:
+        wanted = np.concatenate([_in_numpy(case, row, module) for case in cases])
+        assert np.allclose(np.array(module.formula(*row, 2)), wanted, rtol=1e-14, atol=1e-15)
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "cases",
