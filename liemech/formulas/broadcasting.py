@@ -365,6 +365,8 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
             try:
                 result = formula(self, *args)
             except CarriesMore:
+                result = _CARRIES_MORE
+            if result is _CARRIES_MORE:  # what is raised here is not raised because of that
                 result = taking_all(formula)(self, *args)
         except Exception as error:
             _blame(signature, self, args, error)
@@ -374,6 +376,10 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
     method.__formula__ = formula  # type: ignore[attr-defined]
     method.__promise__ = promised  # type: ignore[attr-defined]
     return method
+
+
+_CARRIES_MORE = object()
+"""In place of a result: the formula took a function of Python's `math` of a number that carries more."""
 
 
 def bare(method: Any) -> Any:

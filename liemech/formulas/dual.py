@@ -141,7 +141,7 @@ class Dual(ByValue):
             return n.__rpow__(self)
         exponent, by_exponent = n.parts if isinstance(n, Dual) and n.level == self.level else (n, 0)
         value = self.value**exponent
-        some = 1.0 * (constant(exponent) != 0.0)
+        some = 1.0 * (constant(exponent) != 0.0) if _rests(exponent) else 1.0
         rise = exponent * self.value ** (exponent - some)  # x^0 = 1 at x = 0 too
         return Dual(
             value,
@@ -256,6 +256,13 @@ def _by_exponent(base: Any, value: Any, slope: Any) -> Any:
     nothing.
     """
     return slope if type(slope) is int else value * f.log(base + 1.0 * (constant(base) == 0.0)) * slope
+
+
+def _rests(x: Any) -> Any:
+    """Whether a number carries no derivative and is no power series."""
+    if isinstance(x, Dual):
+        return type(x.slope) is int and _rests(x.value)
+    return not hasattr(x, "term")
 
 
 def value_of(x: Any) -> Any:

@@ -38,11 +38,18 @@ def require_signatures(cls: type, formula_of: Any) -> None:
             if base is None or not isinstance(member, types.FunctionType):
                 continue
             own, other = formula_of(member), formula_of(base[1])
+            if _yields(own) and not _yields(other):
+                raise InvalidType(
+                    f"{home.__name__}.{name} yields, and is called once for a result: end it with "
+                    "`return ...`"
+                )
             taken, wanted = _positional(own), _positional(other)
             if None in (taken, wanted):
                 continue
             least, most, names = taken
-            if not least <= len(wanted[2]) or not most >= wanted[0]:
+            by_name = _by_name_only(own)
+            if not least <= len(wanted[2]) or not most >= wanted[0] or by_name:
+                names = (*names, *(("*", *by_name) if by_name else ()))
                 promised = ", ".join(("self", *wanted[2]))
                 clock = (
                     "; an energy or force that depends on time belongs to a driven system, such as "
@@ -70,17 +77,31 @@ def overridden(cls: type, home: type, name: str) -> tuple[type, Any] | None:
 
 
 def _positional(function: Any) -> Any:
-    """The least and the most arguments after `self`, and their names; None if that is not all."""
+    """The least and the most arguments after `self` that are given by their places, and their
+    names; None if any number may be.
+    """
     code = function.__code__
-    if code.co_kwonlyargcount or code.co_argcount < 1 or code.co_flags & inspect.CO_VARARGS:
+    if code.co_argcount < 1 or code.co_flags & inspect.CO_VARARGS:
         return None
     names = code.co_varnames[1 : code.co_argcount]
     return len(names) - len(function.__defaults__ or ()), len(names), names
 
 
+def _by_name_only(function: Any) -> tuple[str, ...]:
+    """The arguments that must be given, and by their names."""
+    code, given = function.__code__, function.__kwdefaults__ or {}
+    names = code.co_varnames[code.co_argcount : code.co_argcount + code.co_kwonlyargcount]
+    return tuple([name for name in names if name not in given])
+
+
+def _yields(function: Any) -> bool:
+    """Is what it gives an iterator, or to be awaited?"""
+    return bool(function.__code__.co_flags & (inspect.CO_GENERATOR | inspect.CO_COROUTINE))
+
+
 def _gives_nothing(function: Any) -> bool:
     """Does it return, and always None?"""
-    if function.__code__.co_flags & (inspect.CO_GENERATOR | inspect.CO_COROUTINE):
+    if _yields(function):
         return False
     before, returns = None, []
     for instruction in dis.get_instructions(function.__code__):

@@ -168,18 +168,20 @@ class Series(Operand):
 
     def __eq__(self, other: object) -> Any:
         equal = self[0] == _head(other)
-        self._not_only_here(equal)
+        self._not_only_here(equal, other)
         return equal
 
     def __ne__(self, other: object) -> Any:
-        self._not_only_here(self[0] == _head(other))
+        self._not_only_here(self[0] == _head(other), other)
         return self[0] != _head(other)
 
     def __bool__(self) -> bool:
         return bool(self != 0.0)
 
-    def _not_only_here(self, equal: Any) -> None:
-        """Refuse that a series is equal to a number where it begins: it goes on."""
+    def _not_only_here(self, equal: Any, other: Any) -> None:
+        """Refuse that a series is equal to another number where it begins: it goes on."""
+        if self is other:  # `x != x`, which asks for nan
+            return
         if self._rule is not None or self._products is not None or len(self._terms) > 1:
             raise_if(equal, ONLY_THERE.format("a power series"))
 

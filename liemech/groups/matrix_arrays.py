@@ -196,9 +196,10 @@ def log(basis: MatrixBasis, g: np.ndarray) -> np.ndarray:
 
 
 def _defects(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
+    basis = group.generated
     return np.array(
         [
-            max(d for d, _ in [(0.0, ""), *objections(group.invariants, group.generated, m)])
-            for m in g
+            max(d for d, _ in [(0.0, ""), *objections(group.invariants, basis.core, m)])
+            for m in basis.to_core(g)
         ]
     )

@@ -23,6 +23,11 @@ TABLED = 160
 so(16) has 120.
 """
 
+LIKE = 10
+"""Units are powers of 2^10: generators and rows whose sizes are within a factor of a few have one
+unit, 1 for most.
+"""
+
 CLOSED = 1e-10
 """What a bracket may stick out of the span of the generators, relative to the product of their
 sizes.
@@ -36,14 +41,15 @@ class MatrixBasis:
     Coordinates are taken by least squares: `dual` is the basis V_i with Re tr(V_i^H E_j) = 1 if
     i = j, else 0.
 
-    generators : (dim, n, n).  Raises InvalidInput, InvalidType for arrays that are no matrices,
-    LawViolation for generators that are linearly dependent or whose brackets leave their span.
+    generators : (dim, n, n).  balanced : are they those of a `core`?  Raises InvalidInput,
+    InvalidType for arrays that are no matrices, LawViolation for generators that are linearly
+    dependent or whose brackets leave their span.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., sections 3.1 and 3.3.
     """
 
-    def __init__(self, generators: np.ndarray, name: str) -> None:
-        self.name = name
+    def __init__(self, generators: np.ndarray, name: str, balanced: bool = False) -> None:
+        self.name, self.balanced = name, balanced
         self.generators = _checked(generators, name)
         self.dim, self.n, _ = self.generators.shape
         self.complex = np.iscomplexobj(self.generators)
@@ -62,6 +68,48 @@ class MatrixBasis:
         return csr_array(real_parts(self.generators).T)
 
     @cached_property
+    def units(self) -> tuple[np.ndarray, np.ndarray]:
+        """Powers of two u (dim,) and d (n,) for which the matrices d_i^-1 (E_k)_ij d_j/u_k are of
+        like sizes, and their rows and columns too.
+
+        All of them are 1 unless generators, or coordinates of the space they act on, have very
+        unlike units: boosts by metres per second have entries 1 and 1/c^2.
+
+        Source: Parlett and Reinsch, Balancing a matrix for calculation of eigenvalues and
+        eigenvectors, Numer. Math. 13 (1969) 293.
+        """
+        from scipy.linalg import matrix_balance
+
+        sizes = np.linalg.norm(self.generators, axis=(1, 2))
+        whole = np.einsum("kij,k->ij", np.abs(self.generators), 1.0 / sizes)
+        rows = matrix_balance(whole, permute=False, separate=True)[1][0]
+        rows = power_of_two(rows / rows[0])
+        if (rows != 1.0).any():
+            sizes = np.linalg.norm(self.generators / rows[:, None] * rows, axis=(1, 2))
+        return power_of_two(sizes), rows
+
+    @cached_property
+    def core(self) -> MatrixBasis:
+        """The same algebra in units of its own, where numbers that are small are rounding errors;
+        itself where these units are 1.
+        """
+        units, rows = self.units
+        if self.balanced or ((units == 1.0).all() and (rows == 1.0).all()):
+            return self
+        scaled = self.generators / units[:, None, None] / rows[:, None] * rows
+        return MatrixBasis(scaled, self.name, balanced=True)
+
+    def to_core(self, g: np.ndarray) -> np.ndarray:
+        """A matrix in the units of `core`.  g : (..., n, n)."""
+        d = self.units[1]
+        return g if self.core is self else g / d[:, None] * d
+
+    def from_core(self, g: np.ndarray) -> np.ndarray:
+        """The way back.  g : (..., n, n)."""
+        d = self.units[1]
+        return g if self.core is self else g * d[:, None] / d
+
+    @cached_property
     def rows(self) -> Any:
         """The pseudo-inverse of `columns`: rows that read off coordinates.  (dim, n^2 or 2 n^2),
         sparse
@@ -72,15 +120,16 @@ class MatrixBasis:
         from scipy.sparse import coo_array, csr_array
         from scipy.sparse.csgraph import connected_components
 
+        units = power_of_two(np.linalg.norm(self.generators, axis=(1, 2)))
         columns = self.columns.tocsc()
         gram = (columns.T @ columns).tocsr()
         count, labels = connected_components(gram, directed=False)
         order = np.argsort(labels, kind="stable")
         values, at, to = [], [], []
         for members in np.split(order, np.cumsum(np.bincount(labels, minlength=count))[:-1]):
-            block = columns[:, members].toarray()
+            block = columns[:, members].toarray() / units[members]
             touched = np.flatnonzero(block.any(axis=1))
-            inverse = clean(np.linalg.pinv(block[touched], rcond=1e-15))
+            inverse = clean(np.linalg.pinv(block[touched], rcond=1e-15)) / units[members][:, None]
             i, j = np.nonzero(inverse)
             values.append(inverse[i, j])
             at.append(members[i])
@@ -119,6 +168,9 @@ class MatrixBasis:
     @cached_property
     def structure_constants(self) -> np.ndarray:
         """c[k, i, j] with [E_i, E_j] = c[k, i, j] E_k; small fractions exactly."""
+        if self.core is not self:
+            u = self.units[0]
+            return self.core.structure_constants * (np.outer(u, u) / u[:, None, None])
         e = self.generators
         products = np.einsum("iab,jbc->ijac", e, e)
         return clean(self.vee(products - products.swapaxes(0, 1))).transpose(2, 0, 1)
@@ -135,6 +187,8 @@ class MatrixBasis:
     # ---------------------------------------------------------------- laws
 
     def _check_closed(self) -> None:
+        if self.core is not self:
+            return  # which has been looked at
         e = self.generators
         sizes = np.linalg.norm(e, axis=(1, 2))
         pairs = [(i, j) for i in range(self.dim) for j in range(i + 1, self.dim)]
@@ -162,6 +216,8 @@ class MatrixBasis:
     @cached_property
     def without_cayley(self) -> str | None:
         """Why the algebra is not closed under x y x; None if it is."""
+        if self.core is not self:
+            return self.core.without_cayley
         e, n = self.generators, self.dim
         if self.large:
             x, y = self.hat(np.random.default_rng(1).normal(size=(2, n)))
@@ -247,7 +303,7 @@ class MatrixBasis:
     @cached_property
     def ad_size_terms(self) -> Terms:
         """The terms (c, i, j), i <= j, of a sum over c x_i x_j that bounds the square of the norm
-        of ad_x.
+        of ad_x, in the units of `core`.
 
         The Frobenius norm; half of it where all ad_x are antisymmetric, so that their singular
         values come in pairs.  Without structure constants |[x, y]|^2 <= 2 |x|^2 |y|^2, Frobenius
@@ -256,6 +312,9 @@ class MatrixBasis:
         Source: Boettcher and Wenzel, The Frobenius norm and the commutator, Linear Algebra Appl.
         429 (2008) 1864.
         """
+        if self.core is not self:
+            u = self.units[0].tolist()
+            return tuple((c * u[i] * u[j], i, j) for c, i, j in self.core.ad_size_terms)
         if not self.tabled:
             square = (self.columns.T @ self.columns).toarray()
             lengths = np.linalg.eigvalsh(square)
@@ -276,6 +335,12 @@ class MatrixBasis:
     @cached_property
     def triple_terms(self) -> tuple[Terms, ...]:
         """For each coordinate of x y x, the terms (c, i, l, j), i <= l, standing for c x_i x_l y_j."""
+        if self.core is not self:
+            u = self.units[0].tolist()
+            return tuple(
+                tuple((c * u[i] * u[l] * u[j] / u[k], i, l, j) for c, i, l, j in terms)
+                for k, terms in enumerate(self.core.triple_terms)
+            )
         e = self.generators
         t = self.vee(np.einsum("iab,jbc,lcd->ijlad", e, e, e))
         t = clean(t + t.transpose(2, 1, 0, 3)).transpose(3, 0, 2, 1)  # [k, i, l, j]
@@ -394,6 +459,11 @@ def clean(values: np.ndarray) -> np.ndarray:
         flat[places[hit]] = nearest[hit]
         places = places[~hit]
     return values
+
+
+def power_of_two(sizes: np.ndarray) -> np.ndarray:
+    """The power of 2^10 next to each size.  sizes : positive."""
+    return np.ldexp(1.0, (LIKE * np.round(np.log2(sizes) / LIKE)).astype(int))
 
 
 def linear_terms(row: np.ndarray) -> tuple[tuple[float, int], ...]:

@@ -104,8 +104,24 @@ class MatrixLieGroup(LieGroup):
 
     @cached_property
     def invariants(self) -> Invariants:
-        """What all elements leave alone: vectors, forms, the determinant."""
-        return invariants_of(self.generated)
+        """What all elements leave alone: vectors, forms, the determinant; in units where entries
+        are of like sizes.
+        """
+        return invariants_of(self.generated.core)
+
+    def _in_core(self, g: Mat) -> Mat:
+        """An element in these units, a conjugate matrix."""
+        factors = self._factors
+        n = len(factors)
+        if n == 0:
+            return g
+        return mat(*[vec(*[scaled(factors[i][j], g[i, j]) for j in range(n)]) for i in range(n)])
+
+    @cached_property
+    def _factors(self) -> tuple[tuple[float, ...], ...]:
+        """What the entries of an element are multiplied by, powers of two; none if by 1."""
+        d = self.generated.units[1]
+        return () if (d == 1.0).all() else tuple(map(tuple, np.outer(1.0 / d, d).tolist()))
 
     # ---------------------------------------------------------------- group
 
@@ -130,6 +146,8 @@ class MatrixLieGroup(LieGroup):
         """The diagonal of an invariant form, if it is diagonal with entries 1 and -1: its own
         inverse.
         """
+        if self._factors:
+            return None
         for b in self.invariants.hermitian if self.generated.complex else self.invariants.forms:
             diagonal = np.diag(b)
             if (
@@ -249,18 +267,21 @@ class MatrixLieGroup(LieGroup):
     @cached_property
     def _polynomials(self) -> dict[str, Any]:
         """The constants of the Casimir functions, as formulas take them."""
-        linear, quadratic, powers, from_form = casimir_polynomials(self.generated, self.algebra)
+        core, u = self.generated.core, self.generated.units[0]
+        of_core = self if core is self.generated else GeneratedGroup(core.generators)
+        linear, quadratic, powers, from_form = casimir_polynomials(core, of_core.algebra)
         return {
-            "linear": tuple(map(_constant, linear)),
-            "quadratic": tuple(map(_constant, quadratic)),
+            "linear": tuple(_constant(z / u) for z in linear),
+            "quadratic": tuple(_constant(q / np.outer(u, u)) for q in quadratic),
             "powers": powers,
-            "from_form": _constant(from_form),
+            "from_form": _constant(from_form / np.outer(u, u) if len(from_form) else from_form),
         }
 
     # ---------------------------------------------------------------- membership
 
     def defect(self, g: Ambient) -> float:
         """The largest defect of the invariants, relative to the size of an element."""
+        given, g = g, self._in_core(g)
         laws, spread = self._laws, max(1.0, frobenius2(g) / len(g))
         if not spread < HUGE:
             return spread
@@ -282,7 +303,7 @@ class MatrixLieGroup(LieGroup):
         of_matrices = (
             max([0.0, 0.0] + [abs2(x) for m in commutators for row in m for x in row]) / spread
         )
-        others = max(self._determinant_defect(g), self._normaliser_defect(g))
+        others = max(self._determinant_defect(g), self._normaliser_defect(given))
         return max(sqrt(max(of_forms, of_vectors, of_matrices)), others)
 
     def _determinant_defect(self, g: Mat) -> float:
@@ -330,7 +351,9 @@ class MatrixLieGroup(LieGroup):
         return next(
             (
                 words
-                for off, words in objections(self.invariants, self.generated, g)
+                for off, words in objections(
+                    self.invariants, self.generated.core, self.generated.to_core(g)
+                )
                 if not off <= MEMBERSHIP
             ),
             None,

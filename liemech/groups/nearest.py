@@ -31,8 +31,11 @@ at which one is looked for.
 
 
 def nearest(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
-    """The h of least |h - g|.  g : (n, n).  Raises InvalidInput."""
-    laws, basis = group.invariants, group.generated
+    """The h of least |h - g|, in units where entries are of like sizes.  g : (n, n).  Raises
+    InvalidInput.
+    """
+    laws, basis = group.invariants, group.generated.core
+    g = group.generated.to_core(g)
     forms = laws.hermitian if basis.complex else laws.forms
     form = next((b for b in forms if np.linalg.cond(b) < 1e6), None)
     h: np.ndarray | None
@@ -50,8 +53,10 @@ def nearest(group: MatrixLieGroup, g: np.ndarray) -> np.ndarray:
                 h = _least_difference(basis, g, h)
         else:
             h = _least_difference(basis, g, _polar_factor(form, g))
-        if h is not None and np.isfinite(h).all() and group.objection(h) is None:
-            return h
+        if h is not None and np.isfinite(h).all():
+            h = group.generated.from_core(h)
+            if group.objection(h) is None:
+                return h
     raise InvalidInput(
         f"{basis.name}.nearest: the array is too far from the group to have a nearest element"
     )

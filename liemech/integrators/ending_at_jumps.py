@@ -8,7 +8,7 @@ from typing import Any
 from ..formulas import record, where
 from ..formulas.pytree import fields_of, with_fields
 from ..formulas.tables import Table, entry
-from ..systems.tabulated import NEAR, during, has_inputs, inputs, jump_ahead, reached
+from ..systems.tabulated import NEAR, ROUNDING, during, has_inputs, inputs, jump_ahead, reached
 from .method import Method
 
 MARGIN = 4
@@ -17,6 +17,9 @@ named, on both sides.
 """
 
 ULP = 2.0**-52
+
+SMALLEST = 2.0**-960
+"""Times below it are none: their rounding errors have no digits."""
 
 
 def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
@@ -33,16 +36,22 @@ def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
         return with_fields(method, **{n: ending_at_jumps(x, own, breaks) for n, x in inner.items()})
     anew = any(getattr(type(method), f) is not getattr(Method, f) for f in ("start", "observe"))
     table = Table(breaks or (0.0,))
-    return EndingAtJumps(method, table, float(len(breaks)), anew, sees_powers(method))
+    beyond = overshoot(method) or None
+    return EndingAtJumps(method, table, float(len(breaks)), anew, sees_powers(method), beyond)
 
 
 def apart(times: Iterable[float]) -> tuple[float, ...]:
     """Times in order, of those that differ by rounding only the first one."""
     found: list[float] = []
     for t in sorted(times):
-        if not found or t - found[-1] > 4 * MARGIN * ULP * abs(t):
+        if not found or not same(t, found[-1]):
             found.append(t)
     return tuple(found)
+
+
+def same(t: float, other: float) -> bool:
+    """Do two times differ by rounding only?"""
+    return abs(t - other) <= 4 * MARGIN * ULP * max(abs(t), abs(other), SMALLEST)
 
 
 def jumps_between(
@@ -68,6 +77,21 @@ def sees_powers(method: Any) -> bool:
     return method.analytic or any(map(sees_powers, inner))
 
 
+def overshoot(method: Any) -> float:
+    """The part of a step by which stages of a method lie before its beginning or behind its end."""
+    tableau: Any = getattr(method, "tableau", None)
+    shares = getattr(tableau, "gamma", None)
+    if shares is None:
+        times = getattr(tableau, "c", None) or getattr(tableau, "nodes", None) or (0.0,)
+        return max(-min(times), max(times) - 1.0, 0.0)
+    inner = max((overshoot(x) for x in fields_of(method).values() if isinstance(x, Method)), default=0.0)
+    far = 0.0
+    for node, share in zip(tableau.nodes, shares, strict=True):
+        ends = node - inner * share, node + (1.0 + inner) * share
+        far = max(far, -min(ends), max(ends) - 1.0)
+    return far if far > ROUNDING else 0.0
+
+
 @record
 class EndingAtJumps(Method):
     """A method whose steps are cut where an input jumps: what drivers get instead of the method.
@@ -81,6 +105,7 @@ class EndingAtJumps(Method):
     breaks : a Table of rising times.  count : how many there are, in case there are none.
     anew : does the method remember what is of steps of one length, in one field?
     every : does it see an input as a power series, so that its steps must end at every knot?
+    beyond : the part of a step by which its stages lie beyond the ends of the step, or None.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6,
     "Discontinuous equations".
     """
@@ -90,6 +115,7 @@ class EndingAtJumps(Method):
     count: float
     anew: bool
     every: bool
+    beyond: Any
 
     @property
     def name(self) -> str:
@@ -129,7 +155,7 @@ class EndingAtJumps(Method):
             begin, s = self._kept_away(at, to, where(at == t and to == end, h, to - at))
             if self.anew:
                 memory, lasting = self._begun(system, memory, lasting, s), s
-            memory = self.method.step(during(system, begin, s), begin, memory, s)
+            memory = self.method.step(during(system, begin, s, self.beyond), begin, memory, s)
             at, going = to, where(h > 0.0, to < end, to > end)
         return self._begun(system, memory, lasting, h) if self.anew else memory
 

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence, OutsideChart
 from ..formulas import Mat, Vec, dot, jacobian, plain, record, sqrt, vec
 from ..formulas.double_double import is_long
+from ..formulas.numbers import CarriesMore
 from ..formulas.series import Series
 from ..retractions import Exponential
 from ..solvers import LIMIT, correction, newton
@@ -99,7 +100,8 @@ class HamiltonJacobi(Method):
                 self._slope(system, 0.0, somewhere, somewhere)
             )
         except (TypeError, AttributeError) as error:
-            if "Series" in str(error) or "Dual" in str(error):  # anything else the run will tell
+            carries = isinstance(error, CarriesMore) or "Series" in str(error)
+            if carries or "Dual" in str(error):  # anything else the run will tell
                 raise IncompatibleSystem(
                     f"{self!r} expands the energy in power series, and the formulas of {system!r} "
                     f"do not allow it: {error}. Write them with + - * / ** and the functions of "

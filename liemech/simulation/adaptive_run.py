@@ -24,7 +24,7 @@ from ..errors import (
     is_mistake,
 )
 from ..formulas.pytree import build, gatherer, layout_of
-from ..integrators.ending_at_jumps import MARGIN, jumps_between
+from ..integrators.ending_at_jumps import MARGIN, jumps_between, same
 from ..systems.system import State
 from . import arguments
 from .adaptive import (
@@ -218,16 +218,20 @@ def stretches(
     if t0 == t_end:
         return t0, []
     sign = math.copysign(MARGIN, t_end - t0)
-    jumps = [b for b in breaks if min(t0, t_end) <= b <= max(t0, t_end) and b != t0]
-    ways, before = [], t0
-    for b in jumps if t_end > t0 else jumps[::-1]:
+    start, ways, before = t0, [], t0  # type: float, list[tuple[float, float]], float
+    inside = [b for b in breaks if min(t0, t_end) <= b <= max(t0, t_end)]
+    for b in inside if t_end > t0 else inside[::-1]:
+        if same(b, t0):  # there is nothing between them
+            start = b + sign * float(np.spacing(abs(b)))
+            continue
         # times of stages are rounded as those of the step are
         ahead = sign * float(np.spacing(max(abs(b), abs(before))))
-        ways.append((b - ahead, t_end if b == t_end else b + sign * float(np.spacing(abs(b)))))
+        last = same(b, t_end)
+        ways.append((b - ahead, t_end if last else b + sign * float(np.spacing(abs(b)))))
         before = b
-    if t_end not in jumps:
+    if not ways or ways[-1][1] != t_end:
         ways.append((t_end, t_end))
-    return t0 + sign * float(np.spacing(abs(t0))) if t0 in breaks else t0, ways
+    return start, ways
 
 
 def cut(row: np.ndarray, begun: float, at: float, numbers: np.ndarray, dim: int) -> None:

@@ -46,7 +46,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     about |= {"steps": run.steps, "bodies": run.bodies}
     about |= {"method": _of_each(run.method), "system": _of_each(run.system)}
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
-    about |= {"breaks": list(run.breaks), "ended": run.ended}
+    about |= {"breaks": list(run.breaks), "ended": run.ended, "parts": list(run.states)}
     about["stopped"] = {
         str(body): [stop.steps, str(stop.error)] for body, stop in run.stopped.items()
     }
@@ -151,11 +151,12 @@ def load(
     already are found without.  trusted : modules that the file names are imported.
     Raises InvalidInput for files that are damaged, of another kind, or whose classes are not there.
     """
+    path = Path(path)
     named = (modules,) if isinstance(modules, str) else tuple(modules)
     for name in named:
         importlib.import_module(name)
     try:
-        arrays, about = read(Path(path))
+        arrays, about = read(path)
         if about.get("format") != FORMAT:
             raise InvalidInput(
                 f"{path}: is of format {about.get('format')!r}; this liemech reads format {FORMAT}"
@@ -187,6 +188,11 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     states = {
         name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")
     }
+    # not every kind of file keeps the order of its arrays
+    parts = about.get("parts", list(states))
+    if not isinstance(parts, list) or sorted(map(str, parts)) != sorted(states):
+        raise InvalidInput(f"{decode.where}: samples of {', '.join(states)} are told as {parts!r}")
+    states = {name: states[name] for name in parts}
     bodies = about["bodies"]
     if bodies is not None and type(bodies) is not int:
         raise InvalidInput(f"{decode.where}: {bodies!r} is no number of bodies")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, InvalidType, warn
-from ..formulas import check_finite, real_array
+from ..formulas import Vec, check_finite, real_array
 from ..integrators.ending_at_jumps import apart
 from ..integrators.method import Method
 from ..systems.system import State, System
@@ -29,6 +29,9 @@ rounding.
 
 RTOL, ATOL = 1e-6, 1e-9
 """Tolerances of adaptive steps, if none are given."""
+
+LOST = 1e-3
+"""Part of a state that the default atol may be, and control three digits of it."""
 
 
 def matching(system: Any, method: Any) -> None:
@@ -117,6 +120,27 @@ def affordable_times(t0: float, h: float, steps: int) -> None:
         raise InvalidInput(
             f"integrate: h = {h:g} is lost beside t = {end:g}; the "
             f"smallest useful step there is {smallest:.1e}"
+        )
+
+
+def large_enough(start: Any) -> None:
+    """Warn of a start beside which the default atol is large: in its units no step has an error."""
+    least = ATOL / LOST
+    if not isinstance(start, State):
+        return
+    for x in vars(start).values():  # quickly
+        if type(x) is Vec and (max(x) >= least or min(x) <= -least):
+            return
+    parts = [x for x in start.parts.values() if x is not None]
+    if not all(np.abs(np.asarray(x)).max(initial=0.0) < least for x in parts):
+        return
+    size = max(float(np.abs(np.asarray(x)).max(initial=0.0)) for x in parts)
+    if size > 0.0:
+        warn(
+            f"integrate: the largest number of the start is {size:.1e}, beside which the default "
+            f"atol = {ATOL:g} controls less than three digits; give atol in its units, such as "
+            f"{1e-3 * RTOL * size:.0e}",
+            RuntimeWarning,
         )
 
 

@@ -34,9 +34,18 @@ NUMBERS = "biufc"
 
 def encoded(value: Any) -> Any:
     """A record, and what it may hold, as JSON."""
-    if value is None or isinstance(value, (bool, int, float, str)):
+    if value is None or type(value) in (bool, int, float, str):
         return value
-    if isinstance(value, type):
+    if isinstance(value, (np.float64, np.str_)):
+        return value.item()
+    if isinstance(value, (int, float, str)):
+        plain = next(kind.__name__ for kind in (int, float, str) if isinstance(value, kind))
+        raise InvalidInput(
+            f"Trajectory.save: {value!r} of the class {type(value).__name__} cannot be saved, for a "
+            f"plain {plain} would come back, which is another thing to formulas; let the record hold "
+            f"the {plain} itself"
+        )
+    if isinstance(value, type) and (issubclass(value, Record) or dataclasses.is_dataclass(value)):
         return {"type": f"{value.__module__}:{value.__qualname__}"}
     if isinstance(value, Vec):
         return {"vec": [encoded(x) for x in value]}
@@ -48,10 +57,16 @@ def encoded(value: Any) -> Any:
         return {"complex": [value.real, value.imag], "as": "complex"}
     if isinstance(value, Complex):
         return {"complex": [value.re, value.im], "as": "Complex"}
-    if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in NUMBERS:
+    # a long double has no number in JSON
+    if (
+        isinstance(value, (np.ndarray, np.generic))
+        and value.dtype.kind in NUMBERS
+        and value.dtype.char not in "gG"
+    ):
         flat = np.ascontiguousarray(value)
-        return {"array": flat.view(float).ravel().tolist() if flat.dtype.kind == "c" else flat.ravel().tolist(),
+        made = {"array": flat.view(float).ravel().tolist() if flat.dtype.kind == "c" else flat.ravel().tolist(),
                 "dtype": flat.dtype.str, "shape": list(value.shape)}  # fmt: skip
+        return made | {"scalar": True} if isinstance(value, np.generic) else made
     if type(value) in (tuple, list):
         return {type(value).__name__: [encoded(x) for x in value]}
     if isinstance(value, FrozenDict):
@@ -188,10 +203,9 @@ class Decoder:
         dtype = np.dtype(told) if isinstance(told, str) and len(told) < 8 else np.dtype(object)
         if dtype.kind not in NUMBERS:
             self._refuse(more)
-        numbers = self._list(given)
-        if dtype.kind == "c":
-            return np.array(numbers, dtype=float).view(dtype).reshape(shape)
-        return np.array(numbers, dtype=dtype).reshape(shape)
+        numbers = np.array(self._list(given), dtype=float if dtype.kind == "c" else dtype)
+        array = (numbers.view(dtype) if dtype.kind == "c" else numbers).reshape(shape)
+        return array[()] if more.get("scalar") is True else array
 
     def _rows(self, given: Any) -> list[Any]:
         rows = [self(row) for row in self._list(given)]

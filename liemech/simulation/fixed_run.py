@@ -20,6 +20,7 @@ from ..errors import (
     IntegrationFailure,
     IntegrationInterrupted,
     InvalidInput,
+    InvalidType,
     failure,
     is_mistake,
     warn,
@@ -133,6 +134,12 @@ class FixedRun:
             trial = attempt(begun, *own)
             if not isinstance(trial, Rejected):
                 carry, example = trial
+                if not isinstance(example, State):
+                    shown = type(self.plan.method_of(i)).__name__
+                    raise InvalidType(
+                        f"{shown}.observe must return the state in what is carried along, as "
+                        f"{shown}.start gives it; got {example!r:.90}"
+                    )
                 return double_double(carry) if started.long else carry, example
             self.failures[i] = reason(trial)
             if is_mistake(self.failures[i]):

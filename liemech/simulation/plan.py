@@ -297,6 +297,8 @@ class Plan:
         if self.events:
             arguments.events(self.events)  # whose attributes may have changed
         start, t0 = self._started(start), arguments.real(t0, "t0")
+        if self.adaptive and self._given["atol"] is None:
+            arguments.large_enough(start)
         one_by_one = apart(self, start, t_end, t_eval)
         if one_by_one and (self.fictive or self.adaptive):
             return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
@@ -687,8 +689,8 @@ class Plan:
         Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state
         at each sample, group elements left-trivialised, dg = g hat(eta).  Of an ensemble of m
         bodies, one after another, (n, m, N, N).
-        Raises what `integrate` does; InvalidInput for what is no parameter, IncompatibleSystem for
-        classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
+        Raises what `integrate` does, for a body of an ensemble too; InvalidInput for what is no
+        parameter, IncompatibleSystem for classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
         """
         from .tangent import of_bodies
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler.driver import attempt, read
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType, is_mistake
 from ..formulas import Record, Vec, derivative, record
 from ..formulas.broadcasting import small
 from ..formulas.dual import Dual
@@ -206,18 +206,18 @@ def tangent_run(
             )
         method = with_step(method, plan.h, t0)
     found = Directions.of(plan.one, method, start, names)
-    made, values, tangent = carried_along(plan, start, steps, t0, found)
-    return TangentTrajectory(
-        plan.one, plan.method, plan.h, made.t, unpacked(layout_of(start), values), None, steps,
+    made, t, values, tangent = carried_along(plan, start, steps, t0, found)
+    return told_of(made, TangentTrajectory(
+        plan.one, plan.method, plan.h, t, unpacked(layout_of(start), values), None, steps,
         made.compiled, tangent=found.named(tangent),
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
 def carried_along(
     plan: Steps, start: Any, steps: int, t0: float, found: Directions
-) -> tuple[Trajectory, np.ndarray, np.ndarray]:
-    """The run whose numbers carry the derivatives: the numbers of the states, (n, width), and their
-    components, (n, components, directions).
+) -> tuple[Trajectory, np.ndarray, np.ndarray, np.ndarray]:
+    """The run whose numbers carry the derivatives, as far as all directions came: its times, the
+    numbers of the states, (n, width), and their components, (n, components, directions).
     """
     try:
         run = _Run(plan, start, found, steps, t0)
@@ -229,8 +229,19 @@ def carried_along(
                 "cannot carry a derivative"
             ) from None
         raise
-    values, slopes = run.halves()
-    return made, values, found.components(start, values, slopes)
+    n = run.reached()
+    values, slopes = (x[:n] for x in run.halves())
+    return made, made.t[:n], values, found.components(start, values, slopes)
+
+
+def told_of(made: Trajectory, run: TangentTrajectory) -> TangentTrajectory:
+    """The run with its map; where a step failed in a direction, what it failed of is raised."""
+    if not made.stopped:
+        return run
+    first = min(made.stopped, key=lambda i: made.stopped[i].steps)
+    error: Any = made.stopped[first].error
+    error.trajectory = replace(run, steps=made.stopped[first].steps)
+    raise error from error.__cause__
 
 
 def fictive_tangent_run(
@@ -294,15 +305,15 @@ def fictive_tangent_run(
         systems.append(build(layout_of(whole), iter([Dual(a, b, LEVEL) for a, b in both])))
     moves = np.array([x[width:] for x in slopes])
     found = Directions(frames_of(whole, now), moves, method, systems, methods, columns)
-    made, values, tangent = carried_along(origin.steps(plan), now, steps, 0.0, found)
+    made, tau, values, tangent = carried_along(origin.steps(plan), now, steps, 0.0, found)
     t, states, _ = whole.apart(unpacked(layout_of(now), values))
     size = tangent.shape[1]
     # z is not shown
     rows = whole.of_tangent(size) if plan.one.fictive else [*range(size - 1)]
-    return TangentTrajectory(
+    return told_of(made, TangentTrajectory(
         inner, plan.method, plan.h, t, states, None, steps, made.compiled,
-        tangent=found.named(tangent[:, rows]), tau=made.t,
-    )  # fmt: skip
+        tangent=found.named(tangent[:, rows]), tau=tau,
+    ))  # fmt: skip
 
 
 def slope(function: Any, step: float) -> np.ndarray:
@@ -599,6 +610,19 @@ class _Run(FixedRun):
 
     def _samples(self, out: np.ndarray, steps: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         return self.times(len(out), steps), {}
+
+    def _result(self, steps: int) -> Trajectory:
+        """The run; directions that stop are no bodies of which to warn."""
+        run = self._so_far(steps)
+        return super()._result(steps) if any(map(self._mistaken, run.stopped)) else run
+
+    def _mistaken(self, i: int) -> bool:
+        """Did a direction fail of a mistake in the program?"""
+        return is_mistake(self._failure(i).__cause__)
+
+    def reached(self) -> int:
+        """The number of samples to which all directions came."""
+        return self._rows(max(0, int(self.taken[: self.count].min()) - self.before))
 
     def halves(self) -> tuple[np.ndarray, np.ndarray]:
         """The numbers of the states, (n, width), and their derivatives in every direction, (n,

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas import Record
+from ..formulas.pytree import fields_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
@@ -118,6 +120,14 @@ class Trajectory:
         states = self.states if "_rest" in own else own.get("states", {})
         if name in states:
             return states[name]
+        found = inspect.getattr_static(type(self), name, None)
+        # it is here since a formula has raised an AttributeError, which Python does not show
+        if isinstance(found, (property, cached_property)):
+            formula: Any = found.fget if isinstance(found, property) else found.func
+            try:
+                return formula(self)
+            except AttributeError as error:
+                raise RuntimeError(f"Trajectory.{name} could not be made: {error}") from error
         raise AttributeError(f"a Trajectory has no {name!r}; this one recorded {', '.join(states)}")
 
     @property
@@ -275,7 +285,8 @@ class Trajectory:
         system: Any = self.system
         example = system.state(**{name: x[0] for name, x in self.states.items()})
         method = ending_at_jumps(self.method, self.system, self.breaks)
-        return ShortSteps(system, method, example, self.t, flat(self.states, len(self.t)))
+        states = {name: self.states[name] for name in example.arrays}  # as in the state
+        return ShortSteps(system, method, example, self.t, flat(states, len(self.t)))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum;
@@ -583,9 +594,11 @@ def _same(x: Any, y: Any) -> bool:
         return alike and np.asarray(x).tobytes() == np.asarray(y).tobytes()
     if isinstance(x, dict) and isinstance(y, dict):
         return x.keys() == y.keys() and all(_same(v, y[name]) for name, v in x.items())
-    if isinstance(x, (list, OfBodies)) and type(x) is type(y):
+    if isinstance(x, (list, tuple, OfBodies)) and type(x) is type(y):
         return len(x) == len(y) and all(_same(*pair) for pair in zip(x, y, strict=True))
-    return bool(x == y)
+    if isinstance(x, Record) and type(x) is type(y):  # whose fields may be arrays
+        return _same(fields_of(x), fields_of(y))
+    return bool(x == y or (x != x and y != y))  # nan is as nan
 
 
 def _range(values: Any) -> str:

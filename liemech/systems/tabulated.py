@@ -28,8 +28,8 @@ the last place, for the rounding of t0 + n h, of h and of the knot.
 EQUAL = 2.0**-44
 """Part of its terms by which the value of a table may change at a knot and not jump."""
 
-ANY = math.inf
-"""In place of the number of a period: each time is in a period of its own."""
+ANY = 0.5
+"""In place of the number of a period, which is whole: each time is in a period of its own."""
 
 
 @record
@@ -62,7 +62,10 @@ class PiecewisePolynomial(Record):
     # the times at which the value jumps, in the first period, and how many there are
     jumps: Any = dataclasses.field(default=None, init=False)
     jumping: float = dataclasses.field(default=0.0, init=False)
-    # the intervals that count, from the first to the last one, and the period: see `during`
+    # from `begin` to `end` the intervals that count, from the first to the last one, and the
+    # period: see `during`; at other times, of a delay or of a place, all of them count
+    begin: float = dataclasses.field(default=1.0, init=False)
+    end: float = dataclasses.field(default=-1.0, init=False)
     first: float = dataclasses.field(default=-1.0, init=False)
     last: float = dataclasses.field(default=0.0, init=False)
     period: float = dataclasses.field(default=ANY, init=False)
@@ -204,8 +207,10 @@ class PiecewisePolynomial(Record):
         """
         if isinstance(t, np.ndarray):
             return self._of_array(real_array(t, "PiecewisePolynomial: t"))
-        t = self._inside(t)
-        i = self._interval(t)
+        seen = self.begin <= t <= self.end
+        first, last = where(seen, self.first, -1.0), where(seen, self.last, self.intervals)
+        t = self._inside(t, first, last, where(seen, self.period, ANY))
+        i = self._interval(t, first, last)
         width = max(self.size, 1)
         at = i * ((self.degree + 1) * width)
         rows = [
@@ -219,7 +224,7 @@ class PiecewisePolynomial(Record):
     def _of_array(self, t: np.ndarray) -> np.ndarray:
         """The values at many times, to the bit."""
         knots, terms = np.asarray(self.knots), self._terms()
-        times = np.array([self._inside(x) for x in t.ravel().tolist()])
+        times = np.array([self._inside(x, -1.0, self.intervals, ANY) for x in t.ravel().tolist()])
         i = np.clip(np.searchsorted(knots, times, "right") - 1, 0, len(knots) - 2)
         x = (times - knots[i]).reshape(-1, *[1] * (terms.ndim - 2))
         found = horner([terms[i, k] for k in range(self.degree + 1)], x)
@@ -231,19 +236,16 @@ class PiecewisePolynomial(Record):
             len(self.knots) - 1, self.degree + 1, *([self.size] if self.size else [])
         )
 
-    def _inside(self, t: Any) -> Any:
-        """The time in the table that counts for t."""
+    def _inside(self, t: Any, low: Any, high: Any, period: Any) -> Any:
+        """The time in the table that counts for t, where the intervals from `low` to `high` do."""
         first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
         if self.outside == "hold":
-            t = where(self.last >= self.intervals, min(t, last), t)
-            t = where(self.first < 0.0, max(t, first), t)
-            return where(
-                self.first >= self.intervals, last, where(self.last < 0.0, first, t)
-            )
+            t = where(high >= self.intervals, min(t, last), t)
+            t = where(low < 0.0, max(t, first), t)
+            return where(low >= self.intervals, last, where(high < 0.0, first, t))
         if self.outside == "repeat":
-            return where(
-                self.period == ANY, first + (t - first) % (last - first), t - self.period * (last - first)
-            )
+            length = last - first
+            return where(period == ANY, first + (t - first) % length, t - period * length)
         slack = ROUNDING * max(abs(first), abs(last))
         if not (first - slack <= t <= last + slack):
             raise ValueError(
@@ -251,39 +253,61 @@ class PiecewisePolynomial(Record):
             )
         return t
 
-    def _interval(self, t: Any) -> Any:
-        """The number of the interval in which t is, by bisection among those that count."""
+    def _interval(self, t: Any, low: Any, high: Any) -> Any:
+        """The number of the interval in which t is, by bisection among those from `low` to `high`."""
         ends = self.intervals - 1.0
-        return reached(
-            self.knots, int(min(max(self.first, 0.0), ends)), int(max(min(self.last, ends), 0.0)), t
-        )
+        return reached(self.knots, int(min(max(low, 0.0), ends)), int(max(min(high, ends), 0.0)), t)
 
     # ---------------------------------------------------------------- the table and steps
 
-    def during(self, t: Any, h: Any) -> PiecewisePolynomial:
+    def during(self, t: Any, h: Any, beyond: Any = None) -> PiecewisePolynomial:
         """The table as a step from t to t + h sees it: where the step begins or ends at a knot, the
         interval on the other side of the knot does not count.
+
+        beyond : the part of h by which stages lie beyond the ends of the step, None if none does;
+        where an end is at a jump, they see the polynomial on this side of it.
         """
         low, high = _from_to(t, h)
         first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
         ends = int(self.intervals) - 1
+        slack = 2.0 * _slack(t, t + h)
+        begin, end = min(t, t + h) - slack, max(t, t + h) + slack
+        period, shift = ANY, 0.0
         if self.outside == "repeat":
             length = last - first
-            period = (low - first) // length
-            alone = period == -((first - high) // length) - 1.0
-            shift = period * length
-            return with_fields(
-                self,
-                first=where(alone, 1.0 * reached(self.knots, 0, ends, low - shift), 0.0),
-                last=where(alone, 1.0 * _left_of(self.knots, 0, ends, high - shift), 1.0 * ends),
-                period=where(alone, period, ANY),
-            )
-        begin = 1.0 * reached(self.knots, 0, ends, low)
-        end = 1.0 * _left_of(self.knots, 0, ends, high)
+            here = (low - first) // length
+            period = where(here == -((first - high) // length) - 1.0, here, ANY)
+            shift = here * length
+        one, other = low - shift, high - shift
+        if beyond is not None:
+            begin, end = begin - beyond * abs(h), end + beyond * abs(h)
+            one, other = self._up_to_jumps(one, other)
+            if self.outside == "repeat":  # where it begins anew without a jump, another period counts
+                smooth = entry(self.jumps, 0) > first
+                begin = where(smooth, max(begin, first + shift), begin)
+                end = where(smooth, min(end, last + shift), end)
+        i = 1.0 * reached(self.knots, 0, ends, one)
+        j = 1.0 * _left_of(self.knots, 0, ends, other)
+        if self.outside == "repeat":
+            i, j = where(period == ANY, -1.0, i), where(period == ANY, 1.0 * ends, j)
         if self.outside == "hold":
-            begin = where(low < first, -1.0, where(low >= last, self.intervals, begin))
-            end = where(high <= first, -1.0, where(high > last, self.intervals, end))
-        return with_fields(self, first=begin, last=end)
+            i = where(one < first, -1.0, where(one >= last, self.intervals, i))
+            j = where(other <= first, -1.0, where(other > last, self.intervals, j))
+        return with_fields(self, begin=begin, end=end, first=i, last=j, period=period)
+
+    def _up_to_jumps(self, low: Any, high: Any) -> tuple[Any, Any]:
+        """The last jump before `low`, and the first one behind `high`; beyond the table if there
+        is none.
+        """
+        first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
+        length, none = last - first, max(int(self.jumping) - 1, 0)
+        before = entry(self.jumps, reached(self.jumps, 0, none, low))
+        k = _left_of(self.jumps, 0, none, high)
+        k = where(entry(self.jumps, 0) >= high, 0, k + 1)
+        behind = entry(self.jumps, min(k, none))
+        before = where(self.jumping > 0.0, where(before <= low, before, first - length), first - length)
+        behind = where(self.jumping > 0.0, where(k <= none, behind, last + length), last + length)
+        return min(before, low), max(behind, high)
 
     def jump_times(self, low: float, high: float, every: bool) -> list[float]:
         """All times from `low` to `high` that `jump_ahead` knows."""
@@ -443,7 +467,10 @@ def _has_table(layout: Layout) -> bool:
     return own or any(map(_has_table, layout.parts))
 
 
-def during(system: Any, t: Any, h: Any) -> Any:
-    """The system as a step from t to t + h sees it: every table by its limits from inside."""
-    seen = [table.during(t, h) for table in inputs(system)]
+def during(system: Any, t: Any, h: Any, beyond: Any = None) -> Any:
+    """The system as a step from t to t + h sees it: every table by its limits from inside.
+
+    beyond : the part of h by which stages of the method lie beyond the ends of the step, or None.
+    """
+    seen = [table.during(t, h, beyond) for table in inputs(system)]
     return exchanged(system, PiecewisePolynomial, seen)

@@ -200,7 +200,7 @@ def shipped(
 # ---------------------------------------------------------------- from any even order to the next
 
 
-MOST = 30
+LAST = 30
 """Orders beyond it are lost in rounding."""
 
 
@@ -212,8 +212,8 @@ def _order(tableau: str, given: Any) -> int:
         order = True
     if isinstance(order, bool):
         raise InvalidType(f"{tableau}: base_order must be a whole number; got {given!r}")
-    if not 1 <= order <= MOST:
-        raise InvalidInput(f"{tableau}: base_order must be from 1 to {MOST}; got {given}")
+    if not 1 <= order <= LAST:
+        raise InvalidInput(f"{tableau}: base_order must be from 1 to {LAST}; got {given}")
     return order
 
 

@@ -30,6 +30,18 @@ def test_things_are_made_or_refused_with_an_error_that_says_why(count: int, seed
     assert fuzz_makers.failures(count, seed) == []
 
 
+@pytest.mark.parametrize("what", fuzz_makers.overridables(), ids=lambda what: what.base.__name__)
+def test_classes_of_users_are_made_and_run_as_pages_tell(what: Any) -> None:
+    what.used(what.made(what.cls(what.right())(*what.given)))
+
+
+@pytest.mark.parametrize("count, seed", [(200, 5), pytest.param(20_000, 6, marks=pytest.mark.slow)])
+def test_wrong_signatures_and_results_are_refused_by_name(count: int, seed: int) -> None:
+    """Nine in ten where the class or the system is made, the others by the run."""
+    ends, bad = fuzz_makers.wrong_signatures(count, seed)
+    assert bad == [] and ends["made"] > 0.9 * count
+
+
 @pytest.mark.parametrize("factor", [1e160, 1e300, 1e308 + 1e308j])
 def test_generators_whose_products_leave_the_range_of_floats_are_refused(factor: complex) -> None:
     generators = lm.SU(2).generators if isinstance(factor, complex) else lm.SO(3).generators

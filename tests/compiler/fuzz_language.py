@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Callable
+from typing import Any
 
 import fuzz
 
@@ -1275,3 +1276,231 @@ class Derivatives(fuzz.Writer):
     def module(self) -> str:
         lines = "".join(f"    {x} = {self.derived(('a', 'b', 'c'), 3, 3)}\n" for x in "pq")
         return f"from liemech.formulas import *\n\n\ndef formula(a, b, c, d, n):\n{lines}    return vec(p, q, p * q, d)\n"
+
+
+class Memories(fuzz.Writer):
+    """Writes a method whose steps depend on all that it remembers: numbers, whole numbers, truth
+    values, vectors, tuples and records of these, within each other, all of which change.
+    """
+
+    METHODS = "lm.RKMK(order=4)", "lm.RKMK(order=2)", "lm.CovariantVariational()", "lm.RKMK(order=3)"
+    FLOATS = "0.5", "-1.25", "0.0", "-0.0", "1e-3", "3.0"
+    WHOLE = "0", "1", "-3", "2**60 + 1", "-(2**61)", "17"
+
+    def leaf(self, path: str) -> tuple[str, str]:
+        """What a field is in the beginning, and after a step."""
+        r = self.random
+        kind = r.choice(["float", "int", "int", "bool", "vec", "mat"])
+        if kind == "float":
+            self.floats.append(path)
+            return r.choice(self.FLOATS), "F"
+        if kind == "int":
+            self.whole.append(path)
+            return r.choice(self.WHOLE), "I"
+        if kind == "bool":
+            self.truths.append(path)
+            return r.choice(["True", "False"]), "B"
+        if kind == "vec":
+            n = r.randint(1, 4)
+            self.floats += [f"{path}[{i}]" for i in range(n)]
+            values = ", ".join(r.choice(self.FLOATS) for _ in range(n))
+            return f"lm.vec({values})", r.choice(["lm.vec(" + ", ".join("F" * n) + ")", f"0.5 * {path}"])
+        self.floats += [f"{path}[0, 1]", f"{path}[1, 0]"]
+        return "lm.mat([0.5, 1.0], [-0.25, 0.0])", r.choice(["lm.mat([F, F], [F, F])", f"{path}.T"])
+
+    def part(self, path: str, depth: int) -> tuple[str, str]:
+        """A leaf, or a tuple, or a record of some parts; letters stand for what is chosen when all
+        names are known.
+        """
+        r, choice = self.random, self.random.random()
+        if depth == 0 or choice < 0.5:
+            return self.leaf(path)
+        n = r.randint(1, 3)
+        if choice < 0.75:
+            parts = [self.part(f"{path}[{i}]", depth - 1) for i in range(n)]
+            return tuple("(" + "".join(f"{p[k]}, " for p in parts) + ")" for k in (0, 1))  # type: ignore[return-value]
+        self.fresh += 1
+        name = f"Part{self.fresh}"
+        parts = [self.part(f"{path}.f{i}", depth - 1) for i in range(n)]
+        self.records.append((name, n))
+        return tuple(f"{name}(" + ", ".join(p[k] for p in parts) + ")" for k in (0, 1))  # type: ignore[return-value]
+
+    def chosen(self, template: str) -> str:
+        """The template with an expression in place of each letter that stands alone."""
+        made: dict[str, Any] = {"F": self.bounded, "I": self.integer, "B": self.truth}
+        return re.sub(r"\b[FIB]\b", lambda found: made[found[0]](), template)
+
+    def bounded(self) -> str:
+        """A number that does not grow."""
+        r = self.random
+        one = lambda: r.choice(self.names)  # noqa: E731
+        return r.choice(
+            [
+                lambda: f"sin({one()} + {r.choice(self.FLOATS)})",
+                lambda: f"0.5 * {one()} - 0.25 * {one()}",
+                lambda: f"({one()} if {self.truth()} else -0.5 * {one()})",
+                lambda: one(),
+                lambda: f"cos({one()} * {one()}) / 1.5",
+                lambda: f"float(({self.integer()}) % 16) / 16.0",
+                lambda: f"max({one()}, min(0.5 * {one()}, {r.choice(self.FLOATS)}))",
+                lambda: f"sqrt(1.0 + abs({one()})) - 1.0",
+                lambda: f"[{one()}, {one()}, 0.25][n - 1]",
+            ]
+        )()
+
+    def integer(self) -> str:
+        """A whole number of no more than 62 bits."""
+        r = self.random
+        one = lambda: r.choice(self.whole)  # noqa: E731
+        return r.choice(
+            [
+                lambda: f"({one()} + 1) % 5",
+                lambda: f"({one()} % 1000 * 3 + {one()} % 17) % 19 - 4",
+                lambda: f"({one()} % 2**58 * 3 + 2**59 + 7) % (2**60 - 93)",
+                one,
+                lambda: f"-({one()} // 3)",
+                lambda: f"1 - {one()} % 2",
+                lambda: f"({one()} if {self.truth()} else {r.choice(self.WHOLE)})",
+                lambda: f"min({one()}, {one()})",
+            ]
+        )()
+
+    def truth(self) -> str:
+        r = self.random
+        return r.choice(
+            [
+                lambda: f"(not {r.choice(self.truths)})",
+                lambda: r.choice(self.truths),
+                lambda: f"({r.choice(self.whole)} % 3 == {r.randint(0, 2)})",
+                lambda: f"({r.choice(self.names)} > {r.choice(self.FLOATS)})",
+                lambda: f"({r.choice(self.truths)} != {r.choice(self.truths)})",
+            ]
+        )()
+
+    def module(self) -> str:
+        """The text; its `Random()` is the method."""
+        r = self.random
+        self.records: list[tuple[str, int]] = []
+        self.floats, self.whole, self.truths = ["mu[0]", "mu[1]"], ["m.turn"], ["m.first"]
+        parts = [self.part(f"m.f{i}", 2) for i in range(r.randint(1, 4))]
+        self.names = tuple(self.floats)
+        fields = "".join(f"    f{i}: Any\n" for i in range(len(parts)))
+        text = "from typing import Any\n\nimport liemech as lm\nfrom liemech.formulas import *\n\n\n"
+        for name, n in self.records:
+            text += f"@lm.record\nclass {name}(lm.Record):\n" + "".join(f"    f{i}: Any\n" for i in range(n)) + "\n\n"
+        begun = ", ".join(first for first, _ in parts)
+        after = ", ".join(self.chosen(then) for _, then in parts)
+        self.past = r.random() < 0.5
+        text += textwrap.dedent(
+            f"""\
+            @lm.record
+            class Mem(lm.Record):
+                state: Any
+                turn: int
+                first: bool
+            {{fields}}
+
+            @lm.record
+            class Random(lm.Method):
+                inner: Any = {r.choice(self.METHODS)}
+                order = {2 if self.past else 1}
+                symmetric = {self.past}
+
+                def start(self, system, state, h):
+                    return Mem(self.inner.start(system, state, h), 0, True, {begun})
+
+                def observe(self, m):
+                    return self.inner.observe(m.state)
+
+                def step(self, system, t, m, h):
+                    mu, n = self.inner.observe(m.state).mu, 1 + m.turn % 3
+                    part = 1.0 + 0.25 * ({self.bounded()}) if {self.truth()} else 0.75 - 0.125 * sin({self.bounded()})
+                    new = self.inner.step(system, t, m.state, part * h)
+                    return Mem(new, {r.choice(["m.turn + 1", "(m.turn + 1) % 4", "5 - 2 * (m.turn % 3)"])}, {self.truth()}, {after})
+            """
+        ).replace("{fields}", fields.rstrip("\n"))
+        if self.past:
+            names = "".join(f", m.f{i}" for i in range(len(parts)))
+            text += textwrap.indent(
+                textwrap.dedent(
+                    f"""
+                    def past(self, m):
+                        return self.inner.past(m.state), m.turn, m.first{names}
+
+                    def resume(self, system, state, past, h):
+                        return Mem(self.inner.resume(system, state, past[0], h), *past[1:])
+                    """
+                ),
+                " " * 4,
+            )
+        return text
+
+
+class SpecialPoints(Derivatives):
+    """Writes smooth formulas of three variables with cases of their own where these are zero, equal,
+    or at the end of a branch: whole expressions on both sides of it that meet with all their
+    derivatives, and removable singularities as pages say.
+    """
+
+    ZERO = "sinc", "sinh_over", "expm1_over", "log1p_over", "atan_over"
+    """Functions of one number whose quotients are 0/0 at zero."""
+
+    def smooth(self, names: tuple[str, ...], depth: int, level: int) -> str:
+        r = self.random
+        if depth == 0 or r.random() < 0.35:
+            return super().smooth(names, depth, level)
+        one = lambda: self.smooth(names, depth - 1, level)  # noqa: E731
+        x, y = r.choice(names), r.choice(names)
+        return r.choice(
+            [
+                lambda: f"{r.choice(self.ZERO)}({self.special(names)})",
+                lambda: f"stumpff({r.randint(1, 3)}, {x} * {x} + {y} * {y})",
+                lambda: f"stumpff({r.randint(1, 3)}, {self.special(names)})",
+                lambda: f"cos({x} - {y}) * {one()}",
+                lambda: f"(({x}) ** {r.choice(['2', '3', '1', '4'])} + {one()})",
+                lambda: f"({x} - {y}) ** {r.choice(['2', '3'])} * {one()}",
+                lambda: f"{self.met(names, one())}",
+                lambda: f"where({x} {r.choice(['<', '<=', '>', '>='])} {y}, {self.twice(one())})",
+                lambda: f"dot(vec({x}, {one()}), vec({y}, {x}))",
+                lambda: f"sqrt({x} * {x} + {y} * {y} + {r.choice(['0.5', '1.0', '2.0'])})",
+                lambda: f"hypot({x}, {y}, 1.0)",
+                lambda: f"atan2({x} - {y}, 1.5)",
+                lambda: f"log1p({x} ** 2) + expm1({y} * {one()})",
+                lambda: f"tan(0.25 * ({self.special(names)}))",
+                lambda: f"sinh({self.special(names)}) * tanh({one()})",
+            ]
+        )()
+
+    def special(self, names: tuple[str, ...]) -> str:
+        """What is zero, or small, at special points."""
+        r = self.random
+        x, y = r.choice(names), r.choice(names)
+        return r.choice([x, f"0.5 * ({x} - {y})", f"{x} * {y}", f"sin({x})", f"0.25 * ({x} + {y})"])
+
+    def met(self, names: tuple[str, ...], inner: str) -> str:
+        """Two ways of writing one function, on two sides of a border on which the point may lie."""
+        r = self.random
+        x, y = r.choice(names), r.choice(names)
+        border = r.choice([f"{x} {r.choice('<>')} 0.0", f"{x} {r.choice(['<=', '>='])} {y}", f"{x} > 0.0 and {y} > 0.0"])
+        one, other = r.choice(
+            [
+                (f"cos(2.0 * {x})", f"1.0 - 2.0 * sin({x}) ** 2"),
+                (f"({x} + {y}) ** 2", f"{x} * {x} + 2.0 * {x} * {y} + {y} * {y}"),
+                (f"exp({x} + {y})", f"exp({x}) * exp({y})"),
+                (f"sinh({x})", f"0.5 * (exp({x}) - exp(-{x}))"),
+                (f"({inner})", f"({inner}) + 0.0 * {y}"),
+            ]
+        )
+        if r.random() < 0.1:  # to be refused, where the number moves
+            return f"(expm1({x}) / {x} if {x} != 0.0 else 1.0)"
+        return f"({one} if {border} else {other})"
+
+    def twice(self, inner: str) -> str:
+        return f"{inner}, {inner}"
+
+
+SPECIAL_ROWS = (
+    (0.0, 0.0, 0.0), (-0.0, 0.0, -0.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 0.5), (0.5, 0.5, 0.5),
+    (0.5, 0.5, -0.5), (0.5, 0.0, 0.5), (0.75, 0.75, 0.0), (1e-9, 0.0, 1e-9), (1e-160, 0.0, -1e-160), (0.5, 0.5 + 2.0**-53, 1.0),
+)  # fmt: skip
+"""At zero, on axes, on diagonals, and within rounding of them."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Callable
 from typing import Any, ClassVar
 
+import mpmath
 import numpy as np
 import pytest
 from compiler.worlds import same_in_all_worlds
@@ -367,6 +369,38 @@ def test_powers_at_zero() -> None:
         assert derivative(lambda x, n=n: x**n, 0.0) == slope
     assert derivative(lambda x: x**0, 3.0) == 0.0
     assert derivative(lambda n: 0.0**n, 2.0) == 0.0
+
+
+def with_moving_exponents(x, y, turns):
+    """(y^n)' and (x^n)'' where the exponent n moves as well, n = 0 among others."""
+    slopes = vec(0.0, 0.0, 0.0)
+    for n in (0.0, 1.0, 2.0, -0.5):
+        first = derivative(lambda s, n=n: (y + s) ** (n + 2.0 * s), 0.0)
+        second = derivative(lambda s, n=n: derivative(lambda r: (x + r) ** (n + 2.0 * r), s), 0.0)
+        mixed = derivative(lambda s, n=n: derivative(lambda b: b ** (n + s), x), 0.0)
+        slopes = slopes + vec(first, second, mixed)
+    return slopes
+
+
+@pytest.mark.compiled
+def test_powers_with_an_exponent_that_moves_through_zero() -> None:
+    for x, y in ROWS:
+        wanted = np.zeros(3)
+        for n in (0.0, 1.0, 2.0, -0.5):
+            power = functools.partial(lambda b, n, s: (b + s) ** (n + 2 * s), n=n)
+            slopes = (
+                mpmath.diff(lambda s, f=power, b=y: f(b, s=s), 0),
+                mpmath.diff(lambda s, f=power, b=x: f(b, s=s), 0, 2),
+                mpmath.diff(lambda s, b, n=n: b ** (n + s), (0, x), (1, 1)),
+            )
+            wanted += np.array(slopes, float)
+        assert np.allclose(with_moving_exponents(x, y, 3), wanted, rtol=1e-9, atol=1e-9)
+    same_in_all_worlds(with_moving_exponents, ROWS)
+
+
+def test_a_power_of_zero_whose_exponent_moves_through_zero_has_no_mixed_derivative() -> None:
+    with pytest.raises(ZeroDivisionError):
+        derivative(lambda n: derivative(lambda x: x**n, 0.0), 0.0)
 
 
 @record

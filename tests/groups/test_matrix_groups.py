@@ -522,3 +522,63 @@ def test_what_turns_the_algebra_and_is_no_element_is_refused(case: str) -> None:
         foreign = -np.eye(6, dtype=complex)
     assert group.contains(group.identity())
     assert not group.contains(foreign)
+
+
+# ------------------------------------------------------------------ generators in unlike units
+
+
+def turns(unit):
+    """so(3) with generators in units of 1/unit, 1 and unit."""
+    e = np.zeros((3, 3, 3))
+    for i, j, k in (0, 1, 2), (1, 2, 0), (2, 0, 1):
+        e[i, k, j], e[i, j, k] = 1.0, -1.0
+    return e * np.array([1.0 / unit, 1.0, unit])[:, None, None]
+
+
+def boosts(c):
+    """so(3, 1), boosts by metres per second: the block of turns, then (v, v/c^2) in row and column."""
+    e = np.zeros((6, 4, 4))
+    e[:3, :3, :3] = turns(1.0)
+    for i in range(3):
+        e[3 + i, i, 3], e[3 + i, 3, i] = 1.0, 1.0 / c**2
+    return e
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3, 1e6, 1e-6])
+def test_generators_of_unlike_sizes_have_all_their_brackets(unit):
+    group = lm.MatrixLieGroup.of(turns(unit))
+    units = np.array([1.0 / unit, 1.0, unit])
+    xi, eta, mu = np.random.default_rng(1).normal(size=(3, 3))
+    expected = np.cross(xi, eta) / units
+    assert np.allclose(group.ad(xi / units, eta / units), expected, rtol=1e-13, atol=0.0)
+    assert np.allclose(group.ad_star(xi / units, mu * units), np.cross(mu, xi) * units, rtol=1e-13)
+    moved = np.array(group.exp_Ad_star(xi / units, mu * units))
+    assert np.allclose(moved, lm.SO3().exp_Ad_star(xi, mu) * units, rtol=1e-12, atol=0.0)
+    inverse = np.array(group.dexp_inv(xi / units, eta / units))
+    assert np.allclose(inverse, lm.SO3().dexp_inv(xi, eta) / units, rtol=1e-12, atol=0.0)
+    (before,), (after,) = group.casimirs(mu * units), group.casimirs(moved)
+    assert abs(after - before) < 1e-12 * abs(before) and group.contains(expm_of(turns(unit), xi / units))
+
+
+@pytest.mark.parametrize("c", [1.0, 1e5, 299792458.0])
+def test_boosts_in_metres_per_second_make_turns(c):
+    group = lm.MatrixLieGroup.of(boosts(c))
+    units = np.array([1.0, 1.0, 1.0, c, c, c])
+    rng = np.random.default_rng(2)
+    xi, eta, mu = rng.normal(size=(3, 6))
+    natural = lm.MatrixLieGroup.of(boosts(1.0))
+    assert np.allclose(group.ad(xi * units, eta * units), natural.ad(xi, eta) * units, rtol=1e-13)
+    moved = np.array(group.exp_Ad_star(xi * units, mu / units))
+    assert np.allclose(moved * units, natural.exp_Ad_star(xi, mu), rtol=1e-11, atol=1e-12)
+    assert np.allclose(group.casimirs(moved), group.casimirs(mu / units), rtol=1e-11, atol=0.0)
+    assert len(group.casimirs(moved)) == 2
+    boost = expm_of(boosts(c), 0.3 * xi * units)
+    assert group.contains(boost)
+    assert np.allclose(group.inverse(boost) @ boost, np.eye(4), atol=1e-14 * c)
+    galilean = np.eye(4)
+    galilean[0, 3] = 0.6 * c
+    assert not group.contains(galilean)
+
+
+def expm_of(generators, xi):
+    return expm(np.einsum("i,iab->ab", xi, generators))

@@ -649,7 +649,7 @@ class Kinked(lm.Hamiltonian):
     ("hamiltonian", "error", "reason"),
     [
         (Arrays(), lm.errors.IncompatibleSystem, "Arrays does not bear it .* liemech.formulas"),
-        (Doubled(), lm.errors.InvalidInput, "Doubled.energy must return a number"),
+        (Doubled(), lm.errors.InvalidType, "Doubled.energy must return a number"),
         (Halved(), lm.errors.InvalidInput, "not the gradient of its energy.* Leave it out"),
     ],
     ids=["arrays", "doubled", "halved"],

@@ -304,11 +304,13 @@ def test_formulas_that_are_none_are_refused_by_the_state() -> None:
         def flow(self, t: float) -> lm.Vec:  # type: ignore[override]
             return lm.vec(t, t, t)
 
-    with pytest.raises(InvalidType, match=r"Timed.velocity .* It is velocity\(self, y\)"):
+    with pytest.raises(InvalidType, match=r"Timed.velocity takes .* write `def velocity\(self, y\)`"):
         Timed().state([1.0, 2.0])
-    with pytest.raises(InvalidType, match=r"Bare.flow .* It is flow\(self, y, t\)"):
+    with pytest.raises(InvalidType, match=r"Bare.flow takes .* write `def flow\(self, y, t\)`"):
         lm.SplitField((Bare(), Shear(0, 1.0))).state(Y)
-    for field in (Forgotten(), Long(), lm.SplitField([Long()])):  # type: ignore[arg-type]
+    with pytest.raises(InvalidType, match=r"Forgotten.velocity returns nothing"):
+        Forgotten()
+    for field in (Long(), lm.SplitField([Long()])):  # type: ignore[arg-type]
         with pytest.raises(InvalidInput, match="must return a vector of 2 numbers"):
             field.state([1.0, 2.0])
     assert lm.SplitField([Turn(1.0)]).parts == lm.SplitField((Turn(1.0),)).parts  # type: ignore[arg-type]

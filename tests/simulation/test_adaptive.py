@@ -4,6 +4,8 @@ they end early.
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from scenes import asymmetric_body
@@ -324,3 +326,22 @@ def test_refused(error: type[Exception], words: str, given: dict) -> None:
 def test_a_tolerance_below_rounding_is_raised_with_a_warning() -> None:
     with pytest.warns(RuntimeWarning, match="below rounding"):
         lm.integrate(BODY, DP5, START, t_end=0.1, rtol=1e-18, atol=1e-12)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-5, 1e-6, 1e-12, 1e-20])
+@pytest.mark.parametrize("bodies", [None, 3])
+def test_a_default_tolerance_that_controls_no_digit_is_warned_of(unit, bodies):
+    body = lm.RigidBody(np.array([1.0, 1.5, 2.0]) * unit)
+    mu = np.array([0.5, 0.1, 0.8]) * unit
+    start = body.state(mu if bodies is None else np.tile(mu, (bodies, 1)))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        lm.integrate(body, lm.RKMK(order=5), start, t_end=1.0, rtol=1e-8)
+        told = [str(w.message) for w in caught if "atol" in str(w.message)]
+        assert len(told) == (unit <= 1e-6)
+        lm.integrate(body, lm.RKMK(order=5), start, t_end=1.0, rtol=1e-8, atol=1e-9 * unit)
+        if bodies is None:  # the attitude has a size of its own
+            lm.integrate(body, lm.RKMK(order=5), body.state(mu, np.eye(3)), t_end=1.0, rtol=1e-8)
+        rest = body.state(0.0 * mu)
+        lm.integrate(body, lm.RKMK(order=5), rest, t_end=1.0)
+        assert len([w for w in caught if "atol" in str(w.message)]) == len(told)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import enum
 import inspect
 import io
 import json
@@ -209,6 +211,114 @@ def test_what_cannot_be_saved_is_refused(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["run.npz"]
 
 
+class Shape(enum.StrEnum):
+    FLAT = "flat"
+
+
+class Kind(enum.IntEnum):
+    FLAT = 1
+
+
+class Reversed(float):
+    def __mul__(self, other: Any) -> float:
+        return -float(self) * other
+
+
+@pytest.mark.parametrize(
+    "value", [Shape.FLAT, Kind.FLAT, Reversed(2.0), np.longdouble("0.1"), int], ids=repr
+)
+def test_what_would_come_back_as_something_else_is_refused(value: Any, tmp_path: Path) -> None:
+    """A formula may ask `is Shape.FLAT`, which no text that is read from a file is."""
+    run = run_holding(value)
+    with pytest.raises(lm.errors.InvalidInput, match=r"Trajectory\.save: .* cannot be saved"):
+        run.save(tmp_path / "run.npz")
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.array([[1.0 + 2.0j, -0.0j]]),
+        np.array([1.0 + 2.0j, np.inf], dtype="c8"),
+        np.array([True, False]),
+        np.array(3.5),
+        np.zeros((0, 3)),
+        np.int64(3),
+        np.float32(0.1),
+        np.True_,
+        float("nan"),
+    ],
+    ids=repr,
+)
+def test_a_record_comes_back_with_what_it_held(value: Any, tmp_path: Path) -> None:
+    run = run_holding(value)
+    run.save(tmp_path / "run.npz")
+    again = lm.Trajectory.load(tmp_path / "run.npz")
+    system: Any = again.system
+    found = system.hamiltonian.value
+    assert type(found) is type(value)
+    assert np.asarray(found).dtype == np.asarray(value).dtype
+    assert np.asarray(found).tobytes() == np.asarray(value).tobytes()
+    assert again == run
+    assert again != run_holding(0.25)
+
+
+@lm.record
+class Holding(lm.Hamiltonian):
+    value: Any
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.5 * lm.dot(mu, mu)
+
+
+@lm.record
+class Derived(lm.Hamiltonian):
+    scale: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "half", 0.5 * self.scale)
+
+    def energy(self, mu: lm.Vec) -> float:
+        return self.half * lm.dot(mu, mu)  # type: ignore[attr-defined,no-any-return]
+
+
+def test_what_a_formula_misses_is_told_and_not_taken_for_a_part_of_the_run(tmp_path: Path) -> None:
+    """What a class keeps beside its fields is not in a file."""
+    system = lm.LiePoissonSystem(lm.SO3(), Derived(2.0))
+    start = system.state(mu=[1.0, 2.0, 3.0])
+    run = lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=2, compiled=False)
+    run.save(tmp_path / "run.npz")
+    again = lm.Trajectory.load(tmp_path / "run.npz")
+    with pytest.raises(RuntimeError, match=r"Trajectory\.energy could not be made.*'half'"):
+        again.energy  # noqa: B018
+    assert not hasattr(again, "half")
+
+
+def run_holding(value: Any) -> lm.Trajectory:
+    system = lm.LiePoissonSystem(lm.SO3(), Holding(value))
+    start = system.state(mu=[1.0, 2.0, 3.0])
+    return lm.integrate(system, lm.RKMK(order=2), start, h=0.1, steps=2, compiled=False)
+
+
+@pytest.mark.parametrize("suffix", ["npz", "h5"])
+@pytest.mark.parametrize("case", ["body", "canonical"])
+def test_the_parts_of_states_keep_their_order(case: str, suffix: str, tmp_path: Path) -> None:
+    """HDF5 sorts the names of arrays; the motion between the samples is by the order in the state."""
+    if suffix == "h5":
+        pytest.importorskip("h5py")
+    plan, start = CASES[case]
+    run = plan.run(start, steps=6)
+    run.save(tmp_path / f"run.{suffix}")
+    again = lm.Trajectory.load(tmp_path / f"run.{suffix}")
+    assert list(again.states) == list(run.states)
+    t = 2.5 * run.h
+    found, wanted = again.at(t).arrays, run.at(t).arrays
+    assert all(np.array_equal(found[name], x) for name, x in wanted.items())
+    swapped = dataclasses.replace(run, states=dict(reversed(run.states.items())))
+    found = swapped.at(t).arrays
+    assert all(np.array_equal(found[name], x) for name, x in wanted.items())
+
+
 @lm.record
 class Called(lm.Hamiltonian):
     function: Any
@@ -232,6 +342,15 @@ def test_a_checkpoint_is_the_run_so_far(every: int, tmp_path: Path) -> None:
     joined = part.then(rest)
     assert np.array_equal(joined.t, whole.t)
     assert np.array_equal(joined.mu, whole.mu)
+
+
+def test_a_folder_that_is_not_there_is_told_by_the_name_that_was_given(tmp_path: Path) -> None:
+    run, path = CASES["body"][0].run(START, steps=3), tmp_path / "nowhere" / "run.npz"
+    with pytest.raises(FileNotFoundError) as told:
+        run.save(path)
+    assert told.value.filename == str(path)
+    with pytest.raises(TypeError, match="PathLike"):
+        lm.Trajectory.load(None)  # type: ignore[arg-type]
 
 
 def test_where_a_checkpoint_may_lie(tmp_path: Path) -> None:

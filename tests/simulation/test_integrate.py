@@ -237,6 +237,28 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
         reduced = lm.LiePoissonSystem(group, Reduced(moments, push * length))
         start = reduced.state(units * [0.3, 0.1, 1.5, 0.2, 0.3, 0.9])
         return reduced, start, {"mu": units}
+    speed = length / second
+    if scene == "body":
+        body = lm.RigidBody(inertia * np.array([1.0, 1.5, 2.25]))
+        g = lm.SO3().exp([0.3, 0.2, 0.1])
+        return body, body.state(turn * np.array([0.5, 0.3, 0.8]), g), {"mu": turn, "g": 1.0}
+    if scene == "Kepler":
+        kepler = lm.Kepler(attraction=length**3 / second**2)
+        start = kepler.state(length * np.array([0.75, 0.1]), speed * np.array([0.2, 1.2]))
+        return kepler, start, {"q": length, "p": speed}
+    if scene == "three bodies":
+        three = lm.NBody(mass * np.array([1.0, 0.5, 0.25]), length**3 / second**2 / mass, 2)
+        q, p = np.array([[1.0, 0.1, -0.8, 0.5, 0.1, -1.2], [0.1, 0.5, -0.2, -0.4, 0.15, 0.1]])
+        return three, three.state(length * q, mass * speed * p), {"q": length, "p": mass * speed}
+    if scene == "pendulum":
+        pendulum = lm.Pendulum(1.3 * mass, 0.7 * length, 9.8 * length / second**2)
+        return pendulum, pendulum.state([0.7], [0.2 * turn]), {"q": 1.0, "p": turn}
+    if scene == "spherical pendulum":
+        on_sphere = lm.SphericalPendulum(1.3 * mass, length, 9.8 * length / second**2)
+        start = on_sphere.state(
+            length * np.array([0.6, 0.0, -0.8]), mass * speed * np.array([0.4, 0.5, 0.3])
+        )
+        return on_sphere, start, {"q": length, "p": mass * speed}
     if scene == "crank":
         crank = Crank(mass, length, mass / second**2)
         start = crank.consistent([0.5 * length, 0.4], turn * np.array([0.0, 1.3]))
@@ -278,6 +300,66 @@ def test_units_of_mass_length_and_time_change_no_bit(scene: str, method: lm.Meth
         other = lm.integrate(there, method, begin, h=0.1 * 2.0**s, steps=6, compiled=False)
         for name, unit in units.items():
             assert same_bits(other.states[name], unit * run.states[name]), (name, k, l, s)
+
+
+MOVED = {
+    "body": (
+        *(lm.CovariantVariational(r) for r in (lm.Exponential(), lm.Cayley())), lm.MoserVeselov(),
+        *(lm.RKMK(order=order) for order in (2, 3, 4, 5)), lm.RKMK(tableau=lm.tableaus.gauss(2)),
+        lm.CommutatorFree(order=4), lm.ExactFreeBody(), lm.Isospectral(), lm.ImplicitMidpoint(), lm.SphericalMidpoint(),
+        *(lm.LiePoissonHamiltonJacobi(order=order) for order in (2, 4, 6)), lm.FirstKindHamiltonJacobi(order=2),
+        lm.GalerkinVariational(order=4), lm.Taylor(order=8), lm.Composition(lm.CovariantVariational(), order=4),
+    ),
+    "top": (
+        lm.LieVerlet(), lm.KickDrift(order=4), lm.RKMK(order=4), lm.GalerkinVariational(order=4), lm.Taylor(order=6),
+        lm.RKMK(tableau=lm.tableaus.gauss(2)), lm.Composition(lm.LieVerlet(), order=4),
+    ),
+    "Kepler": (
+        lm.StormerVerlet(), lm.SymplecticEuler(), lm.Splitting(order=4), lm.HamiltonJacobi(order=4),
+        lm.SymmetricHamiltonJacobi(order=4), lm.RKMK(order=4), lm.RKMK(tableau=lm.tableaus.gauss(2)), lm.Taylor(order=10),
+    ),
+    "three bodies": (
+        lm.StormerVerlet(), lm.Splitting(order=4), lm.RKMK(order=4), lm.RKMK(tableau=lm.tableaus.gauss(2)),
+        lm.Taylor(order=6), lm.HamiltonJacobi(order=2),
+    ),
+    "pendulum": (
+        lm.StormerVerlet(), lm.SymplecticEuler(), lm.Splitting(order=6), lm.HamiltonJacobi(order=3),
+        lm.SymmetricHamiltonJacobi(order=4), lm.RKMK(order=4), lm.Taylor(order=8), lm.RKMK(tableau=lm.tableaus.gauss(3)),
+    ),
+    "double pendulum": (lm.HamiltonJacobi(order=2), lm.RKMK(order=4), lm.RKMK(tableau=lm.tableaus.gauss(2))),
+    "spherical pendulum": (lm.RATTLE(), lm.LobattoPair(order=4), lm.ConstrainedEuler(), lm.Composition(lm.RATTLE(), order=4)),
+    "reduced top": (lm.RKMK(order=4), lm.Taylor(order=6), lm.RKMK(tableau=lm.tableaus.gauss(2))),
+    "submarine": (
+        lm.RKMK(order=4), lm.CovariantVariational(), lm.GalerkinVariational(order=2), lm.LiePoissonHamiltonJacobi(order=2),
+        lm.LiePoissonHamiltonJacobi(order=4), lm.Taylor(order=8), lm.RKMK(tableau=lm.tableaus.gauss(2)),
+    ),
+}  # fmt: skip
+"""Models and methods whose units are changed at random."""
+
+
+def moved_in_units(seed: int, scene: str, method: lm.Method) -> str:
+    """What differs in units of thirty decades, chosen at random, powers of two; nothing if it is
+    the same motion, bit for bit.
+    """
+    rng = np.random.default_rng(seed)
+    system, start, units = in_units(scene, 1.0, 1.0, 1.0)
+    run = lm.integrate(system, method, start, h=0.05, steps=3, compiled=False)
+    k, l, s = map(int, rng.integers(-50, 51, size=3))
+    there, begin, units = in_units(scene, 2.0**k, 2.0**l, 2.0**s)
+    other = lm.integrate(there, method, begin, h=0.05 * 2.0**s, steps=3, compiled=False)
+    for name, unit in units.items():
+        here, found = run.states[name], other.states[name] / unit
+        if not same_bits(found, here):
+            off = np.abs(found - here).max() / np.abs(here).max()
+            return f"{scene}, {method!r}, {name} in 2^({k}, {l}, {s}): off by {off:.1e}"
+    return ""
+
+
+@pytest.mark.sample(20)
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("scene, method", [(s, m) for s, methods in MOVED.items() for m in methods])
+def test_units_of_thirty_decades(scene: str, method: lm.Method, seed: int) -> None:
+    assert moved_in_units(seed, scene, method) == ""
 
 
 @ALL

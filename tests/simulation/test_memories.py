@@ -211,6 +211,24 @@ def test_a_memory_that_changes_its_structure_is_refused_by_name(name: str) -> No
             lm.integrate(BODY, method, start, h=H, steps=10, compiled=True)
 
 
+@lm.record
+class Hidden(Random):
+    """Shows something else than the state."""
+
+    shown: Any
+
+    def observe(self, memory):
+        return self.shown
+
+
+@WORLDS
+@pytest.mark.parametrize("shown", [None, 1.5, "abc", lm.vec(1.0, 2.0, 3.0), (ONE,)], ids=repr)
+def test_what_is_observed_is_a_state(compiled: bool, shown: Any) -> None:
+    for start in (ONE, MANY):
+        with pytest.raises(InvalidType, match=r"Hidden.observe must return the state"):
+            lm.integrate(BODY, Hidden(shown), start, h=H, steps=3, compiled=compiled)
+
+
 @WORLDS
 def test_what_is_remembered_of_compensated_numbers_too(compiled: bool) -> None:
     """Numbers of two doubles, and of one with a rest."""

@@ -4,6 +4,7 @@ the two-form they must keep.
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from scenes import slow
 
 import liemech as lm
+from liemech import errors
 
 WORLDS = pytest.mark.parametrize(
     "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]
@@ -244,3 +246,31 @@ def test_places_and_attitudes_of_se3() -> None:
                 eta = SE3.log(SE3.compose(SE3.inverse(last), moved.g[-1]))
                 change += np.sign(sign) * weight / 1e-3 * np.concatenate([moved.mu[-1], eta])
         assert np.abs(run.tangent["start"][-1][:, i] - change).max() < 1e-9
+
+
+@lm.record
+class Spring(lm.Force):
+    """A torque known for one second."""
+
+    torque: lm.PiecewisePolynomial
+
+    def covector(self, t, xi, g):
+        return lm.vec(self.torque(t), 0.0, 0.0)
+
+
+@pytest.mark.parametrize("compiled", [False, None])
+def test_a_step_that_fails_ends_the_run_and_its_map(compiled):
+    times = np.linspace(0.0, 1.0, 11)
+    torque = lm.PiecewisePolynomial.cubic(times, np.sin(times))
+    body = lm.MechanicalSystem(lm.RigidBody([1.0, 2.0, 3.0]), lm.NoPotential(), load=Spring(torque))
+    plan = lm.Plan(body, lm.RKMK(order=4), h=0.03, every=5, compiled=compiled)
+    start = body.state([0.1, 0.2, 0.3], np.eye(3))
+    with pytest.raises(errors.IntegrationFailure, match="has no value") as alone:
+        plan.run(start, steps=100)
+    with warnings.catch_warnings(action="error"), pytest.raises(errors.IntegrationFailure, match="has no value") as caught:
+        plan.tangent(start, steps=100)
+    run = caught.value.trajectory
+    assert np.array_equal(run.mu, alone.value.trajectory.mu) and np.array_equal(run.t, alone.value.trajectory.t)
+    assert np.array_equal(run.tangent["start"], plan.tangent(start, steps=33).tangent["start"][: len(run.t)])
+    with pytest.raises(errors.IntegrationFailure, match="has no value"):
+        plan.tangent(body.state([[0.1, 0.2, 0.3]] * 2, [np.eye(3)] * 2), steps=100)

@@ -52,6 +52,14 @@ WRONG = {
     "a matrix for a number": (lambda: _field(lambda self, g: g), "Mine.energy must return a number; got Mat"),
     "a potential that is a vector": (lambda: _separable(potential=lambda self, q: q), "Mine.potential must return a number"),
     "a potential of time": (lambda: _separable(potential=lambda self, t, q: t), "DrivenHamiltonianSystem"),
+    "an argument by name only": (
+        lambda: _hamiltonian(energy=lambda self, *, mu: mu[0]),
+        r"Mine.energy takes \(self, \*, mu\).*write `def energy\(self, mu\)`",
+    ),
+    "one more by name only": (
+        lambda: _hamiltonian(energy=lambda self, mu, *, scale: scale * mu[0]), r"takes \(self, mu, \*, scale\)"
+    ),
+    "a generator": (lambda: _hamiltonian(energy=lambda self, mu: (yield mu[0])), "Mine.energy yields.*`return"),
     "a potential of nothing": (lambda: _separable(potential=_forgotten), "Mine.potential returns nothing"),
 }  # fmt: skip
 
@@ -85,8 +93,12 @@ def test_arrays_and_lists_are_vectors_where_a_vector_belongs() -> None:
 
 
 def test_more_arguments_with_values_of_their_own_are_welcome() -> None:
-    system = _hamiltonian(energy=lambda self, mu, scale=2.0: scale * lm.dot(mu, mu))
-    assert list(system.velocity(lm.vec(1.0, 0.0, 0.0))) == [4.0, 0.0, 0.0]
+    def by_name(self: Any, mu: Any, *, scale: float = 2.0) -> Any:
+        return scale * lm.dot(mu, mu)
+
+    for energy in (lambda self, mu, scale=2.0: scale * lm.dot(mu, mu), by_name):
+        system = _hamiltonian(energy=energy)
+        assert list(system.velocity(lm.vec(1.0, 0.0, 0.0))) == [4.0, 0.0, 0.0]
 
 
 class _Ring(lm.ConstrainedSystem):

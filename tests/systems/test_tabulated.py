@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import pickle
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -111,6 +112,21 @@ def test_adaptive_steps_know_where_a_table_jumps(method):
             system, method, system.state(np.zeros(2)), t_end=10.0, breaks=breaks, compiled=False
         )
         assert np.abs(run.g[-1] - area).max() < 1e-13 and run.rejected == 0
+
+
+@pytest.mark.parametrize(("t0", "t_end"), [(0.0, 2.1), (-2.7, 3.0), (2.0, -1.0)])
+@pytest.mark.parametrize("ulps", [-8, -4, -3, -1, 1, 2, 3, 8])
+def test_jumps_within_rounding_of_the_ends_stop_no_adaptive_run(t0, t_end, ulps):
+    before, behind = min(t0, t_end) - 1.0, max(t0, t_end) + 1.0
+    for end in t0, t_end:
+        at = end + ulps * np.spacing(abs(end))
+        table = lm.PiecewisePolynomial.constant([before, at, behind], [[1.0], [2.0]])
+        first, second = (1.0, 2.0) if t_end > t0 else (2.0, 1.0)
+        x = Driven(lm.VectorSpace(1), table)
+        for start in x.state([0.0]), x.state(np.zeros((3, 1))):
+            run = lm.integrate(x, lm.RKMK(order=5), start, t0=t0, t_end=t_end)
+            exact = (t_end - t0) * (second if end == t0 else first)
+            assert np.abs(run.g[-1] - exact).max() < 1e-13
 
 
 def test_no_adaptive_step_goes_across_two_pulses():
@@ -439,6 +455,85 @@ def test_a_table_is_one_number_wherever_values_are_laid_out():
 
 @pytest.mark.slow
 @pytest.mark.compiled
+@lm.record
+class Delayed(lm.GroupEquation):
+    """x' = f(pace t - delay) in a vector space."""
+
+    drive: lm.PiecewisePolynomial
+    delay: float
+    pace: float = 1.0
+
+    def velocity(self, t, g):
+        return self.drive(self.pace * t - self.delay)
+
+
+@pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
+@pytest.mark.parametrize(("delay", "pace"), [(0.25, 1.0), (3.0, 1.0), (-1.5, 1.0), (-8.0, -1.0), (1.0, 2.0)])
+@pytest.mark.parametrize("compiled", [False, None])
+def test_a_table_is_right_at_other_times_than_those_of_the_step(outside, delay, pace, compiled):
+    # Simpson's rule is exact for cubics, the knots are ends of steps
+    from scipy.interpolate import CubicSpline
+
+    knots = np.linspace(-4.0, 12.0, 33)
+    waves = np.column_stack([np.sin(knots), np.cos(2.0 * np.pi * knots / 16.0)])
+    curve = CubicSpline(knots, waves)
+    system = Delayed(lm.VectorSpace(2), lm.PiecewisePolynomial.of(curve, outside), delay, pace)
+    run = lm.integrate(system, lm.RKMK(order=4), system.state([0.0, 0.0]), h=0.25, steps=20, compiled=compiled)
+    exact = [curve.integrate(-delay, pace * t - delay) / pace for t in run.t.tolist()]
+    assert np.abs(run.g - exact).max() < 1e-13
+
+
+@lm.record
+class Cam(lm.HamiltonianSystem):
+    """A bead whose potential is a table of its place."""
+
+    degrees: ClassVar[int] = 1
+    potential: lm.PiecewisePolynomial
+
+    def energy(self, q, p):
+        return 0.5 * p[0] ** 2 + self.potential(q[0])
+
+
+def test_a_table_of_places_is_looked_at_everywhere():
+    places = np.linspace(-4.0, 4.0, 401)
+    cam = Cam(lm.PiecewisePolynomial.cubic(places, 0.5 * places**2))  # to rounding a harmonic one
+    for method in lm.RKMK(order=8), lm.HamiltonJacobi(order=4):
+        run = lm.integrate(cam, method, cam.state(q=2.0, p=0.3), h=0.01, steps=300)
+        exact = 2.0 * np.cos(run.t) + 0.3 * np.sin(run.t)
+        assert np.abs(run.q[:, 0] - exact).max() < 1e-8
+
+
+def test_stages_beyond_a_step_see_a_fine_table_as_it_is():
+    # substeps of the triple jump leave the step by a third of it, forty intervals
+    from liemech.tableaus.compositions import TRIPLE_JUMP4
+
+    knots = np.linspace(-1.0, 6.0, 7 * 128 + 1)
+    torque = lm.PiecewisePolynomial.cubic(knots, np.column_stack([np.cos(knots), 0.0 * knots, 0.0 * knots]))
+    body = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Torque(torque))
+    jumps = lm.Composition(lm.KickDrift(), tableau=TRIPLE_JUMP4)
+    errors = []
+    for h in 0.25, 0.125:
+        run = lm.integrate(body, jumps, body.state([0.0, 0.0, 0.0], np.eye(3)), h=h, steps=round(5.0 / h))
+        errors.append(np.abs(run.mu[:, 0] - np.sin(run.t)).max())
+    assert errors[0] < 2e-4 and errors[0] / errors[1] > 12.0
+
+
+@pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
+def test_stages_beyond_a_step_do_not_look_behind_a_jump(outside):
+    from liemech.tableaus.compositions import TRIPLE_JUMP4, YOSHIDA6
+
+    knots = [-1.0, 0.33, 1.0, 1.4142, 5.0]
+    push = lm.PiecewisePolynomial.constant(knots, np.outer([0.3, 2.0, -1.0, 0.5], [1.0, 0.2, -0.5]), outside)
+    body = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Torque(push))
+    start = body.state([0.3, 0.5, -0.7], np.eye(3))
+    exact = lm.integrate(body, lm.RKMK(order=8), start, h=0.005, steps=400).mu[-1]
+    for tableau in TRIPLE_JUMP4, YOSHIDA6:
+        method = lm.Composition(lm.KickDrift(), tableau=tableau)
+        for steps in 80, 160:
+            run = lm.integrate(body, method, start, h=2.0 / steps, steps=steps)
+            assert np.abs(run.mu[-1] - exact).max() < 2e-6
+
+
 def test_native_code_is_one_for_tables_of_all_lengths_and_has_the_bits_of_python():
     long = np.linspace(0.0, 10.0, 3000)
     short, many = (
