@@ -485,6 +485,45 @@ def test_brackets_of_large_matrices_by_structure_constants() -> None:
     assert close(moved, basis.pairing(x.T @ basis.covector(mu) - basis.covector(mu) @ x.T))
 
 
+def on_symmetric_matrices(generators: np.ndarray) -> np.ndarray:
+    """The representation x s + s x^T of matrices on symmetric ones, in an orthonormal basis."""
+    n = generators.shape[1]
+    basis = []
+    for i in range(n):
+        for j in range(i, n):
+            s = np.zeros((n, n))
+            s[i, j] = s[j, i] = 1.0
+            basis.append(s / np.linalg.norm(s))
+    moved = [[x @ s + s @ x.T for s in basis] for x in generators]
+    return np.einsum("aij,xbij->xab", np.array(basis), np.array(moved))
+
+
+@pytest.mark.xfail(
+    strict=True, reason="g E_i g^-1 in the algebra is not enough; docs/verification.md"
+)
+@pytest.mark.parametrize("case", ["torus", "positive", "symmetric matrices"])
+def test_what_turns_the_algebra_and_is_no_element_is_refused(case: str) -> None:
+    if case == "torus":
+        turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+        zero = np.zeros((2, 2))
+        group = lm.MatrixLieGroup.of(np.array([np.block([[turn, zero], [zero, 2.0 * turn]])]))
+        one = np.cos(0.3) * np.eye(2) + np.sin(0.3) * turn
+        foreign = np.block([[one, zero], [zero, one]])
+    elif case == "positive":
+        group = lm.MatrixLieGroup.of(np.array([np.diag([1.0, 0.0]), np.diag([0.0, 1.0])]))
+        foreign = np.diag([-2.0, 3.0])
+    else:
+        units = np.eye(9).reshape(9, 3, 3)
+        skew = [1j * (e + e.T) for e in units] + [(e - e.T).astype(complex) for e in units]
+        rows = np.array([x - np.trace(x) / 3.0 * np.eye(3) for x in skew]).reshape(18, 9)
+        _, _, v = np.linalg.svd(np.concatenate([rows.real, rows.imag], axis=1))
+        su3 = (v[:8, :9] + 1j * v[:8, 9:]).reshape(8, 3, 3)
+        group = lm.MatrixLieGroup.of(on_symmetric_matrices(su3))
+        foreign = -np.eye(6, dtype=complex)
+    assert group.contains(group.identity())
+    assert not group.contains(foreign)
+
+
 # ------------------------------------------------------------------ generators in unlike units
 
 
