@@ -28,7 +28,7 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import cache, kernel
+from liemech.compiler import cache, guard, kernel
 from liemech.errors import InvalidInput, NotCompilable
 
 ROWS = 12
