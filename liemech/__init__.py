@@ -10,7 +10,6 @@ Spaces are objects, their elements arrays.  A method steps a system, `integrate`
 `Trajectory` the samples.
 """
 
-import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -381,8 +380,12 @@ broadcasting.evaluate_rows = _evaluate_rows
 def __getattr__(name: str) -> Any:
     """A public name, imported now."""
     if name not in _HOMES:
-        message = f"module 'liemech' has no attribute {name!r}"
-        raise AttributeError(message, name=name, obj=sys.modules[__name__])  # Python suggests others
+        import difflib
+
+        message, public = f"module 'liemech' has no attribute {name!r}", {n.lower(): n for n in __all__}
+        near = difflib.get_close_matches(name.lower().replace("_", ""), public, 1)
+        hint = f". Did you mean liemech.{public[near[0]]}?" if near else ""
+        raise AttributeError(message + hint)
     module = import_module(f".{_HOMES[name]}", __name__)
     value = module if name == _HOMES[name] else getattr(module, name)
     globals()[name] = value

@@ -5,10 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
+from ..formulas import Vec
+from .closed_forms import Arguments
 from .law import Law, Same, axiom, factors
 from .sample_points import STEP, At, size, slope
 
 ACTION: list[Law] = []
+
+
+@axiom(ACTION, "moved points", "g . x is an array of finite numbers, shaped as x is")
+def moved_points(action: Any, at: At) -> Iterator[Same]:
+    x = np.asarray(at.point)
+    for g in (at.g, at.h, at.group.compose(at.g, at.h), at.back):
+        moved = np.asarray(action.act(g, at.point))
+        yield Same(np.array([moved.ndim, *moved.shape]), np.array([x.ndim, *x.shape]))
+        yield Same(moved - moved, 0.0 * x)
 
 
 @axiom(ACTION, "neutral element", "e . x = x")
@@ -57,3 +70,15 @@ def points_stay(action: Any, at: At) -> Iterator[Same]:
     yield Same(
         action.defect(action.act(at.g, at.point)), 0.0, at.share(at.g, at.back) * (1.0 + at.length)
     )
+
+
+def arguments(at: At) -> Arguments:
+    """What the arguments of an action's formulas are, by their names; covectors are named p."""
+    covector = np.random.default_rng(at.dim).normal(size=np.shape(at.point))
+    found = {"g": at.g, "xi": at.xi, "x": at.point, "p": Vec.of(covector.ravel().tolist())}
+    return {name: (value,) for name, value in found.items()}
+
+
+def named(formula: str) -> bool:
+    """Is a formula looked at by a law of its own?"""
+    return formula in ("infinitesimal", "exp_act")

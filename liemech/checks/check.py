@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any
 
@@ -12,25 +12,29 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import check_finite
-from ..formulas.broadcasting import small
+from ..formulas.broadcasting import real_array, small
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from ..integrators.method import Method
 from ..retractions import Cayley, Exponential, Retraction
-from ..systems.constrained import ConstrainedSystem
 from ..systems.system import State, System
-from .action_laws import ACTION
+from .action_laws import ACTION, arguments, named
 from .algebra_laws import ALGEBRA
-from .constrained_claims import constrained_claims
+from .closed_forms import laws_of_closed_forms
 from .group_laws import GROUP, NATIVE, PLACE
 from .law import replaced, verdicts
+from .local_claims import is_reversible, look_around
 from .map_laws import CAYLEY, EXPONENTIAL, Map
 from .method_claims import Trial, claims
-from .report import Finding, Report
+from .places import Place
+from .report import Finding, Observation, Report
 from .sample_points import At, sample_points
 from .sample_states import members, pace, sample_states
 from .special_points import SPECIAL
 from .system_laws import RUNS, laws_of
+
+SURELY = 1e-9
+"""A relative difference of short motions that is none."""
 
 LONGEST = 12.0
 """The longest time over which an order is observed, in times in which the start changes by its
@@ -78,16 +82,23 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
     if not isinstance(getattr(action, "group", None), LieGroup):
         raise InvalidType(f"check_action: action must be an action of a group; got {action!r}")
     where, rng = sample_points(action.group, seed), np.random.default_rng(seed)
-    some = [action.random(rng) for _ in where] if points is None else list(points)
+    if points is None:
+        some = [np.asarray(action.random(rng)) for _ in where]
+    else:
+        some = [*real_array(points, "check_action: points")]
     if not some:
         raise InvalidInput("check_action: points is empty; give at least one point of the space")
-    for point in some if points is not None else ():
-        check_finite(np.asarray(point), "check_action: points")
+    for i, x in enumerate(some):
+        name = f"check_action: points[{i}]" if points is not None else "check_action: action.random"
+        shape = getattr(action, "point_shape", None)
+        if shape is not None and x.shape != shape:
+            raise InvalidInput(f"{name} has shape {x.shape}; a point of {action!r} has shape {shape}")
+        check_finite(x, name)
     where = [
-        dataclasses.replace(at, point=small(np.asarray(some[i % len(some)])))
-        for i, at in enumerate(where)
+        dataclasses.replace(at, point=small(some[i % len(some)])) for i, at in enumerate(where)
     ]
-    return _finished(repr(action), verdicts(ACTION, action, where, lambda name: True), raises)
+    laws = [*ACTION, *laws_of_closed_forms(action, arguments, named)]
+    return _finished(repr(action), verdicts(laws, action, where, lambda name: True), raises)
 
 
 def check_system(
@@ -102,13 +113,15 @@ def check_system(
 
     Gradients are compared with energies, Lagrangians with Hamiltonians (the Legendre transform
     there and back), forces with potentials, the power of a load with the change of energy; Casimirs
-    must commute with all coordinates, and what `constants` names must not change along the motion.
-    Formulas that follow from others are not looked at.  At zero, equal components and on the axes
-    first and second derivatives are compared with differences: branches for such points often know
-    a value and no slope.
+    must commute with all coordinates and be independent, constraints must stay, and what
+    `constants` names must not change along the motion.  Every closed form of the system, and of the
+    records that it holds, is compared with the formula that it stands for.  Formulas that follow
+    from others are not looked at.  At zero, equal components and on the axes first and second
+    derivatives are compared with differences: branches for such points often know a value and no
+    slope.
 
     states : where to look, `system.state(...)`, one or an ensemble; left out, at random states of
-    size one.
+    sizes from 0.2 to 8.  Systems that know the time are looked at from t = -1.3 to 640.
     native : make two steps in native code too, and compare them bit by bit with plain Python.
     raises : False returns the report on a broken system as well.
     seed : of the random states.
@@ -139,17 +152,26 @@ def check_method(
     keeps: Iterable[str] = (),
     native: bool = False,
     compiled: bool | None = None,
+    rho: Callable[[Any], Any] | None = None,
     raises: bool = True,
 ) -> Report:
     """Is a method of the order that it claims, symmetric and symplectic if it says so, on this
     system from this start?
 
     Observed are: the order, against RKMK of order 8; the way back, with -h from where steps with h
-    lead; Phi' B Phi'^T - B(Phi) of one step Phi, on momenta and on T*G, or on R^2n; the changes of
-    what the system names as constant; and, for free bodies, that the motion does not depend on
-    where the body is.  Claims are compared with `order`, `symmetric` and `symplectic`; a symplectic
-    method must keep Casimirs too.  An observed order above the claim is no violation.
+    lead; Phi' B Phi'^T - B(Phi) of one step Phi, on momenta and on T*G, on R^2n, or on the manifold
+    of constraints; the changes of what the system names as constant, and of constraints; for free
+    bodies, that the motion does not depend on where the body is; and rho Phi_h rho = Phi_h^-1.
+    Claims are compared with `order`, `symmetric` and `symplectic`; a symplectic method must keep
+    Casimirs and constraints too, a symmetric one turn back where the motion does.  An observed
+    order above the claim is no violation.
 
+    Beside the start, runs of three steps are made from others, turned back, 5 and 40 times as large
+    and 5 times smaller, at times up to 640, some of them backwards.  Of steps in a fictive time
+    these runs tell all; physical times are compared, and sigma(rho y) = sigma(y) too.
+
+    rho : a function of a state that turns the motion back, rho f(y) = -f(rho y), such as
+    `lambda s: system.state(s.q, -s.p)`; left out, momenta are reversed, where that is one.
     h : a large step, in s; the order is observed over the time h, in more and more steps.  Left
     out, it is 3/2 of the time in which the start changes by its own size or turns by a radian.
     keeps : names of constants that the method claims to keep to rounding, such as "spatial
@@ -163,36 +185,82 @@ def check_method(
     the system.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 (order), V.1
-    (symmetry), VII.4 (Poisson maps).
+    (symmetry), V.1 (rho-reversible maps), VII.4 (Poisson maps), VIII.3.2 (sigma(rho y) = sigma(y)).
     """
     _require("check_method: method", method, Method)
     _require("check_method: system", system, System)
     _require("check_method: start", start, State)
-    if method.fictive or system.fictive:
-        raise InvalidInput(
-            f"check_method: {method!r} on {system!r} steps in a fictive time; compare runs of "
-            "integrate(..., t_end=...) instead, and check the method that is controlled"
+    if rho is not None and not callable(rho):
+        raise InvalidType(
+            "check_method: rho must be a function of a state, such as "
+            f"lambda s: system.state(s.q, -s.p); got {rho!r}"
         )
-    method.require(system)
     if start.bodies is not None:
         raise InvalidInput(f"check_method: start is an ensemble of {start.bodies}; give one start")
     start = members(start)[0]
-    speed = pace(system, 0.0, start)
-    time = (1.5 / speed if speed > 0.0 else 0.0) if h is None else float(h)
-    if speed * abs(time) > LONGEST:
-        raise InvalidInput(
-            f"check_method: h = {time:g} is too long for an order to show; at the start the motion "
-            "changes by its size or turns by a radian in "
-            f"{1.0 / speed:.3g}; give about that, or leave h out"
-        )
-    if not math.isfinite(time) or time == 0.0:
+    place = Place("the start", method, system, start, 0.0, compiled)
+    method.require(place.whole)
+    base = place.base
+    speed = pace(base, 0.0, start)
+    if not math.isfinite(speed) or (speed == 0.0 and h is None):
         raise InvalidInput(
             "check_method: the start is at rest, which tells "
             "nothing; give one that moves, or a step h"
         )
-    trial = Trial(method, system, start, time, compiled)
-    findings = constrained_claims if isinstance(system, ConstrainedSystem) else claims
-    return _finished(f"{method!r} on {system!r}", findings(trial, tuple(keeps), native), raises)
+    if rho is not None and speed > 0.0:
+        _require_reversal(place, rho)
+    findings = _claims(place, h, speed, tuple(keeps), native, rho)
+    return _finished(f"{method!r} on {system!r}", findings, raises)
+
+
+def _claims(
+    place: Place,
+    h: float | None,
+    speed: float,
+    keeps: tuple[str, ...],
+    native: bool,
+    rho: Any,
+) -> Iterator[Finding]:
+    """What is observed from the start, unless it is broken elsewhere, and then what only short runs
+    tell.
+    """
+    method, system, start = place.method, place.system, place.start
+    given: list[Observation] = []
+    if place.fictive:
+        if h is not None:
+            raise InvalidInput(
+                "check_method: h is a step in fictive time here, and several are tried; leave it out"
+            )
+    else:
+        time = (1.5 / speed if speed > 0.0 else 0.0) if h is None else float(h)
+        if speed * abs(time) > LONGEST:
+            raise InvalidInput(
+                f"check_method: h = {time:g} is too long for an order to show; at the start the "
+                "motion changes by its size or turns by a radian in "
+                f"{1.0 / speed:.3g}; give about that, or leave h out"
+            )
+        if not math.isfinite(time) or time == 0.0:
+            raise InvalidInput(f"check_method: h must be finite and not zero; got {time:g}")
+        given = [*claims(Trial(method, system, start, time, place.compiled), keeps, native)]
+    around = {seen.law: seen for seen in look_around(place, keeps, rho)}
+    for seen in given:
+        other = around.pop(seen.law, seen)
+        yield other if other.verdict == "broken" and seen.verdict != "broken" else seen
+    yield from around.values()
+
+
+def _require_reversal(place: Place, rho: Any) -> None:
+    """Refuse a rho that does not turn the motion back."""
+    if not isinstance(rho(place.start), type(place.start)):
+        raise InvalidType(
+            f"check_method: rho must return a {type(place.start).__name__}; got {rho(place.start)!r}"
+        )
+    off = is_reversible(place, rho)
+    if not off <= SURELY:
+        raise InvalidInput(
+            f"check_method: rho does not turn the motion of {place.base!r} back: rho f(y) differs "
+            f"from -f(rho y), along a short motion by {off:.1e}"
+        )
 
 
 def _require(name: str, value: Any, kind: type) -> None:

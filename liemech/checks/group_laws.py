@@ -17,6 +17,7 @@ from ..integrators.rkmk import RKMK
 from ..simulation.integrate import integrate
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import LiePoissonSystem
+from .casimir_laws import independence
 from .law import Law, Same, axiom, cases, factors
 from .sample_points import STEP, At, exponential, flat, size, slope
 
@@ -187,6 +188,21 @@ def casimirs(G: LieGroup, at: At) -> Iterator[Same]:
         G.casimirs(moved), G.casimirs(at.mu), change * (size(at.mu) + size(moved)) * at.condition
     )
     yield Same(b @ here, 0.0 * here, float(norm(b, 2)) * change / STEP)
+
+
+@axiom(
+    PLACE,
+    "independent Casimirs",
+    "the gradients of the Casimirs are independent almost everywhere",
+    "casimirs",
+    once=True,
+)
+def independent_casimirs(G: LieGroup, at: At) -> Iterator[Same]:
+    def slopes(mu: Vec) -> np.ndarray:
+        rows = [slope(lambda s, axis=axis: G.casimirs(mu + s * axis)) for axis in at.axes]  # type: ignore[misc]
+        return np.stack(rows, axis=1)
+
+    yield independence(G.casimirs, slopes, (at.mu, at.nu, at.mu + at.nu))
 
 
 @axiom(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.linalg import cond, inv, norm, solve
 
-from ..errors import InvalidInput, NoConvergence
+from ..errors import InvalidInput, NoConvergence, OutsideChart
 from ..formulas import Vec
 from ..groups.bernoulli import BERNOULLI
 from ..groups.lie_algebra import LieAlgebra
@@ -267,9 +267,13 @@ def inverse_differential(tau: Map, at: At) -> Iterator[Same]:
         d, roundings = tau.differential(at, side)
         scale = float(norm(inv(d), 2) * cond(d)) * size(at.eta) * (1.0 + at.length)
         slips = partial(tau.slips, at, side, False, True)
-        yield Same(
-            tau.dtau_inv(at.xi, at.eta, side), inv(d) @ flat(at.eta), scale * roundings, slips
-        )
+        try:
+            found = tau.dtau_inv(at.xi, at.eta, side)
+        except OutsideChart:
+            if at.inside:
+                raise
+            return  # behind the place where dtau is singular, to refuse is honest
+        yield Same(found, inv(d) @ flat(at.eta), scale * roundings, slips)
         if not tau.is_exp:  # of which the series is accurate enough
             yield Same(
                 tau.dtau_inv(at.xi, tau.dtau(at.xi, at.eta, side), side),
@@ -287,7 +291,13 @@ def dual_of_the_inverse(tau: Map, at: At) -> Iterator[Same]:
         d, roundings = tau.differential(at, side)
         scale = float(norm(inv(d), 2) * cond(d)) * size(at.mu) * (1.0 + at.length) * roundings
         slips = partial(tau.slips, at, side, True, True)
-        yield Same(tau.dtau_inv_dual(at.xi, at.mu, side), inv(d).T @ flat(at.mu), scale, slips)
+        try:
+            found = tau.dtau_inv_dual(at.xi, at.mu, side)
+        except OutsideChart:
+            if at.inside:
+                raise
+            return
+        yield Same(found, inv(d).T @ flat(at.mu), scale, slips)
 
 
 NEWTON = "r = 0 where p = {dtau_dual}_xi mu, and dr/dp and dr/dxi are the derivatives of r"

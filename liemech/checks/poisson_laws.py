@@ -17,13 +17,12 @@ from ..formulas import Vec, derivative, dot, gradient, jacobian, real_array
 from ..formulas.broadcasting import check_finite
 from ..groups.poisson_structure import PoissonStructure
 from ..groups.skew_matrices import like_sizes
+from .casimir_laws import independence
 from .law import Law, Same, axiom, verdicts
 from .report import Finding, Report
 from .sample_points import flat
+from .sample_states import SIZES, components, named
 from .seeds import generator
-
-PLACES = 6
-"""How many points are drawn."""
 
 CLOSE = 256.0
 """Roundings per dimension of entries and their derivatives."""
@@ -42,6 +41,7 @@ class AtPoint:
     y: Vec
     generic: int
     reach: np.ndarray
+    others: tuple[Vec, ...]  # all the points, with this one
 
     @property
     def dim(self) -> int:
@@ -184,6 +184,20 @@ def casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
 
 @axiom(
     POISSON,
+    "independent Casimirs",
+    "the gradients of the Casimirs are independent almost everywhere",
+    "casimirs",
+    once=True,
+)
+def independent_casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
+    def slopes(y: Any) -> np.ndarray:
+        return np.array(jacobian(lambda x: B.casimirs(x), y), dtype=float).reshape(-1, at.dim)
+
+    yield independence(B.casimirs, slopes, at.others)
+
+
+@axiom(
+    POISSON,
     "motion of coordinates",
     "d/ds coordinate_flow(y, i, s) = B e_i, at two s",
     "coordinate_flow",
@@ -248,7 +262,7 @@ def check_poisson(
     Checked are skew symmetry, the identity of Jacobi for all i < j < k, Leibniz' rule, Casimirs,
     `sharp`, `coordinate_flow`, and that the rank is the same at all points.
 
-    points : (m, n), where to look; left out, random points of size one, with positive coordinates
+    points : (m, n), where to look; left out, random points of several sizes, with positive coordinates
     if B or the Casimirs need them.
     raises : False returns the report on a broken structure as well.  seed : of the random points.
 
@@ -288,10 +302,14 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
         found = [(f"point {i}", Vec.of(row)) for i, row in enumerate(array.tolist())]
     else:
         rng = generator("check_poisson", seed)
-        drawn = rng.normal(size=(PLACES, n))
-        found = [("random", Vec.of(row)) for row in drawn.tolist()]
+        names = [named(large) for large in SIZES]
+        drawn: list[np.ndarray] = []
+        for large in SIZES:  # a negative one is the mirror image of the point before
+            drawn.append(components(rng, n, large) if large > 0.0 else -drawn[-1])
+        found = [(name, Vec.of(y.tolist())) for name, y in zip(names, drawn, strict=True)]
         if not all(_defined(structure, y) for _, y in found):
-            found = [("random", Vec.of((0.5 + abs(row)).tolist())) for row in drawn]
+            drawn = [0.5 * abs(k) + np.abs(y) for k, y in zip(SIZES, drawn, strict=True)]
+            found = [(name, Vec.of(y.tolist())) for name, y in zip(names, drawn, strict=True)]
         found = [(name, y) for name, y in found if _defined(structure, y)]
         if not found:
             raise InvalidInput(
@@ -304,7 +322,8 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
         except Exception:  # for the laws to tell
             ranks.append(0)
     reach = np.abs([flat(y) for _, y in found]).max(axis=0)
-    return [AtPoint(name, structure, y, max(ranks), reach) for name, y in found]
+    everywhere = tuple(y for _, y in found)
+    return [AtPoint(name, structure, y, max(ranks), reach, everywhere) for name, y in found]
 
 
 def _defined(structure: PoissonStructure, y: Vec) -> bool:

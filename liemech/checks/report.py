@@ -61,12 +61,14 @@ class Observation(Finding):
     columns = f"{'law':<26} {'verdict':<9} {'observed':<34} wanted"
 
     def __str__(self) -> str:
-        return f"{self.law:<26} {self.verdict:<9} {self.observed:<34} {self.wanted}  {self.remark}".rstrip()
+        at = self.where if self.verdict == "broken" else ""
+        return f"{self.law:<26} {self.verdict:<9} {self.observed:<34} {self.wanted}  {at}  {self.remark}".rstrip()
 
     @property
     def details(self) -> list[str]:
         """What an error says of it, line by line."""
         lines = [f"  observed  {self.observed}", f"  wanted    {self.wanted}"]
+        lines += [f"  where     {self.where}"] if self.where and self.verdict == "broken" else []
         return [*lines, f"  because   {self.remark}"] if self.remark else lines
 
 

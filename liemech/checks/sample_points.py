@@ -1,10 +1,11 @@
 """Where laws are checked: at the neutral element, 1e-8 beside it, at random, with coordinates of
-mixed sizes, along each axis, and close to where `dexp` is singular.  The size of a velocity is that
+mixed sizes, along each axis, and on both sides of where `dexp` is singular.  The size of a velocity is that
 of ad_xi: in radians, for rotations.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -252,6 +253,11 @@ class At:
         turns, stretches = zip(*[turning(a) for a in (self.ad, x) if a is not None], strict=True)
         return max(turns), max(stretches)
 
+    @cached_property
+    def inside(self) -> bool:
+        """Does xi turn by less than a full turn, where `dexp` is singular?"""
+        return self.spectrum[0] < 2.0 * math.pi
+
     def share(self, *elements: Any) -> float:
         """By how much factors may enlarge a rounding."""
         return math.prod(max(1.0, size(g) / self.units.weight) for g in elements)
@@ -307,8 +313,11 @@ def sample_points(group: LieGroup, seed: int) -> list[At]:
         found.append(at(f"along axis {i + 1}", flat(units.of_length(np.eye(n)[i], 1.0))))
     u = unit()
     imaginary, real = turning(units.ad(Vec.of(u.tolist())))
-    far = min(
-        0.95 * 2.0 * math.pi / imaginary if imaginary else FAR, 3.0 / real if real else FAR, FAR
-    )
+    turn = 2.0 * math.pi / imaginary if imaginary else math.inf
+    far = min(0.95 * turn, 3.0 / real if real else FAR, FAR)
     found.append(at(f"size {far:.2g}", far * u))
+    if 0.95 * turn <= far:  # before and behind the place where `dexp` is singular
+        for part in (0.995, 1.6):
+            large = at(f"size {part * turn:.3g}", part * turn * u)
+            found.append(dataclasses.replace(large, mu=20.0 * large.mu, nu=0.1 * large.nu))
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,11 +12,13 @@ import numpy as np
 from ..errors import InconsistentState, InvalidInput, LiemechError, NoConvergence
 from ..formulas.broadcasting import small
 from ..retractions import Exponential
-from ..systems.canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
+from ..systems.canonical import CanonicalState, CanonicalSystem, PhaseSpace
 from ..systems.constrained import ConstrainedSystem
+from ..systems.constrained_body import BoundBody
+from ..systems.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
 from ..systems.group_equation import GroupEquation, Position
 from ..systems.homogeneous_equation import HomogeneousEquation, Point
-from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
@@ -23,7 +26,15 @@ from ..systems.vector_field import VectorField
 from .sample_points import STENCIL, STEP, flat, size
 from .seeds import generator
 
-PLACES = 5
+SIZES = 1.0, 1.0, 1.0, 0.2, 3.0, 8.0, -8.0, 1.0
+"""How large the states are that are drawn, in the units of the system; a negative one is the mirror
+image of the state before.
+"""
+
+TIMES = 0.0, 0.4, -1.3, 25.0, 7.3, 13.0, 61.0, 640.0
+"""When; a formula may be wrong from some time on."""
+
+PLACES = len(SIZES)
 """How many states are drawn."""
 
 CENTRAL = *(-weight for _, weight in reversed(STENCIL)), 0.0, *(weight for _, weight in STENCIL)
@@ -38,10 +49,21 @@ class AtState:
     system: Any
     state: Any
     t: float
+    apart: float = 0.25 * STEP  # how far apart states nearby are, in units of the pace
+
+    @property
+    def closer(self) -> AtState:
+        """The same with states nearby that are closer: for what changes faster than the pace tells."""
+        return dataclasses.replace(self, apart=self.apart / 16.0)
 
     @property
     def dim(self) -> int:
         return self.system.group.dim
+
+    @property
+    def driven(self) -> bool:
+        """Does the energy depend on time?"""
+        return isinstance(self.system, (DrivenHamiltonianSystem, DrivenLiePoissonSystem))
 
     @cached_property
     def rate(self) -> Any:
@@ -66,7 +88,7 @@ class AtState:
     @property
     def unit(self) -> float:
         """The time between them."""
-        return 0.25 * STEP / (self.pace or 1.0)
+        return self.apart / (self.pace or 1.0)
 
     def along(self, values: list[Any]) -> tuple[np.ndarray, float]:
         """The derivative along the motion of a quantity with these values at the states nearby, and
@@ -81,7 +103,8 @@ class AtState:
             for n, x in self.state.parts.items()
             if x is not None
         )
-        return f"{self.name}, {', '.join(parts)}"
+        when = f"t = {self.t:g}, " if knows_time(self.system) else ""
+        return f"{self.name}, {when}{', '.join(parts)}"
 
 
 def pace(system: Any, t: float, state: Any) -> float:
@@ -97,17 +120,43 @@ def pace(system: Any, t: float, state: Any) -> float:
     return max(float(found), float(np.linalg.norm(change)) / (float(np.linalg.norm(large)) or 1.0))
 
 
+def knows_time(system: Any) -> bool:
+    """May the motion depend on the time?"""
+    driven = DrivenHamiltonianSystem, DrivenLiePoissonSystem, GroupEquation, HomogeneousEquation
+    return isinstance(system, driven) or getattr(system, "load", None) is not None
+
+
+def components(rng: np.random.Generator, n: int, large: float) -> np.ndarray:
+    """Normally distributed components; of large vectors none is small."""
+    x = rng.normal(size=n)
+    return large * (x if abs(large) <= 1.0 else np.copysign(0.5 + np.abs(x), x))
+
+
+def named(large: float) -> str:
+    """What a random place of this size is called."""
+    return "random" if large == 1.0 else f"random, size {abs(large):g}"
+
+
 def sample_states(system: System, states: State | None, seed: int) -> list[AtState]:
-    """The given states, or random ones at which the formulas are defined; as many as are found."""
+    """The given states, or random ones of several sizes at which the formulas are defined; as many
+    as are found, and at several times.
+    """
     if states is not None:
+        times = TIMES if knows_time(system) else (0.0,)
         return [
-            AtState(f"state {i}", system, state, 0.0) for i, state in enumerate(members(states))
+            AtState(f"state {i}", system, state, t)
+            for i, state in enumerate(members(states))
+            for t in times
         ]
     rng, reason = generator("check_system", seed), ""
+    drawn = rng.bit_generator.state
     found: list[AtState] = []
-    for _ in range(4 * PLACES):
-        at = AtState("random", system, random_state(system, rng), float(rng.normal()))
-        if len(found) < PLACES:
+    for i, (large, t) in enumerate(zip(SIZES * 4, TIMES * 4, strict=True)):
+        if len(found) < PLACES and (i < PLACES or large == 1.0 or not found):
+            if large < 0.0:
+                rng.bit_generator.state = drawn
+            name, drawn = named(large), rng.bit_generator.state
+            at = AtState(name, system, random_state(system, rng, large), t)
             undefined = why_undefined(at)
             found += [] if undefined else [at]
             reason = undefined or reason
@@ -136,21 +185,29 @@ def members(states: State) -> list[Any]:
     ]
 
 
-def random_state(system: Any, rng: np.random.Generator) -> Any:
-    """A state with normally distributed coordinates, and a random element of the group."""
-    if isinstance(system, (LiePoissonSystem, MechanicalSystem)):
-        group = system.group if isinstance(system, LiePoissonSystem) else system.configurations
-        return BodyState(small(rng.normal(size=group.dim)), small(np.asarray(group.random(rng))))
+def random_state(system: Any, rng: np.random.Generator, large: float = 1.0) -> Any:
+    """A state with normally distributed coordinates, times `large`, and a random element of the
+    group.
+    """
+    if isinstance(system, BoundBody):
+        return _on_constraint(system, rng, large)
+    if isinstance(system, (LiePoissonMotion, MechanicalSystem)):
+        group = system.group if isinstance(system, LiePoissonMotion) else system.configurations
+        mu = small(components(rng, group.dim, large))
+        g = group.random(rng)
+        if abs(large) < 1.0:  # small turns and shifts too
+            g = group.exp(small(large * rng.normal(size=group.dim)))
+        return BodyState(mu, small(np.asarray(g)))
     if isinstance(system, ConstrainedSystem):
-        return _consistent(system, rng)
-    if isinstance(system, HamiltonianSystem):
-        return CanonicalState(*(small(x) for x in rng.normal(size=(2, system.degrees))))
+        return _consistent(system, rng, large)
+    if isinstance(system, PhaseSpace):
+        return CanonicalState(*(small(components(rng, system.degrees, large)) for _ in range(2)))
     if isinstance(system, VectorField):
-        y = rng.normal(size=system.dim)
+        y = components(rng, system.dim, large)
         try:
             return PoissonState(small(np.asarray(system.state(y).y)))
         except InvalidInput:
-            return PoissonState(small(0.5 + np.abs(y)))
+            return PoissonState(small(0.5 * abs(large) + np.abs(y)))
     if isinstance(system, GroupEquation):
         return Position(small(np.asarray(system.group.random(rng))))
     if isinstance(system, HomogeneousEquation):
@@ -161,18 +218,35 @@ def random_state(system: Any, rng: np.random.Generator) -> Any:
     )
 
 
-def _consistent(system: ConstrainedSystem, rng: np.random.Generator) -> CanonicalState:
+def _consistent(
+    system: ConstrainedSystem, rng: np.random.Generator, large: float = 1.0
+) -> CanonicalState:
     """A state on the constraints, near a random one; if none is found, for what is wrong is for the
     laws to tell, a random one.
     """
-    for _ in range(4 * PLACES):
-        q, p = (small(x) for x in rng.normal(size=(2, system.degrees)))
+    for attempt in range(20):
+        q, p = (small(large * x) for x in rng.normal(size=(2, system.degrees)))
+        q = q if attempt < 4 else q / large  # where positions may be is for the constraints to say
         try:
             there = system.across(q, p, q)
             return CanonicalState(there, system.tangent(there, p))
         except (NoConvergence, InconsistentState, ArithmeticError, ValueError):
             pass
     return CanonicalState(q, p)
+
+
+def _on_constraint(system: Any, rng: np.random.Generator, large: float) -> BodyState:
+    """A consistent state near a random one; if none is found, a random one."""
+    group = system.configurations
+    for _ in range(3):
+        mu = small(components(rng, group.dim, large))
+        g = small(np.asarray(group.random(rng)))
+        try:
+            start = system.consistent(np.array(mu), np.array(g))
+            return BodyState(*(small(np.asarray(x)) for x in start.parts.values()))
+        except (LiemechError, ArithmeticError, ValueError):
+            pass
+    return BodyState(mu, g)
 
 
 def why_undefined(at: AtState) -> str:

@@ -16,27 +16,29 @@ from ..formulas import derivative, dot, gradient, jacobian, vec
 from ..integrators.rkmk import RKMK
 from ..simulation.drift import constants_and_terms
 from ..simulation.integrate import integrate
-from ..systems.canonical import CanonicalSystem, HamiltonianSystem
+from ..systems.canonical import CanonicalState, CanonicalSystem, HamiltonianSystem, PhaseSpace
 from ..systems.constrained import ConstrainedSystem, SeparableConstrainedSystem
+from ..systems.constrained_body import BoundBody, ConstrainedBody
 from ..systems.constrained_parts import SplitConstrainedSystem
+from ..systems.driven import DrivenHamiltonian, DrivenHamiltonianSystem, DrivenLiePoissonSystem
 from ..systems.hamiltonian import Hamiltonian
+from ..systems.homogeneous_equation import HomogeneousEquation
 from ..systems.lagrangian import Lagrangian
-from ..systems.lie_poisson import LiePoissonSystem
+from ..systems.lie_poisson import LiePoissonMotion, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
+from ..systems.multirate import MultirateSystem
 from ..systems.parts import Part
 from ..systems.poisson import PoissonSystem
 from ..systems.potential import Potential
 from ..systems.separable import SeparableEnergy, SeparableSystem
+from ..systems.time_transformed import ExtendedSystem
 from ..systems.vector_field import VectorField
+from .casimir_laws import independence
+from .closed_forms import CLOSE, Arguments, laws_of_closed_forms, records_within
 from .law import Law, Same, axiom, factors, replaced
 from .part_laws import CONSTRAINED_PARTS, FIELDS
 from .sample_points import STEP, flat, size, slope
 from .sample_states import AtState
-
-CLOSE = 4096.0
-"""Roundings per dimension: closed forms and derived ones round differently; a slip is larger by
-far.
-"""
 
 
 def derived(f: Callable[[Any], Any], x: Any) -> tuple[np.ndarray, float]:
@@ -48,10 +50,11 @@ def derived(f: Callable[[Any], Any], x: Any) -> tuple[np.ndarray, float]:
             jacobian(f, x) if isinstance(f(x), (tuple, list)) else gradient(f, x), dtype=float
         ), 1.0
     except TypeError:
-        unit = STEP * (size(x) or 1.0)
+        near = STEP / 16.0  # of formulas that grow fast, such as exponentials
+        unit = near * (size(x) or 1.0)
         columns = [slope(lambda s, e=e: f(vec(*(flat(x) + s * e))), unit) for e in np.eye(len(x))]  # type: ignore[misc]
         found = np.stack(columns, axis=-1)
-        return found[0] if len(found) == 1 else found, 1.0 / STEP
+        return found[0] if len(found) == 1 else found, 1.0 / near
 
 
 def _matches(given: Any, f: Callable[[Any], Any], x: Any, sign: float = 1.0) -> Same:
@@ -125,6 +128,29 @@ def casimirs(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
         )
 
 
+@axiom(
+    BODY,
+    "independent Casimirs",
+    "the gradients of the Casimirs are independent almost everywhere",
+    optional=True,
+    once=True,
+)
+def independent_casimirs(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
+    casimirs, dim = system.group.casimirs, system.group.dim
+    yield independence(casimirs, _rows(casimirs, dim), _somewhere(dim))
+
+
+def _rows(casimirs: Callable[[Any], Any], dim: int) -> Callable[[Any], np.ndarray]:
+    """Gradients as rows."""
+    return lambda y: derived(casimirs, y)[0].reshape(-1, dim)
+
+
+def _somewhere(dim: int) -> list[Any]:
+    """Points of nothing special, half of them with coordinates that are positive."""
+    drawn = np.random.default_rng(5).normal(size=(4, dim))
+    return [vec(*y) for y in np.concatenate([drawn[:2], 0.5 + np.abs(drawn[2:])]).tolist()]
+
+
 def _lagrangian(system: LiePoissonSystem) -> Lagrangian:
     if system.lagrangian is None:
         raise NotDefined("the system has no Lagrangian")
@@ -153,9 +179,79 @@ def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     xi = system.velocity(mu)
     force = flat(system.load.covector(at.t, xi, g))
     yield from _is_vector(force, len(mu))
-    change, scale = at.along([system.energy(state.mu, state.g) for state in at.nearby])
-    power = float(force @ flat(xi))
-    yield Same(change, np.array([power]), scale + abs(power))
+    power, found = float(force @ flat(xi)), []
+    for place in (at, at.closer):
+        energies = [system.energy(state.mu, state.g) for state in place.nearby]
+        change, scale = place.along(energies)
+        found.append(Same(change, np.array([power]), scale + abs(power)))
+    yield min(found, key=lambda same: same.defect)
+
+
+# ---------------------------------------------------------------- bodies under constraints
+
+BOUND: list[Law] = []
+
+
+@axiom(
+    BOUND,
+    "rows of the constraint",
+    "rows(g), put together as `touches` says, are jacobian(g)",
+    slack=CLOSE,
+)
+def rows_of_constraint(system: BoundBody, at: AtState) -> Iterator[Same]:
+    rows, G = system.rows(at.state.g), np.array(system.jacobian(at.state.g), dtype=float)
+    put = system._matrix(rows)
+    yield Same(put.toarray() if hasattr(put, "toarray") else put, G, size(G))
+
+
+@axiom(
+    BOUND,
+    "constraints stay",
+    "d/dt c(g) = G xi = 0 and d/dt (G xi) = 0 along the motion",
+    slack=CLOSE,
+)
+def constraints_stay(system: BoundBody, at: AtState) -> Iterator[Same]:
+    for near, far in zip(_leaving(system, at.closer), _leaving(system, at), strict=True):
+        yield min(near, far, key=lambda same: same.defect)
+
+
+def _leaving(system: BoundBody, at: AtState) -> Iterator[Same]:
+    if isinstance(system, ConstrainedBody):
+        change, scale = at.along([system.constraint.value(state.g) for state in at.nearby])
+        G = size(system.jacobian(at.state.g))
+        yield Same(change, 0.0 * change, scale + G * size(system.velocity(at.state.mu)))
+    G = max(size(system.jacobian(state.g)) for state in at.nearby)
+    speeds = [system.velocity(state.mu) for state in at.nearby]
+    change, _ = at.along(
+        [flat(system.jacobian(s.g) @ v) for s, v in zip(at.nearby, speeds, strict=True)]
+    )
+    yield Same(change, 0.0 * change, G * max(map(size, speeds)) / at.unit)
+
+
+# ---------------------------------------------------------------- driven systems
+
+DRIVEN: list[Law] = []
+
+
+@axiom(DRIVEN, "velocity of energy", "velocity(t, q, p) = dH/dp", "velocity", slack=CLOSE)
+def velocity_of_driven(system: DrivenHamiltonianSystem, at: AtState) -> Iterator[Same]:
+    t, q, p = at.t, at.state.q, at.state.p
+    yield _matches(system.velocity(t, q, p), lambda x: system.energy(t, q, x), p)
+
+
+@axiom(DRIVEN, "force of energy", "force(t, q, p) = -dH/dq", "force", slack=CLOSE)
+def force_of_driven(system: DrivenHamiltonianSystem, at: AtState) -> Iterator[Same]:
+    t, q, p = at.t, at.state.q, at.state.p
+    yield _matches(system.force(t, q, p), lambda x: system.energy(t, x, p), q, -1.0)
+
+
+DRIVEN_BODY: list[Law] = []
+
+
+@axiom(DRIVEN_BODY, "gradient", "gradient(t, mu) = dK/dmu", "gradient", slack=CLOSE)
+def gradient_of_driven(system: DrivenLiePoissonSystem, at: AtState) -> Iterator[Same]:
+    t, mu, K = at.t, at.state.mu, system.hamiltonian
+    yield _matches(K.gradient(t, mu), lambda x: K.energy(t, x), mu)
 
 
 # ---------------------------------------------------------------- canonical systems
@@ -247,6 +343,19 @@ def casimirs_of_structure(system: PoissonSystem, at: AtState) -> Iterator[Same]:
 
 @axiom(
     PARTS,
+    "independent Casimirs",
+    "the gradients of the Casimirs are independent almost everywhere",
+    optional=True,
+    once=True,
+)
+def independent_casimirs_of_structure(system: PoissonSystem, at: AtState) -> Iterator[Same]:
+    dim = system.structure.dim
+    places = [at.state.y, *_somewhere(dim)]
+    yield independence(system.casimirs, _rows(system.casimirs, dim), places)
+
+
+@axiom(
+    PARTS,
     "motions of parts",
     "d/dt flow(y, t) = B dH_i at flow(y, t), at two t",
     optional=True,
@@ -280,6 +389,11 @@ KEPT: list[Law] = []
     slack=CLOSE,
 )
 def constants(system: Any, at: AtState) -> Iterator[Same]:
+    for near, far in zip(_changes(system, at.closer), _changes(system, at), strict=True):
+        yield min(near, far, key=lambda same: same.defect)
+
+
+def _changes(system: Any, at: AtState) -> Iterator[Same]:
     states = {
         name: np.stack([state.arrays[name] for state in at.nearby]) for name in at.state.arrays
     }
@@ -325,24 +439,78 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
     written itself.
     """
     yield SYSTEM, system, lambda name: True
-    body = system.body if isinstance(system, MechanicalSystem) else system
+    tables: list[tuple[list[Law], Any, Any, Callable[[str], bool]]] = []  # with whose formulas these are
+    own: Callable[[str], bool]
+    body = system.body if isinstance(system, (MechanicalSystem, BoundBody)) else system
+    field = system.body if isinstance(system, BoundBody) else system
+    body = body.body if isinstance(body, MechanicalSystem) else body
     if isinstance(body, LiePoissonSystem):
-        yield BODY, body, partial(_written, body)
-    if isinstance(system, MechanicalSystem):
-        yield FIELD, system, partial(replaced, system.potential, Potential)
+        tables.append((BODY, body, (body.hamiltonian, body.lagrangian), partial(_written, body)))
+    if isinstance(field, MechanicalSystem):
+        own = partial(replaced, field.potential, Potential)
+        tables.append((FIELD, field, (field.potential,), own))
+    if isinstance(system, BoundBody):
+        tables.append((BOUND, system, (), lambda name: True))
     if isinstance(system, CanonicalSystem):
         kinds = SeparableSystem, SeparableConstrainedSystem, ConstrainedSystem, HamiltonianSystem
         base = next(kind for kind in kinds if isinstance(system, kind))
-        yield CANONICAL, system, partial(replaced, system, base)
+        tables.append((CANONICAL, system, (system,), partial(replaced, system, base)))
     if isinstance(system, ConstrainedSystem):
-        yield CONSTRAINED, system, partial(replaced, system, ConstrainedSystem)
+        own = partial(replaced, system, ConstrainedSystem)
+        tables.append((CONSTRAINED, system, (system,), own))
+    if isinstance(system, DrivenHamiltonianSystem):
+        own = partial(replaced, system, DrivenHamiltonianSystem)
+        tables.append((DRIVEN, system, (system,), own))
+    if isinstance(system, DrivenLiePoissonSystem):
+        energy = system.hamiltonian
+        own = partial(replaced, energy, DrivenHamiltonian)
+        tables.append((DRIVEN_BODY, system, (energy,), own))
     if isinstance(system, SplitConstrainedSystem):
-        yield CONSTRAINED_PARTS, system, lambda name: True
+        tables.append((CONSTRAINED_PARTS, system, (), lambda name: True))
     if isinstance(system, PoissonSystem):
-        yield PARTS, system, lambda name: True
+        tables.append((PARTS, system, (), lambda name: True))
     elif isinstance(system, VectorField):
-        yield FIELDS, system, lambda name: True
+        tables.append((FIELDS, system, (), lambda name: True))
+    for laws, subject, _, own in tables:
+        yield laws, subject, own
+    for owner in records_within(system):
+        named = {
+            name
+            for laws, _, owners, _ in tables
+            if any(owner is one for one in owners)
+            for law in laws
+            for name in law.closed
+        }
+        laws = [*laws_of_closed_forms(owner, partial(arguments, owner), named.__contains__)]
+        yield laws, system, lambda name: True
     yield KEPT, system, lambda name: True
+
+
+def arguments(owner: Any, at: AtState) -> Arguments:
+    """What the arguments of formulas are at a state, by their names."""
+    system, state, t = at.system, at.state, at.t
+    inner: Any = system
+    if isinstance(system, ExtendedSystem) and owner is not system:  # what it holds knows no time
+        inner = system.system
+        state = CanonicalState(system.without(state.q), system.without(state.p))
+    found = {"t": t, "system": inner, "state": state}
+    found |= {name: x for name, x in state.parts.items() if x is not None}
+    body = isinstance(inner, (LiePoissonMotion, MechanicalSystem, BoundBody))
+    if body or isinstance(inner, PhaseSpace):
+        where = {"mu": state.mu} if body else state.parts
+        v = inner.velocity(*((t,) if at.driven else ()), *where.values())
+        found |= {"v": v, "xi": v}
+    if isinstance(inner, PoissonSystem):
+        found |= {"mu": state.y, "a": inner.gradient(state.y), "structure": inner.structure}
+    if isinstance(inner, HomogeneousEquation):
+        found |= {"xi": at.rate, "g": inner.group.exp(at.rate)}
+    if body:
+        free = isinstance(inner, LiePoissonMotion)
+        found |= {"group": inner.group if free else inner.configurations}
+    several: Arguments = {name: (value,) for name, value in found.items()}
+    if isinstance(owner, MultirateSystem):
+        several["k"] = tuple(range(len(owner.parts)))
+    return several
 
 
 def _written(body: LiePoissonSystem, name: str) -> bool:

@@ -17,8 +17,9 @@ from ..formulas.numbers import ByValue
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
 from ..formulas.vectors import Entries, Equal, Mat, Unequal, Vec
-from . import large
+from . import arrays, large
 from .advice import instead_of_syntax
+from .arrays import Array
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import Loops
@@ -85,6 +86,8 @@ class Expressions(Loops):
             return self.truth(value != 0.0)
         if isinstance(value, ByValue):
             return self.truth(value.value)
+        if isinstance(value, Array):
+            raise arrays.refuse("the truth")
         if isinstance(value, Entries):
             value = value.together
         if isinstance(value, (Equal, Unequal)):
@@ -179,6 +182,10 @@ class Expressions(Loops):
                     for k, v in zip(node.keys, node.values, strict=True)
                     if k
                 }
+            case ast.DictComp():
+                pair = ast.copy_location(ast.Tuple([node.key, node.value], ast.Load()), node)
+                items = [*self.comprehension(ast.GeneratorExp(pair, node.generators), env)]
+                return {self.known_key(key, node): value for key, value in items}
             case ast.Lambda():
                 return self.nested(node, env)
             case ast.ListComp():
@@ -224,7 +231,8 @@ class Expressions(Loops):
         if isinstance(node.op, ast.Mod) and isinstance(operands[0], (str, bytes)):
             self.textual(operands[1])
         try:
-            return large.matmul(self.emitter, operator_, operands)
+            found = arrays.computed(self.emitter, operator_, operands)
+            return large.matmul(self.emitter, operator_, operands) if found is None else found
         except NotCompilable:
             raise
         except TypeError as error:
@@ -252,7 +260,9 @@ class Expressions(Loops):
         return found
 
     def key(self, node: ast.expr, env: Env) -> Any:
-        key = self.expression(node, env)
+        return self.known_key(self.expression(node, env), node)
+
+    def known_key(self, key: Any, node: ast.expr) -> Any:
         if holds_number(key):
             raise NotCompilable(f"`{ast.unparse(node)}`: a key of a dict must be known now")
         return key
@@ -360,6 +370,8 @@ class Expressions(Loops):
         if not isinstance(value, Stream):
             if isinstance(value, Num):
                 raise NotCompilable("a number is iterated over")
+            if isinstance(value, Array):
+                return iter(list(value))
             self.reads.settled(value)
             return iter(list(value))
         return self._taken(value)
@@ -381,11 +393,19 @@ class Expressions(Loops):
                 f"`{name}` of {'an inner function' if isinstance(value, Closure) else 'an iterator'}"
                 ": leave it out, or define it at the top of the module"
             )
+        if isinstance(value, Array):
+            if name in ("T", "shape"):
+                return arrays.array(getattr(value.entries, name))
+            raise arrays.refuse(f"`{name}`")
         if name.startswith("__") and not name.endswith("__"):
             raise NotCompilable(f"`{name}`: a private name with two underscores; use one")
         return self.reads.attribute(value, name, self.call)
 
     def item(self, value: Any, index: Any) -> Any:
+        if isinstance(value, Array):
+            if not all(isinstance(i, (int, slice, Num)) for i in (index if type(index) is tuple else [index])):
+                raise arrays.refuse("this index")
+            return arrays.array(self.item(value.entries, index))
         if (
             isinstance(index, tuple)
             and len(index) == 2
@@ -481,6 +501,8 @@ class Expressions(Loops):
             first = self.identity(left, right, isinstance(node.ops[0], ast.Is))
         else:
             self.reads.settled(left, right, inside=True)
+            if isinstance(left, Array) or isinstance(right, Array):
+                raise arrays.refuse(f"`{ast.unparse(node)}`")
             if isinstance(node.ops[0], (ast.In, ast.NotIn)) and (
                 holds_number(left) or (is_any_number(left) and holds_number(right))
             ):

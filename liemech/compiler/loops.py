@@ -25,11 +25,14 @@ from .phi import (
     Loop,
     Open,
     Promote,
+    Returns,
     Retype,
     come_from,
     leveled,
 )
 from .scopes import (
+    FOUND,
+    HAS_FOUND,
     Closure,
     Env,
     Undefined,
@@ -37,6 +40,7 @@ from .scopes import (
     changed_names,
     changes_lists,
     has,
+    returns,
 )
 
 UNROLL = 32  # a static loop with more turns than this stays a loop
@@ -120,13 +124,14 @@ class Loops(Branches):
             if isinstance(env[name], Undefined):
                 del env[name]
         changed = {*changed_names(body), *counters}
-        carried = sorted((changed | {*map(has, changed)}) & env.keys())
         form = self.frames[-1].node, forms(env), self.active(env) is None
         masked, types, grown = self.loop_forms.get(form, (self._parting(body), {}, {}))
         types, grown = dict(types), dict(grown)
         env |= {name: _grown(env[name], new) for name, new in grown.items()}
         while True:
             forget = self.mark()
+            marks = {FOUND, HAS_FOUND} if FOUND in env else set()
+            carried = sorted((changed | marks | {*map(has, changed)}) & env.keys())
             try:
                 going_on = self._loop(
                     test, step, body, env, carried, types, masked, counters, brief
@@ -135,6 +140,10 @@ class Loops(Branches):
                 if not any(mixed for *_, mixed in types.values()):
                     self.loop_forms[form] = masked, types, grown
                 return going_on
+            except Returns as wanted:
+                forget()
+                env |= {FOUND: wanted.blank, HAS_FOUND: False}
+                types.clear()
             except Promote as wanted:
                 forget()
                 grown |= wanted.variables
@@ -151,7 +160,8 @@ class Loops(Branches):
         """Will lanes leave a loop one after the other?  Where a formula has a `break`; that of a
         driver is for all of them.
         """
-        return self.emitter.lanes > 1 and len(self.frames) > 1 and breaks(body)
+        leaves = breaks(body) or returns(body)
+        return self.emitter.lanes > 1 and len(self.frames) > 1 and leaves
 
     def mark(self) -> Callable[[], None]:
         """A way back to this point: undoes everything emitted since, so that it can be translated

@@ -66,6 +66,13 @@ class Loop:
     continues: list[Open] = dataclasses.field(default_factory=list)
 
 
+class Returns(Exception):
+    """A loop turns out to have a `return`: the variable for its value, before there is one."""
+
+    def __init__(self, blank: Any) -> None:
+        self.blank = blank
+
+
 class Promote(Exception):
     """A loop turns out to need other structures for variables it carries: numbers that get a
     derivative in it.
@@ -135,6 +142,13 @@ class Phis:
             return e.each(lambda v: ir.Constant(v.type, ir.Undefined), x.values)
 
         return self._numberwise([value], arbitrary)
+
+    def zeros(self, value: Any) -> Any:
+        """A value of the same structure whose numbers are 0: those known now what they are."""
+        return self._numberwise(
+            [value],
+            lambda x: self.emitter.constant(0, x.kind, x.varying) if isinstance(x, Num) else x,
+        )
 
     def _numberwise(self, items: list[Any], combine: Callable[..., Any]) -> Any:
         """Combine values of one structure number by number; numbers that agree stay as they are."""

@@ -15,24 +15,32 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import NotCompilable
-from ..formulas import functions
+from ..formulas import double_double, functions
 from ..formulas.compensated import value_of
+from ..formulas.double_double import DoubleDouble
 from ..formulas.dual import Dual
 from ..formulas.dual import value_of as without_slope
 from ..formulas.numbers import OF_NUMPY, ByValue, Operand
-from ..formulas.of_numpy import by_components
+from ..formulas.of_math import OF_MATH, head
+from ..formulas.of_numpy import OF_NUMBERS, by_components, inside
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
-from . import large
+from ..formulas.vectors import small
+from . import arrays, large
+from .arrays import Array, array, refuse, vector
 from .callbacks import FUNCTIONS
 from .expressions import holds_number
 from .ir_numbers import HUGE, Num, is_mixed, kind_of
 from .iterators import Stream
+from .reads import varies
 from .scopes import Closure
 from .tokens import is_own
 
 if TYPE_CHECKING:
     from .translation import Interpreter
+
+TABLED = 64
+"""Tables of more numbers are not written out."""
 
 COMPENSATED_SUMS = sys.version_info >= (3, 12)
 """From Python 3.12 on, `sum` of floats carries the rounding errors of the additions along."""
@@ -87,9 +95,9 @@ class PythonFunctions:
             math.copysign: self.plain_number(
                 lambda x, y: self.e.call("llvm.copysign", x, y), math.copysign
             ),
-            math.floor: self.stepwise("llvm.floor", math.floor),
-            math.ceil: self.stepwise("llvm.ceil", math.ceil),
-            math.trunc: self.stepwise("llvm.trunc", math.trunc),
+            math.floor: self.stepwise("llvm.floor", math.floor, double_double.floor),
+            math.ceil: self.stepwise("llvm.ceil", math.ceil, lambda x, floor: -double_double.floor(-x, floor)),
+            math.trunc: self.stepwise("llvm.trunc", math.trunc, double_double.truncated),
             math.isnan: self.plain_number(lambda x: x != x, math.isnan),
             math.isfinite: self.plain_number(lambda x: x - x == 0.0, math.isfinite),
             math.isinf: self.plain_number(lambda x: abs(x) == math.inf, math.isinf),
@@ -104,21 +112,25 @@ class PythonFunctions:
             np.sqrt: self.of_numpy(lambda x: self.e.call("llvm.sqrt", x), np.sqrt),
             np.abs: self.of_numpy(lambda x: self.e.call("llvm.fabs", x), np.abs),
             np.fabs: self.of_numpy(lambda x: self.e.call("llvm.fabs", x), np.fabs),
-            np.array: self.refused(np.array, "liemech.vec or liemech.mat"),
-            np.where: self.refused(np.where, "liemech.formulas.where"),
+            np.array: functools.partial(self.array, np.array),
+            np.asarray: functools.partial(self.array, np.asarray),
         }
+        for function, formula in OF_NUMBERS.items():
+            self.table[function] = self.of_floats(function, formula)
         if hasattr(math, "sumprod"):  # from Python 3.12 on
             self.table[math.sumprod] = self.refused(math.sumprod, "liemech.dot")
         for f in (getattr(functions, name) for name in functions.INSTRUCTIONS):
-            self.table[f] = _elementary(f)
+            self.table[f] = f
         self.table[functions.fma] = functions.fma
         for f in functions.LIBM:
-            self.table[f] = _elementary(f)
+            self.table[f] = f
             there = getattr(math, f.__name__)
             if there.__name__ == f.__name__:  # not another one, put there by the user
                 self.table.setdefault(there, self.of_math(there, f.__name__))
         for python, symbol in FUNCTIONS.items():
             self.table.setdefault(python, self.called_back(python, symbol))
+        for python in OF_MATH.keys() & self.table.keys():
+            self.table[python] = self.taking_all(self.table[python], python)
         for function in OF_NUMPY:
             self.table[function] = self.or_formula(function, self.table.get(function))
         for f in [f for f in self.table if isinstance(f, types.FunctionType) and not is_own(f)]:
@@ -126,17 +138,28 @@ class PythonFunctions:
 
     # -------------------------------------------------------------- kinds
 
+    def array(self, function: Any, x: Any, **options: Any) -> Any:
+        if not varies(x):
+            return self.t.known(function, (x,), options)
+        return arrays.made(self.e, x, options)
+
     def type(self, value: Any) -> Any:
+        if isinstance(value, Array):
+            return np.ndarray
         if isinstance(value, (Num, Closure, Stream)):
             return self.of_class("type", value, lambda cls: cls)
         return self.t.reads.class_of(value)
 
     def isinstance(self, value: Any, kind: Any) -> Any:
+        if isinstance(value, Array):
+            return issubclass(np.ndarray, kind)
         if isinstance(value, (Num, Closure, Stream)):
             return self.of_class("isinstance", value, lambda cls: issubclass(cls, kind))
         return self.t.reads.instance(value, kind)
 
     def hasattr(self, value: Any, name: str) -> Any:
+        if isinstance(value, Array):
+            return hasattr(np.ndarray, name)
         if isinstance(value, (Num, Closure, Stream)):
             return self.of_class("hasattr", value, lambda cls: hasattr(cls, name))
         return self.t.reads.has(value, name)
@@ -164,6 +187,7 @@ class PythonFunctions:
         return answer
 
     def float(self, x: Any = 0.0) -> Any:
+        x = value_of(x)
         if isinstance(x, Num):
             return self.e.num(self.e.cast(x, "f", x.varying))
         if isinstance(x, (Dual, Series)):
@@ -182,12 +206,15 @@ class PythonFunctions:
         )
 
     def cut(self, x: Any = 0, *base: Any) -> Any:
-        x = without_slope(x)
-        return self.whole(x, "llvm.trunc") if isinstance(x, Num) else int(x, *base)
+        if isinstance(x, (Num, ByValue)):
+            return self.table[math.trunc](x)
+        return int(x, *base)
 
     def round(self, x: Any, digits: Any = None) -> Any:
-        x = without_slope(x)
-        if not holds_number((x, digits)):
+        x = value_of(without_slope(x))
+        if isinstance(x, DoubleDouble) and digits is None:
+            return double_double.nearest(x, self.floor)
+        if not holds_number((x, digits)) and not isinstance(x, DoubleDouble):
             return round(x, digits)
         if digits is not None or not isinstance(x, Num):
             raise NotCompilable("`round` to a number of digits: write round(x * 100.0) / 100.0")
@@ -221,6 +248,7 @@ class PythonFunctions:
         total, *rest = start, *self.t.iterate(items)
         while rest:
             if COMPENSATED_SUMS and _kind(total) == "f" and isinstance(total, (float, Num)):
+                self.e.unless_numpy("`sum`")  # which carries errors along of Python's floats only
                 lost, taken = 0.0, 0
                 for x in rest:
                     if _kind(x) not in ("f", "i", "b"):
@@ -360,14 +388,67 @@ class PythonFunctions:
 
         return self.plain_number(value, function)
 
-    def stepwise(self, rounding: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    def of_floats(self, function: Any, formula: Callable[..., Any]) -> Callable[..., Any]:
+        """A function of NumPy, of floats and tables: the formula, which has its bits."""
+
+        def value(*x: Any, **options: Any) -> Any:
+            if not holds_number((x, options)):
+                return self.t.known(function, x, options)
+            numbers = [a for a in x[1 if function is np.where else 0 :] if is_any_number(a)]
+            if not any(kind_of(a) == "f" for a in numbers) or any(
+                isinstance(a, Num) and (a.kind != "f" or a.mixed) for a in numbers
+            ):
+                raise NotCompilable(
+                    f"`np.{function.__name__}` of integers or truth values: write float(x), or "
+                    "liemech.formulas.where"
+                )
+            if any(len(a) > TABLED for a in x if isinstance(a, (np.ndarray, tuple, list))):
+                raise NotCompilable(
+                    f"`np.{function.__name__}` in a table of more than {TABLED} numbers: use a "
+                    "liemech.PiecewisePolynomial"
+                )
+            self.e.meet_numpy()
+            known = [float(a) if type(a) is int else small(a) for a in x]
+            return self.t.call(formula, *known, **options)
+
+        return value
+
+    def stepwise(
+        self, rounding: str, function: Callable[..., Any], of_two_doubles: Callable[..., Any]
+    ) -> Callable[..., Any]:
         """A function of `math` whose values are whole, so that its derivative is zero."""
         native = self.plain_number(lambda x: self.whole(x, rounding), function)
-        return lambda x: native(without_slope(x))
+
+        def value(x: Any) -> Any:
+            x = value_of(without_slope(x))
+            return of_two_doubles(x, self.floor) if isinstance(x, DoubleDouble) else native(x)
+
+        return value
+
+    def floor(self, x: Any) -> Any:
+        """The largest integer not above a float."""
+        return self.whole(x, "llvm.floor") if isinstance(x, Num) else math.floor(x)
 
     def of_math(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
         """A function of `math`: the C library's, which fails where Python raises."""
         return self.plain_number(lambda *x: self.raising(self.e.call(name, *x), *x), function)
+
+    def taking_all(self, native: Callable[..., Any], function: Any) -> Callable[..., Any]:
+        """A function of `math`, of numbers that carry more the formula; it fails where Python's
+        raises.
+        """
+        formula = OF_MATH[function]
+
+        def value(*x: Any) -> Any:
+            if not any(isinstance(a, (Dual, Series, DoubleDouble)) for a in x):
+                return native(*x)
+            try:
+                native(*map(head, x))
+            except (ArithmeticError, ValueError) as error:
+                raise NotCompilable(f"`math.{function.__name__}` raises here: {error}") from None
+            return self.t.call(formula, *x)
+
+        return value
 
     def log(self, x: Any, *base: Any) -> Any:
         one = self.of_math(math.log, "log")
@@ -385,21 +466,30 @@ class PythonFunctions:
         """
 
         def value(*x: Any, **options: Any) -> Any:
-            if not any(isinstance(a, Operand) for a in x):
+            known = any(isinstance(a, Operand) for a in inside(x))
+            if any(isinstance(a, Array) for a in inside(x)):
+                x = vector(x)
+                if not known and isinstance(function, np.ufunc) and of_numbers and not options:
+                    return array(by_components(of_numbers, *map(small, x)))
+                if not known and function is not np.cross:
+                    raise refuse(f"`np.{function.__name__}`")
+                result = value(*x, **options)
+                return result if known else array(result)
+            if not known:
                 if of_numbers is None:
                     return self.t.known(function, x, options)
                 return of_numbers(*x, **options)
-            found = None if options else OF_NUMPY[function](x)
+            found = OF_NUMPY[function](x, options)
             if found is None:
                 return self.t.known(function, x, options)
-            formula, operands = found
+            formula, operands, options = found
             if isinstance(formula, functools.partial):  # component by component
                 return by_components(functools.partial(applied, *formula.args), *operands)
-            return applied(formula, *operands)
+            return applied(formula, *operands, **options)
 
-        def applied(formula: Any, *x: Any) -> Any:
+        def applied(formula: Any, *x: Any, **options: Any) -> Any:
             if isinstance(formula, types.FunctionType):
-                return self.t.call(formula, *x)
+                return self.t.call(formula, *x, **options)
             return large.matmul(self.e, formula, x)
 
         return value
@@ -434,7 +524,7 @@ class PythonFunctions:
         """A function of what is known now only."""
 
         def value(*x: Any, **options: Any) -> Any:
-            if holds_number((x, options)) or any(isinstance(a, Operand) for a in _inside(x)):
+            if holds_number((x, options)) or any(isinstance(a, Operand) for a in inside(x)):
                 home = "math" if function.__module__ == "math" else "np"
                 raise NotCompilable(
                     f"`{home}.{function.__name__}` rounds or returns arrays in ways of its own: "
@@ -445,19 +535,7 @@ class PythonFunctions:
         return value
 
 
-def _inside(items: Any) -> Iterator[Any]:
-    """What lists and tuples hold, whatever their depth, and what is neither."""
-    for x in items:
-        yield from _inside(x) if type(x) in (list, tuple) else (x,)
-
-
 def _kind(x: Any) -> str | None:
     """The kind of a plain number, None for anything else."""
     return kind_of(x) if isinstance(x, (Num, int, float)) else None
 
-
-def _elementary(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of `liemech.formulas`, which knows all kinds of numbers; of what is compensated
-    only the value counts.
-    """
-    return lambda *x: function(*map(value_of, x))

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from .phi import Loop, Open
 
 Env = dict[str, Any]
+FOUND, HAS_FOUND = "<found in the loop>", "<a loop has ended by return>"
+"""What a `return` inside of a loop of the run gives, and whether one was met."""
 RETURN = "<return>"  # the variable of what lanes that have left the call return
 
 Function = ast.FunctionDef | ast.Lambda
@@ -208,6 +210,11 @@ def changes_lists(body: list[Any], env: Env) -> bool:
             case ast.AugAssign(target=ast.Name(id=name)) if isinstance(env.get(name), list):
                 return True
     return False
+
+
+def returns(body: list[ast.stmt]) -> bool:
+    """Do these statements leave the function?"""
+    return any(isinstance(n, ast.Return) for n in _of_scope(body))
 
 
 def breaks(body: list[ast.stmt]) -> bool:

@@ -27,18 +27,19 @@ class Sharing:
         self.frames, self.reads = frames, reads
         self.shared: dict[int, list[Any]] = {}  # by identity
 
-    def require_own(self, items: list[Any], name: ast.expr, env: Env) -> None:
+    def require_own(self, items: Any, name: ast.expr, env: Env) -> None:
         """Refuse to change a list in place that is not this variable's alone."""
         it = ast.unparse(name)
+        copy = f"`[*{it}]`" if isinstance(items, list) else "of its entries"
         if self.reads.from_outside(items):
             raise NotCompilable(
                 f"`{it}` is changed in place and comes from outside of the formula, where it would "
-                f"be another one in the next step: change a copy, `[*{it}]`"
+                f"be another one in the next step: change a copy, {copy}"
             )
         own = name.id if isinstance(name, ast.Name) else ""
         if id(items) in self.shared or self._held(items, [(own, env)]):
             raise NotCompilable(
-                f"`{it}` is changed in place and has another name: change a copy, `[*{it}]`"
+                f"`{it}` is changed in place and has another name: change a copy, {copy}"
             )
 
     def meet(self, name: str, result: Any, ways: Iterable[tuple[Any, Env]]) -> bool:
@@ -62,13 +63,13 @@ class Sharing:
         """These lists have other names."""
         self.shared |= {id(x): x for x in items}
 
-    def _held(self, items: list[Any], around: list[tuple[str, Env]]) -> bool:
+    def _held(self, items: Any, around: list[tuple[str, Env]]) -> bool:
         """Is a list in something else than the variable of this name, here or around?"""
         values = [v for name, env in around for n, v in env.items() if n != name]
         values += [v for frame in self.frames[:-1] for v in frame.env.values()]
         return self._within(values, items, {id(frame) for frame in self.frames})
 
-    def _within(self, values: Iterable[Any], items: list[Any], seen: set[int]) -> bool:
+    def _within(self, values: Iterable[Any], items: Any, seen: set[int]) -> bool:
         for value in values:
             if value is items:
                 return True

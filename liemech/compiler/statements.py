@@ -7,15 +7,18 @@ import copy
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from ..errors import NotCompilable
 from .advice import instead_of_syntax
+from .arrays import Array
 from .asking import EVERY
 from .expressions import OPERATORS, Expressions, Later
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import UNROLL, forms
-from .phi import ACTIVE, NO_LANE, Open, Retype
-from .scopes import CHANGES, RETURN, Env, has
+from .phi import ACTIVE, NO_LANE, Open, Returns, Retype
+from .scopes import CHANGES, FOUND, HAS_FOUND, RETURN, Env, breaks, has
 
 
 class Statements(Expressions):
@@ -115,9 +118,10 @@ class Statements(Expressions):
         old = self.expression(target, env)
         if isinstance(old, list):
             self.sharing.require_own(old, target, env)
-        elif _changes_in_place(old, node.op):
+        elif _changes_in_place(np.ndarray if isinstance(old, Array) else type(old), node.op):
+            kind = "ndarray" if isinstance(old, Array) else type(old).__name__
             raise NotCompilable(
-                f"`{ast.unparse(node)}` changes an object of {type(old).__name__} in place, under "
+                f"`{ast.unparse(node)}` changes an object of {kind} in place, under "
                 "all of its names: write `x = x + ...`"
             )
         self.assign(target, self.operate(node, old, self.expression(node.value, env)), env)
@@ -142,6 +146,9 @@ class Statements(Expressions):
                     raise NotCompilable(f"{len(items)} values are assigned to {len(targets)} names")
                 for t, v in zip(targets, items, strict=True):
                     self.assign(t, v, env)
+            case ast.Subscript(value=ast.Name(id=name)) if type(env.get(name)) is dict:
+                self.sharing.require_own(env[name], target.value, env)
+                self.assign(target.value, {**env[name], self.key(target.slice, env): value}, env)
             case ast.Subscript(value=ast.Name(id=name)) if isinstance(env.get(name), list):
                 self.sharing.require_own(env[name], target.value, env)
                 changed, index = list(env[name]), self.expression(target.slice, env)
@@ -160,16 +167,23 @@ class Statements(Expressions):
             case _:
                 raise NotCompilable(
                     f"`{ast.unparse(target)} = ...`: formulas do not change objects in place; make "
-                    "a new one, of a record by dataclasses.replace, of lists with all their items"
+                    "a new one, of a record by dataclasses.replace; instead of an array fill a list, "
+                    "`out = [0.0] * n`, and return liemech.vec(*out)"
                 )
 
     def returned(self, value: Any, env: Env) -> bool:
         frame = self.frames[-1]
         if any(loop.dynamic for loop in frame.loops):
-            raise NotCompilable(
-                "`return` inside a loop of unknown length: set a "
-                "variable, `break`, and return after it"
-            )
+            if sum(loop.dynamic for loop in frame.loops) > 1 or not frame.loops[-1].dynamic:
+                raise NotCompilable(
+                    "`return` inside two loops, of which one is of unknown length: set a "
+                    "variable, `break`, and return after it"
+                )
+            if FOUND not in env:
+                raise Returns(self.zeros(value))
+            self.assign(ast.Name(FOUND), value, env)
+            self.assign(ast.Name(HAS_FOUND), True, env)
+            return self.leave(frame.loops[-1], "break", env)
         if RETURN in env:
             mask = self.everyone(self.active(env))
             value = self.blended(RETURN, mask, (value, env), (env[RETURN], env))
@@ -225,7 +239,22 @@ class Statements(Expressions):
                 env.update(before)
                 if wanted.number is None:
                     self.lasting.add(form)
-        return self.loop(test, lambda variables: None, node.body, env)
+        inside = FOUND in env
+        self.loop(test, lambda variables: None, node.body, env)
+        endless = isinstance(node.test, ast.Constant) and not breaks(node.body)
+        return inside or self.after(env, endless)
+
+    def after(self, env: Env, always: bool = False) -> bool:
+        """Behind a loop of the run: return what a `return` inside has found; `always`: there is no
+        other way out of it.
+        """
+        if FOUND not in env:
+            return True
+        found, left = env.pop(FOUND), env.pop(HAS_FOUND)
+        value = ast.Return(Later(lambda: found))
+        if always:
+            return self.statement(value, env)
+        return self.statement(ast.If(Later(lambda: left), [value], []), env)
 
     def for_loop(self, node: ast.For, env: Env) -> bool:
         if node.orelse:
@@ -278,7 +307,8 @@ class Statements(Expressions):
         def advance(variables: Env) -> None:
             variables[counter] = self.emitter.successor(variables[counter])
 
-        return self.loop(
+        inside = FOUND in env  # of a loop around this one
+        self.loop(
             lambda variables: variables[counter] < stop,
             advance,
             [first, *node.body],
@@ -286,6 +316,7 @@ class Statements(Expressions):
             (counter,),
             brief=isinstance(start, int) and isinstance(stop, int) and stop - start <= EVERY,
         )
+        return inside or self.after(env)
 
     def with_else(self, node: ast.For | ast.While, env: Env) -> bool:
         """A loop with `else`: what is there runs unless the loop was left by `break`."""
@@ -323,10 +354,10 @@ class _Breaks(ast.NodeTransformer):
         return node
 
 
-def _changes_in_place(value: Any, operator: ast.operator) -> bool:
-    """Has an object a method of its own for `x += y` and its like?"""
+def _changes_in_place(cls: type, operator: ast.operator) -> bool:
+    """Has a class a method of its own for `x += y` and its like?"""
     name = getattr(OPERATORS.get(type(operator)), "__name__", "").strip("_")
-    return hasattr(type(value), f"__i{name}__")
+    return hasattr(cls, f"__i{name}__")
 
 
 def _lines(found: Any) -> list[Any]:

@@ -115,7 +115,7 @@ def known(value: Any, inside: bool = True) -> bool:
     """Does the token tell all about a value (and, `inside`, about its parts), so that Python may
     compute with it before the run?
     """
-    if isinstance(value, StandIn) or type(value) in ATOMS or is_own(value):
+    if isinstance(value, StandIn) or type(value) in ATOMS or type(value) in MADE or is_own(value):
         return True
     if isinstance(value, (types.FunctionType, types.MethodType)):
         return False  # Python would run what nobody has read
@@ -133,6 +133,9 @@ def known(value: Any, inside: bool = True) -> bool:
         return False
     return not inside or all(known(x) for *_, x in parts(value))
 
+
+MADE: set[type] = set()
+"""Classes of objects that only the compiler makes."""
 
 _ARRAYS = np.ndarray, np.memmap
 """Arrays whose bytes tell all; a masked one has a mask, a subclass what its author wrote."""

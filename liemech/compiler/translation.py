@@ -14,7 +14,6 @@ import builtins
 import dataclasses
 import decimal
 import fractions
-import functools
 import inspect
 import types
 from collections.abc import Callable, Hashable
@@ -24,9 +23,11 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotCompilable
 from ..formulas import functions, products, series, sums, tables, vectors
+from ..formulas.broadcasting import bare
 from ..formulas.derivatives import axes, tangent
 from ..formulas.dual import Dual
 from ..formulas.fields import converters
+from ..formulas.overriding import kept
 from ..formulas.pytree import (
     PAIRS,
     compensated,
@@ -48,6 +49,7 @@ from ..formulas.series import Series
 from ..formulas.vectors import Mat, Vec
 from . import driver, large, tokens
 from .advice import instead_of, instead_of_syntax
+from .arrays import Array, refuse, vector
 from .expressions import in_words
 from .ir_numbers import Emitter, Num
 from .outlined import Outliner
@@ -71,9 +73,12 @@ _UNSEEN = "fromfile save savez savez_compressed savetxt empty empty_like copyto 
 _READING = (
     "index count get keys values items copy sum dot min max mean any all astype reshape transpose "
     "flatten ravel tolist item bit_length conjugate as_integer_ratio is_integer hex join split "
-    "startswith endswith format upper lower strip"
+    "startswith endswith format upper lower strip replace"
 )
 """Methods of lists, dicts, texts, arrays and numbers that change nothing."""
+
+
+_OF_DICTS = "dict.keys", "dict.values", "dict.items", "dict.get"
 
 
 class Interpreter(Statements):
@@ -93,7 +98,9 @@ class Interpreter(Statements):
             **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
             **{f: f for f in (inside, with_fields)},
             exchanged: lambda x, kind, new: exchanged(x, kind, new, self.reads.exchanged),
-            tangent: lambda formula, *x: tangent(functools.partial(self.call, formula), *x),
+            tangent: lambda formula, *x: tangent(
+                lambda y: vector(self.call(formula, y)), *map(vector, x)
+            ),
             sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
             sums.antisymmetric_map: lambda *x: large.sums(emitter, sums.antisymmetric_map, *x),
             tables.entry: lambda *x: large.entry(emitter, *x),
@@ -139,7 +146,7 @@ class Interpreter(Statements):
             ):
                 return self.inline(function, args, options)
             return function(*args, **options)
-        if isinstance(function, types.FunctionType):
+        if isinstance(function, types.FunctionType) and not _of_numbers(function):
             if function.__module__ == sums.__name__:  # Python runs these as they stand
                 self.reads.settled(*args)
                 return function(*args, **options)
@@ -170,6 +177,10 @@ class Interpreter(Statements):
                 f"`{name}` asks an object of {type(function.__self__).__qualname__}, whose content "
                 "nobody has read: give its value to a name or a field before the run"
             )
+        if name in _OF_DICTS and not varies([*args[:1]]):
+            self.reads.settled(*args)
+            found = function(*args)
+            return found if name == "dict.get" else list(found)
         if "out" in options or (isinstance(function, np.ufunc) and len(args) > function.nin):
             raise NotCompilable(f"`{name}` changes an array in place: assign its result to a name")
         if varies([*args, *options.values(), *([function.__self__] if method else [])]):
@@ -191,7 +202,18 @@ class Interpreter(Statements):
     ) -> Any:
         self.deeper()
         source = self.reads.source(function)
-        return self.outliner.enter(Frame(source, source.node, _parameters(source, args, options)))
+        if bare(function) is not function and any(isinstance(x, Array) for x in args):
+            raise refuse(f"`{function.__qualname__}`")
+        made = self.outliner.enter(Frame(source, source.node, _parameters(source, args, options)))
+        promised = getattr(function, "__promise__", None)
+        return made if promised is None else self.promised(promised, function, vector(made))
+
+    def promised(self, promised: Any, function: types.FunctionType, made: Any) -> Any:
+        """What a method gives, a list as a vector; refused if it is not what its base says."""
+        try:
+            return kept(promised, function.__qualname__, made)
+        except InvalidType as error:
+            raise NotCompilable(str(error)) from None
 
     def enter(self, frame: Frame) -> Any:
         """The value that a function returns, its body translated in a frame of its own."""
@@ -344,7 +366,7 @@ def _of_numbers(function: Any) -> bool:
         return getattr(np, name, None) is function
     home = str(getattr(function, "__module__", None)).partition(".")[0]
     return (
-        isinstance(function, (types.BuiltinFunctionType, type(np.dot)))
+        isinstance(function, (types.BuiltinFunctionType, types.FunctionType, type(np.dot)))
         and home in ("math", "numpy")
         and name not in _UNSEEN.split()
     )

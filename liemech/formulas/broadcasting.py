@@ -23,7 +23,9 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from .annotations import kind_of, own_annotations
 from .complex_numbers import Complex
-from .numbers import Pair, StandIn
+from .numbers import CarriesMore, Pair, StandIn
+from .of_math import taking_all
+from .overriding import breaks, kept, promise
 from .vectors import Mat, Vec, of_floats
 
 MEMBERSHIP = 1e-6
@@ -54,12 +56,10 @@ class Broadcasting:
             if inspect.isfunction(member) and not name.startswith("_"):
                 kinds = _kinds(cls, name, member)
                 classes = _classes(cls, name, member)
-                if kinds or next(iter(classes.values()), "Any") != "Any":
-                    setattr(
-                        cls,
-                        name,
-                        _broadcasting(Signature(name, bare(member), dict(kinds or {}), classes)),
-                    )
+                promised = promise(cls, name)
+                if kinds or promised or next(iter(classes.values()), "Any") != "Any":
+                    signature = Signature(name, bare(member), dict(kinds or {}), classes, promised)
+                    setattr(cls, name, _broadcasting(signature))
 
     @classmethod
     def _wanted(cls, owner: Any) -> str:
@@ -259,6 +259,8 @@ class Signature:
     formula: Callable[..., Any]
     kinds: dict[str, str]
     classes: dict[str, str]
+    promise: Any = None
+    """What a user's method gives, by the one of the library that it overrides."""
 
     def __post_init__(self) -> None:
         for name, text in self.classes.items():
@@ -322,6 +324,12 @@ class Signature:
             return None
         return named if set(named) <= set(self.names) <= set(named) | set(self.defaults) else None
 
+    def kept(self, owner: Any, result: Any) -> Any:
+        """The result of the formula, if it is what was promised; else WrongResult."""
+        if self.promise and breaks(self.promise, result):
+            return kept(self.promise, f"{type(owner).__name__}.{self.name}", result)
+        return result
+
     def optional(self, name: str) -> bool:
         """May the argument be None?"""
         return self.defaults.get(name, 0) is None or "None" in self.classes.get(name, "").split(
@@ -333,7 +341,7 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
     """The formula, its arguments checked: arrays are broadcast, small vectors pass straight
     through.
     """
-    formula, at = signature.formula, signature.space_at
+    formula, at, promised = signature.formula, signature.space_at, signature.promise
 
     @functools.wraps(formula)
     def method(self: Any, *args: Any, **options: Any) -> Any:
@@ -354,12 +362,17 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
                     if found != shape:
                         return _checked(signature, self, args, options)
         try:
-            return formula(self, *args)
+            try:
+                result = formula(self, *args)
+            except CarriesMore:
+                result = taking_all(formula)(self, *args)
         except Exception as error:
             _blame(signature, self, args, error)
             raise
+        return signature.kept(self, result) if promised else result
 
     method.__formula__ = formula  # type: ignore[attr-defined]
+    method.__promise__ = promised  # type: ignore[attr-defined]
     return method
 
 
@@ -551,7 +564,7 @@ def _small(
     """The formula on small vectors, the shapes known to be right."""
     _check_shapes(signature, space, where, arguments)
     try:
-        return signature.formula(owner, **arguments)
+        return signature.kept(owner, signature.formula(owner, **arguments))
     except AttributeError:
         owner._explain(arguments)
         raise
@@ -630,7 +643,8 @@ def _broadcast(
     rest = {k: v for k, v in arguments.items() if k not in arrays}
     flat = {k: _flattened(a, leading, a.shape[len(lead[k]) :]) for k, a in arrays.items()}
     elements = tuple([name for name in arrays if kinds[name] == "Element"])
-    batch = Batch(signature.formula, owner, flat, rest, elements, space, where, leading)
+    promise = signature if signature.promise else None
+    batch = Batch(signature.formula, owner, flat, rest, elements, space, where, leading, promise)
     if not math.prod(leading):  # an element of the right shape tells the shape of nothing
         some = {k: _some(space, kinds[k], a.shape[1:])[None] for k, a in flat.items()}
         one = dataclasses.replace(batch, arrays=some, leading=(1,))
@@ -666,6 +680,8 @@ class Batch:
     space: Any
     where: str
     leading: tuple[int, ...]
+    promise: Signature | None = None
+    """What the results must be, if somebody said so."""
 
     def __len__(self) -> int:
         return math.prod(self.leading)
@@ -681,7 +697,8 @@ class Batch:
         """
         self.check(i)
         try:
-            return self.formula(self.owner, **row_of(self.arrays, i), **self.rest)
+            value = self.formula(self.owner, **row_of(self.arrays, i), **self.rest)
+            return value if self.promise is None else self.promise.kept(self.owner, value)
         except AttributeError:
             self.owner._explain(self.rest)
             raise

@@ -3,8 +3,8 @@ increments add up.
 
     s = value + rest,   s + x: value' = fl(value + fl(x + rest)),  rest' = fl(x + rest) - (value' - value)
 
-Only sums remember.  Whatever else is done with such a number is done with its value and gives an
-ordinary number.
+Only sums remember.  Whatever else is done with such a number (products, sin, %, int) is done with
+its value and gives an ordinary number.
 
 Source: Kahan, Comm. ACM 8 (1965), 40; Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd
 ed., VIII.5.
@@ -12,6 +12,7 @@ ed., VIII.5.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from .complex_numbers import is_vector
@@ -80,8 +81,40 @@ class Compensated(ByValue):
     def __rpow__(self, base: Any) -> Any:
         return base**self.value
 
+    def __mod__(self, other: Any) -> Any:
+        return NotImplemented if is_vector(other) else self.value % value_of(other)
+
+    def __rmod__(self, other: Any) -> Any:
+        return NotImplemented if is_vector(other) else other % self.value
+
+    def __floordiv__(self, other: Any) -> Any:
+        return NotImplemented if is_vector(other) else self.value // value_of(other)
+
+    def __rfloordiv__(self, other: Any) -> Any:
+        return NotImplemented if is_vector(other) else other // self.value
+
+    def __divmod__(self, other: Any) -> Any:
+        return self // other, self % other
+
+    def __rdivmod__(self, other: Any) -> Any:
+        return other // self, other % self
+
     def __abs__(self) -> Any:
         return abs(self.value)
+
+    def __floor__(self) -> Any:
+        return math.floor(self.value)
+
+    def __ceil__(self) -> Any:
+        return math.ceil(self.value)
+
+    def __trunc__(self) -> Any:
+        return math.trunc(self.value)
+
+    def __round__(self, *digits: int) -> Any:
+        return round(self.value, *digits)
+
+    __int__ = __trunc__
 
     def __float__(self) -> float:
         return float(self.value)

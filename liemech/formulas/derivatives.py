@@ -19,6 +19,7 @@ from ..errors import InvalidType
 from .complex_numbers import Complex
 from .dual import DEPTH, Dual, value_of
 from .numbers import Pair, StandIn
+from .of_math import run
 from .pytree import fields_of, fill
 from .records import Record
 from .vectors import Mat, Vec, mat, transpose, vec
@@ -62,7 +63,7 @@ def tangent(
     level = DEPTH.get() + 1
     before = DEPTH.set(level)
     try:
-        result = formula(_moving(x, direction, level))
+        result = run(formula, _moving(x, direction, level))
     finally:
         DEPTH.reset(before)
     return _split(result, level, signed)

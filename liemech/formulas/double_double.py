@@ -3,7 +3,8 @@
 
     x = value + low,   |low| at most half a unit in the last place of the value
 
-Products and quotients are rounded to a few 2^-106, sums to that of |a| + |b|.  They are made of
+Products and quotients are rounded to a few 2^-106, sums to that of |a| + |b|; `//`, `%`, `int` and
+`round` look at all 32 digits, comparisons at the value.  They are made of
 ordinary operations and of fused multiplications, and so have the same bits in plain Python and in
 native code.  No operation here branches.
 
@@ -18,7 +19,7 @@ import math
 from typing import Any
 
 from . import functions as f
-from .numbers import INTEGER_POWER, ByValue, StandIn, whole_power
+from .numbers import INTEGER_POWER, ByValue, CarriesMore, StandIn, whole_power
 
 
 class DoubleDouble(ByValue):
@@ -103,6 +104,43 @@ class DoubleDouble(ByValue):
     def __rpow__(self, base: Any) -> Any:
         return DoubleDouble(1.0 * base) ** self if _is_operand(base) else NotImplemented
 
+    def __divmod__(self, other: Any) -> Any:
+        return divided(self, other) if _is_operand(other) else NotImplemented
+
+    def __rdivmod__(self, other: Any) -> Any:
+        return divided(DoubleDouble(1.0 * other), self) if _is_operand(other) else NotImplemented
+
+    def __floordiv__(self, other: Any) -> Any:
+        return divided(self, other)[0] if _is_operand(other) else NotImplemented
+
+    def __rfloordiv__(self, other: Any) -> Any:
+        return DoubleDouble(1.0 * other) // self if _is_operand(other) else NotImplemented
+
+    def __mod__(self, other: Any) -> Any:
+        return divided(self, other)[1] if _is_operand(other) else NotImplemented
+
+    def __rmod__(self, other: Any) -> Any:
+        return DoubleDouble(1.0 * other) % self if _is_operand(other) else NotImplemented
+
+    def __floor__(self) -> Any:
+        return floor(self, math.floor)
+
+    def __ceil__(self) -> Any:
+        return -floor(-self, math.floor)
+
+    def __trunc__(self) -> Any:
+        return truncated(self, math.floor)
+
+    __int__ = __trunc__
+
+    def __round__(self, *digits: int) -> Any:
+        if digits:
+            raise TypeError(
+                "`round` of a number of two doubles to a number of digits: write "
+                "round(x * 100.0) / 100.0"
+            )
+        return nearest(self, math.floor)
+
     def __neg__(self) -> DoubleDouble:
         return DoubleDouble(-self.value, -self.low)
 
@@ -113,10 +151,7 @@ class DoubleDouble(ByValue):
         return self * f.copysign(1.0, self.value)
 
     def __float__(self) -> float:
-        raise TypeError(
-            "a number of two doubles cannot become a float: take functions from liemech.formulas "
-            "(sin, exp, ...), not from math"
-        )
+        raise CarriesMore("a number of two doubles")
 
     def __repr__(self) -> str:
         return f"({self.value} + {self.low})"
@@ -156,6 +191,41 @@ def two_product(a: Any, b: Any) -> tuple[Any, Any]:
     """fl(a b), and what rounding took from it, exactly."""
     product = a * b
     return product, f.fma(a, b, -product)
+
+
+# ------------------------------------------------------------------ whole numbers
+
+
+def divided(x: DoubleDouble, y: Any) -> tuple[DoubleDouble, DoubleDouble]:
+    """x // y and x % y, with 32 digits of x; the remainder has the sign of y."""
+    many = _whole((x / y).value)
+    rest = x - DoubleDouble(many) * y
+    few = _whole((rest / y).value)  # 0, unless there were more than 2^51
+    rest = rest - few * y
+    sign = f.copysign(1.0, rounded_number(1.0 * y))
+    below = 1.0 * (sign * rest.value < 0.0)
+    rest = rest + below * y
+    return DoubleDouble(*two_sum(many, few)) - below, rest
+
+
+def floor(x: DoubleDouble, of_double: Any) -> Any:
+    """The largest integer not above x, where `of_double` gives that of one double."""
+    whole = of_double(x.value)
+    return whole + of_double(x.low * (1.0 * (x.value == whole)))
+
+
+def truncated(x: DoubleDouble, of_double: Any) -> Any:
+    """The integer next to x on the side of zero."""
+    sign = 1 - 2 * (x.value < 0.0)
+    return sign * floor(x * sign, of_double)
+
+
+def nearest(x: DoubleDouble, of_double: Any) -> Any:
+    """The integer next to x; of two the even one."""
+    whole = floor(x, of_double)
+    rest = x - DoubleDouble(1.0 * whole) - 0.5
+    up = (rest.value > 0.0) | ((rest.value == 0.0) & (whole % 2 == 1))
+    return whole + 1 * up
 
 
 # ------------------------------------------------------------------ elementary functions

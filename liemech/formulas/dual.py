@@ -21,7 +21,7 @@ from ..errors import NotCompilable
 from . import functions as f
 from .complex_numbers import outranks
 from .functions import LOG_2, LOG_10
-from .numbers import AN_INT, INTEGER_POWER, ONLY_THERE, ByValue, Operand, StandIn, raise_if, whole_power
+from .numbers import AN_INT, INTEGER_POWER, ONLY_THERE, ByValue, CarriesMore, Operand, StandIn, raise_if, whole_power
 
 DEPTH: ContextVar[int] = ContextVar(
     "how many derivatives are being taken, one inside the other", default=0
@@ -227,11 +227,7 @@ class Dual(ByValue):
     __hash__ = None
 
     def __float__(self) -> float:
-        raise TypeError(
-            "a number that carries a derivative cannot become a float: take functions from "
-            "liemech.formulas (sin, exp, sqrt, ...), not from math; of a function that is not "
-            "there, write the gradient or force yourself"
-        )
+        raise CarriesMore("a number that carries a derivative")
 
     def __repr__(self) -> str:
         return f"({self.value} + e {self.slope})"

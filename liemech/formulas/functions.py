@@ -2,6 +2,9 @@
 native code.
 
 On floats they are those of the C library, as in compiled code, so both worlds give the same bits.
+Of a compensated number they are those of its value, without what rounding took from it; of one of
+two doubles they have 32 digits.
+
 Outside their domain they return nan or an infinity, as IEEE 754 asks and as compiled code does,
 where `math` would raise.
 """
@@ -14,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from .numbers import StandIn
+from .numbers import ByValue, StandIn
 
 LOG_2, LOG_10 = math.log(2.0), math.log(10.0)
 DEGREE, RADIAN = math.pi / 180.0, 180.0 / math.pi
@@ -32,7 +35,7 @@ def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
 
     def function(*x: Any) -> Any:
         for a in x:
-            if isinstance(a, (StandIn, np.ndarray)):
+            if isinstance(a, (StandIn, ByValue, np.ndarray)):
                 break
         else:
             try:
@@ -59,6 +62,8 @@ def _of_others(name: str, on_array: Callable[..., Any], x: tuple[Any, ...]) -> A
         return RULES[name](*x)
     if any(hasattr(a, "low") for a in x):
         return DOUBLE_DOUBLE[name](*x)
+    if any(hasattr(a, "rest") for a in x):
+        return globals()[name](*map(_remembering_nothing, x))
     for a in x:
         if hasattr(a, "elementary"):
             return a.elementary(name, *x)
@@ -70,6 +75,11 @@ def _of_others(name: str, on_array: Callable[..., Any], x: tuple[Any, ...]) -> A
     raise TypeError(
         f"{name} is a function of numbers; got {kinds} (of a vector: of its components, one by one)"
     )
+
+
+def _remembering_nothing(x: Any) -> Any:
+    """A number without what rounding took from it."""
+    return x.value if hasattr(x, "rest") else x
 
 
 sqrt = _elementary("sqrt")
@@ -102,6 +112,7 @@ pow = _elementary("pow", "power")
 
 def fma(x: Any, y: Any, z: Any) -> Any:
     """x y + z, rounded once."""
+    x, y, z = map(_remembering_nothing, (x, y, z))
     for a in (x, y, z):
         if isinstance(a, StandIn):
             return a.elementary("fma", x, y, z)

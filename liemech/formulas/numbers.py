@@ -80,11 +80,11 @@ class Operand:
         return getattr(function, method)(*_arrays(x), **_arrays(options))
 
     def __array_function__(self, function: Any, types: Any, x: Any, options: Any) -> Any:
-        found = OF_NUMPY[function](x) if function in OF_NUMPY and not options else None
+        found = OF_NUMPY[function](x, options) if function in OF_NUMPY else None
         if found is None:
             return function(*_arrays(x), **_arrays(options))
-        formula, operands = found
-        return formula(*operands)
+        formula, operands, known = found
+        return formula(*operands, **known)
 
 
 def _arrays(x: Any) -> Any:
@@ -99,6 +99,17 @@ def _arrays(x: Any) -> Any:
     if type(x) in (list, tuple):
         return type(x)(map(_arrays, x))
     return {name: _arrays(value) for name, value in x.items()} if type(x) is dict else x
+
+
+class CarriesMore(TypeError):
+    """A number that carries more than a double was to become one."""
+
+    def __init__(self, kind: str) -> None:
+        super().__init__(
+            f"{kind} cannot become a float: fill a list, not np.zeros(...), and take functions from "
+            "liemech.formulas (sin, exp, sqrt, ...), not from math; of a function that is not there, "
+            "write the gradient or force yourself"
+        )
 
 
 class Pair(Operand):

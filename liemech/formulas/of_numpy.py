@@ -20,11 +20,13 @@ import numpy as np
 
 from ..errors import InvalidType
 from . import functions
+from . import reductions as r
 from .complex_numbers import Complex
 from .elimination import determinant, inverse, solve
 from .numbers import OF_NUMPY, Operand
 from .pytree import plain
-from .vectors import Mat, Vec, are_samples, cross, norm, outer, small, sum, transpose
+from .reductions import larger, smaller
+from .vectors import Mat, Vec, are_samples, cross, outer, small, transpose
 
 LARGE = 2.0**500
 
@@ -34,20 +36,19 @@ def square(x: Any) -> Any:
     return x * x
 
 
-def maximum(x: Any, y: Any) -> Any:
-    """The larger number; nan if one is nan."""
-    return functions.where(x < y, y, functions.where(y != y, y, x))
-
-
-def minimum(x: Any, y: Any) -> Any:
-    """The smaller number; nan if one is nan."""
-    return functions.where(y < x, y, functions.where(y != y, y, x))
-
-
 def clip(x: Any, least: Any, most: Any) -> Any:
     """x, or the bound that it is beyond; None is no bound."""
-    x = x if least is None else maximum(x, least)
-    return x if most is None else minimum(x, most)
+    if least is None or most is None:
+        return np.minimum(x, most) if least is None else np.maximum(x, least)
+    above = functions.where(x < least, least, x)
+    inside = functions.where(above > most, most, above)
+    return functions.where(least != least, least, functions.where(most != most, most, inside))
+
+
+def truncated_remainder(x: Any, y: Any) -> Any:
+    """The remainder of x/y that has the sign of x."""
+    rest = abs(x) % abs(y)
+    return functions.where(x < 0.0, -rest, rest)
 
 
 def sign(x: Any) -> Any:
@@ -59,7 +60,7 @@ def sign(x: Any) -> Any:
 
 def hypot(x: Any, y: Any) -> Any:
     """sqrt(x^2 + y^2), of whatever size: no square overflows, and none is lost."""
-    size = plain(maximum(abs(x), abs(y)))
+    size = plain(larger(abs(x), abs(y)))
     unit = functions.where(size > LARGE, LARGE, functions.where(size < 1.0 / LARGE, 1.0 / LARGE, 1.0))
     x, y = x / unit, y / unit
     return unit * functions.sqrt(x * x + y * y)
@@ -79,7 +80,7 @@ COMPARISONS: dict[Any, Callable[..., Any]] = {
 
 BY_COMPONENTS: dict[Any, Callable[..., Any]] = {
     np.divide: operator.truediv, np.power: operator.pow, np.floor_divide: operator.floordiv,
-    np.remainder: operator.mod, np.positive: operator.pos,
+    np.remainder: operator.mod, np.fmod: truncated_remainder, np.positive: operator.pos, np.where: functions.where,
     np.sqrt: functions.sqrt, np.cbrt: functions.cbrt, np.square: square, np.fabs: functions.fabs,
     np.sin: functions.sin, np.cos: functions.cos, np.tan: functions.tan,
     np.arcsin: functions.asin, np.arccos: functions.acos, np.arctan: functions.atan, np.arctan2: functions.atan2,
@@ -87,7 +88,7 @@ BY_COMPONENTS: dict[Any, Callable[..., Any]] = {
     np.arcsinh: functions.asinh, np.arccosh: functions.acosh, np.arctanh: functions.atanh,
     np.exp: functions.exp, np.exp2: functions.exp2, np.expm1: functions.expm1,
     np.log: functions.log, np.log2: functions.log2, np.log10: functions.log10, np.log1p: functions.log1p,
-    np.maximum: maximum, np.minimum: minimum, np.clip: clip, np.sign: sign,
+    np.maximum: larger, np.minimum: smaller, np.clip: clip, np.sign: sign,
     np.hypot: hypot, np.copysign: functions.copysign,
     np.radians: functions.radians, np.deg2rad: functions.radians, np.degrees: functions.degrees, np.rad2deg: functions.degrees,
 }  # fmt: skip
@@ -96,37 +97,106 @@ OF_VECTORS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...]]] = {
     np.matmul: (operator.matmul, ((Vec, Mat), (Vec, Mat))),
     np.dot: (operator.matmul, ((Vec, Mat), (Vec, Mat))),
     np.inner: (operator.matmul, (Vec, Vec)),
+    np.vdot: (operator.matmul, (Vec, Vec)),
     np.cross: (cross, (Vec, Vec)),
     np.outer: (outer, (Vec, Vec)),
-    np.sum: (sum, (Vec,)),
-    np.transpose: (transpose, (Mat,)),
-    np.linalg.norm: (norm, (Vec,)),
+    np.transpose: (transpose, ((Vec, Mat),)),
     np.linalg.solve: (solve, (Mat, (Vec, Mat))),
     np.linalg.inv: (inverse, (Mat,)),
     np.linalg.det: (determinant, (Mat,)),
 }
 """Functions of vectors and matrices, and of which."""
 
+_ANY, _SEVERAL = (Vec, Mat), (tuple, list)
+AXIS: dict[str, Callable[..., Any]] = {
+    "sum": r.total, "max": r.largest, "min": r.smallest, "mean": r.mean, "prod": r.product,
+}  # fmt: skip
+METHODS: dict[str, Callable[..., Any]] = {
+    **AXIS, "trace": r.trace, "diagonal": r.diagonal_of, "copy": r.copy, "flatten": r.flat, "ravel": r.flat,
+}  # fmt: skip
+"""Methods of vectors and matrices that arrays have."""
+WITH_OPTIONS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...], tuple[str, ...]]] = {
+    **{getattr(np, name): (formula, (_ANY,), ("axis",)) for name, formula in AXIS.items()},
+    np.linalg.norm: (r.length, (_ANY,), ()),
+    np.all: (r.every, (Vec,), ()),
+    np.any: (r.some, (Vec,), ()),
+    np.trace: (r.trace, (Mat,), ()),
+    np.diag: (r.diagonal_matrix, (_ANY,), ()),
+    np.diagonal: (r.diagonal_of, (Mat,), ()),
+    np.copy: (r.copy, (_ANY,), ()),
+    np.ravel: (r.flat, (_ANY,), ()),
+    np.zeros_like: (r.zeros_like, (_ANY,), ()),
+    np.ones_like: (r.ones_like, (_ANY,), ()),
+    np.roll: (r.rolled, (Vec, int), ()),
+    np.diff: (r.differences, (Vec,), ()),
+    np.concatenate: (r.concatenated, (_SEVERAL,), ("axis",)),
+    np.hstack: (r.beside, (_SEVERAL,), ()),
+    np.vstack: (r.below, (_SEVERAL,), ()),
+    np.stack: (r.stacked, (_SEVERAL,), ("axis",)),
+    np.kron: (r.kronecker, (_ANY, _ANY), ()),
+    np.tensordot: (r.contracted, (_ANY, _ANY), ("axes",)),
+    np.einsum: (r.einsum, (str,), ()),
+    np.interp: (r.interpolated, (object, _ANY, _ANY), ()),
+    np.searchsorted: (r.place, (_ANY, object), ("side",)),
+}
+"""Functions with options, of what, and the options that the formula knows."""
 
-def formula_of(function: Any, x: tuple[Any, ...]) -> tuple[Callable[..., Any], list[Any]] | None:
-    """The formula of the same meaning as NumPy's function of x, and x as it takes them; None if
-    there is none.
+OF_NUMBERS = {
+    np.where: functions.where, np.clip: clip, np.interp: r.interpolated, np.searchsorted: r.place,
+}  # fmt: skip
+"""What NumPy has no function of floats for that native code could ask, and gives the bits of the
+formula.
+"""
+
+
+Found = tuple[Callable[..., Any], list[Any], dict[str, Any]]
+"""A formula, and what it takes."""
+
+
+def formula_of(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Found | None:
+    """The formula of the same meaning as NumPy's function of x, x as it takes them, and the options;
+    None if there is none.
     """
+    if function in WITH_OPTIONS:
+        return _with_options(function, x, options)
     axes = max(map(_axes, x))
     formula, kinds = OF_VECTORS.get(function, (None, ()))
     most = max((_most(kind) for kind in kinds), default=axes)
-    if any(are_samples(a, most) for a in x):
+    if options or any(are_samples(a, most) for a in x) or (function is np.where and len(x) < 3):
         return None
-    operands = [_number(a) if isinstance(a, _OF_NUMPY) and a.ndim == 0 else small(a) for a in x]
+    operands = [_operand(a) for a in x]
     if formula is not None:
         fits = len(x) == len(kinds) and all(map(isinstance, operands, kinds))
-        return (formula, operands) if fits else None
+        return (formula, operands, {}) if fits else None
     if function in BY_COMPONENTS:
         formula = BY_COMPONENTS[function]
         operands = [float(a) if type(a) is int and function is not np.power else a for a in operands]
-        return functools.partial(by_components, formula) if axes else formula, operands
+        return functools.partial(by_components, formula) if axes else formula, operands, {}
     found = OPERATORS.get(function) or (None if axes else COMPARISONS.get(function))
-    return found and (found, operands)
+    return found and (found, operands, {})
+
+
+def _with_options(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Found | None:
+    formula, kinds, known = WITH_OPTIONS[function]
+    if not set(options) <= set(known) or any(are_samples(a, 2) for a in inside(x)):
+        return None
+    operands = [
+        [_operand(b) for b in a] if type(a) in _SEVERAL and kind is _SEVERAL else _operand(a)
+        for a, kind in zip(x, (*kinds, *[object] * len(x)), strict=False)
+    ]
+    fits = len(x) >= len(kinds) and all(map(isinstance, operands, kinds))
+    numbers = [a for a, kind in zip(operands, kinds, strict=False) if kind is object]
+    return (formula, operands, options) if fits and not any(map(_axes, numbers)) else None
+
+
+def inside(x: Any) -> list[Any]:
+    """Operands, and those in lists among them."""
+    return [b for a in x for b in (inside(a) if type(a) in _SEVERAL else [a])]
+
+
+def _operand(x: Any) -> Any:
+    """What a formula takes for an array, a list or a number of NumPy's."""
+    return _number(x) if isinstance(x, _OF_NUMPY) and x.ndim == 0 else small(x)
 
 
 def by_components(formula: Callable[..., Any], *x: Any) -> Any:
@@ -140,7 +210,8 @@ def by_components(formula: Callable[..., Any], *x: Any) -> Any:
         shapes = " and ".join(str(a.shape) for a in x if isinstance(a, (Vec, Mat)))
         raise InvalidType(f"vectors or matrices of shapes {shapes} cannot be combined")
     columns = ([*a] if _axes(a) == _axes(whole) else [a] * len(whole) for a in x)
-    return type(whole)(*(by_components(formula, *row) for row in zip(*columns, strict=True)))
+    made = Mat if _axes(whole) == 2 else Vec
+    return made(*(by_components(formula, *row) for row in zip(*columns, strict=True)))
 
 
 def _most(kind: Any) -> int:
@@ -162,5 +233,9 @@ def _axes(x: Any) -> int:
     return x.axes if isinstance(x, Operand) else 0
 
 
-for _function in (*OPERATORS, *COMPARISONS, *BY_COMPONENTS, *OF_VECTORS):
+for _function in (*OPERATORS, *COMPARISONS, *BY_COMPONENTS, *OF_VECTORS, *WITH_OPTIONS):
     OF_NUMPY[_function] = functools.partial(formula_of, _function)
+for _name, _method in METHODS.items():
+    for _kind in (Vec, Mat):
+        if not hasattr(_kind, _name):
+            setattr(_kind, _name, _method)

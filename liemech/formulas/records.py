@@ -21,8 +21,9 @@ from typing import Any, TypeVar, cast, dataclass_transform
 
 from ..errors import InvalidType, LiemechError
 from .annotations import own_annotations
-from .broadcasting import Broadcasting
+from .broadcasting import Broadcasting, bare
 from .fields import MISSING, converters, immutable
+from .overriding import require_signatures
 
 T = TypeVar("T", bound=type)
 
@@ -56,6 +57,7 @@ class Record(Broadcasting):
         if cls not in _complete:
             _require_dataclass(cls)
             _require_methods_in_sight(cls)
+            require_signatures(cls, bare)
             _require_final_methods(cls)
             _complete.add(cls)
         return super().__new__(cls)

@@ -20,7 +20,7 @@ from typing import Any
 from ..errors import InvalidType, NotCompilable
 from . import functions as f
 from .functions import LOG_2, LOG_10
-from .numbers import INTEGER_POWER, ONLY_THERE, Operand, Pair, StandIn, raise_if, whole_power
+from .numbers import INTEGER_POWER, ONLY_THERE, CarriesMore, Operand, Pair, StandIn, raise_if, whole_power
 from .products import Products, cauchy, plus
 from .pytree import build, layout_of, leaves
 from .taken_back import noted
@@ -184,6 +184,9 @@ class Series(Operand):
             raise_if(equal, ONLY_THERE.format("a power series"))
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __float__(self) -> float:
+        raise CarriesMore("a power series")
 
     def __repr__(self) -> str:
         return f"<power series {id(self):x}>"

@@ -31,19 +31,26 @@ def _by_components(op: Callable[[Any, Any], Any], scalars: bool = False) -> Any:
 
     def method(self: Vec, other: Any) -> Any:
         if type(other) is not Vec:
+            if scalars and type(other) is float:
+                return _make(Vec, [op(x, other) for x in self])
             if isinstance(other, np.ndarray) and not other.ndim:
                 other = other.item()
             if scalars and not isinstance(other, _VECTORS):
-                return NotImplemented if isinstance(other, Mat) else _make(Vec, [op(x, other) for x in self])
+                if not isinstance(other, _NO_NUMBERS):
+                    return _make(Vec, [op(x, other) for x in self])
+                if isinstance(other, Mat) and op not in (operator.add, operator.sub):
+                    return NotImplemented
             if are_samples(other, 1):
                 return op(np.asarray(self), other)
         return _make(Vec, map(op, self, _same_length(self, other)))
 
     def reflected(self: Vec, other: Any) -> Any:
-        if scalars and not isinstance(other, _VECTORS):
+        if scalars and type(other) is float:
             return _make(Vec, [op(other, x) for x in self])
         if _begins_a_sum(other, op):
             return self
+        if scalars and not isinstance(other, (*_VECTORS, *_NO_NUMBERS)):
+            return _make(Vec, [op(other, x) for x in self])
         return _make(Vec, map(op, _same_length(self, other), self))
 
     return method, reflected
@@ -85,8 +92,8 @@ def are_samples(x: Any, axes: int) -> bool:
 
 
 class Vec(tuple[Any, ...], Operand):
-    """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * / **` act component by component, scalars
-    multiply and divide.
+    """A small vector, `Vec(1.0, 2.0, 3.0)`; `+ - * / % **` act component by component, with
+    scalars too.
 
     Lists, tuples and arrays of the same length may stand beside it.  Comparisons act component by
     component too; `if u == v` asks for all.  Raises InvalidType if the lengths differ, if a
@@ -117,11 +124,12 @@ class Vec(tuple[Any, ...], Operand):
         found = _component_at(self, index)
         return _make(Vec, found) if index.__class__ is slice else found
 
-    __add__, __radd__ = _by_components(operator.add)
-    __sub__, __rsub__ = _by_components(operator.sub)
+    __add__, __radd__ = _by_components(operator.add, scalars=True)
+    __sub__, __rsub__ = _by_components(operator.sub, scalars=True)
     __mul__, __rmul__ = _by_components(operator.mul, scalars=True)
     __truediv__, __rtruediv__ = _by_components(operator.truediv, scalars=True)
     __pow__, __rpow__ = _by_components(operator.pow, scalars=True)
+    __mod__, __rmod__ = _by_components(operator.mod, scalars=True)
     __lt__, __le__ = _comparison(operator.lt), _comparison(operator.le)
     __gt__, __ge__ = _comparison(operator.gt), _comparison(operator.ge)
     __eq__, __ne__ = _comparison(operator.eq, whole=True), _comparison(operator.ne, whole=True)
@@ -413,7 +421,7 @@ class Mat(Operand):
                     f"matrices of shapes {self.shape} and {other.shape} cannot be combined"
                 )
             return Mat(*map(op, self.rows, other.rows))
-        if op in (operator.add, operator.sub):
+        if isinstance(other, Vec) and op in (operator.add, operator.sub):
             raise InvalidType(f"a Mat cannot be added to or subtracted from {type(other).__name__}")
         return Mat(*(op(row, other) for row in self.rows))
 
@@ -441,6 +449,16 @@ class Mat(Operand):
 
     def __truediv__(self, other: Any) -> Mat:
         return self._by_rows(operator.truediv, other)
+
+    def __rtruediv__(self, other: Any) -> Mat:
+        return Mat(*(other / row for row in self.rows))
+
+    def __pow__(self, other: Any) -> Mat:
+        """Of every entry; the product of matrices is `A @ A`."""
+        return self._by_rows(operator.pow, other)
+
+    def __rpow__(self, other: Any) -> Mat:
+        return Mat(*(other**row for row in self.rows))
 
     def __neg__(self) -> Mat:
         return Mat(*(-row for row in self.rows))
@@ -503,6 +521,7 @@ class Mat(Operand):
 
 
 _NESTED = (*_VECTORS, Mat)
+_NO_NUMBERS = (Mat, type(None), str, bytes, dict, set, slice)
 _set_rows: Any = Mat.rows.__set__  # type: ignore[attr-defined, misc]
 
 

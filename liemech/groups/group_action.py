@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InvalidType, NotDefined
 from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec
 from ..formulas.broadcasting import MEMBERSHIP
+from ..formulas.derived import derived
 from .lie_group import LieGroup
 
 
@@ -57,12 +58,14 @@ class GroupAction(Record):
         """The shape of a point; None lets all vectors pass."""
         return None
 
+    @derived
     def infinitesimal(self, xi: Vec, x: Vec) -> Vec:
         """The velocity of a point, d/ds exp(s xi) . x at s = 0.  xi : (dim,), x : a point."""
         return derivative(
             lambda v: self.act(self.group.exp(v), x), vec(*[0.0] * self.group.dim), xi
         )
 
+    @derived
     def exp_act(self, xi: Vec, x: Vec) -> Vec:
         """exp(xi) . x.  xi : (dim,), x : a point."""
         return self.act(self.group.exp(xi), x)

@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
 from ..formulas import Mat, Record, Vec, dot, exp, gradient, jacobian, log, mat, plain, record, vec
 from ..formulas.broadcasting import check_finite, real_array
+from ..formulas.derived import derived
 from .lie_group import LieGroup
 from .matrix_group import whole_number
 from .skew_matrices import null_vectors, pairs
@@ -63,6 +64,7 @@ class PoissonStructure(Record):
         """
         return vec()
 
+    @derived
     def sharp(self, y: Vec, a: Vec) -> Vec:
         """B(y) a: the velocity that belongs to a gradient.  y, a : (n,)."""
         return self.matrix(y) @ a

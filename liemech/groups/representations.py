@@ -19,6 +19,7 @@ from ..formulas import (
     vec,
     where,
 )
+from ..formulas.derived import derived
 from ..formulas.dual import value_of
 from ..formulas.sizes import one_norm
 from .group_action import GroupAction
@@ -59,22 +60,26 @@ class Representation(GroupAction):
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
+    @derived
     def act_dual(self, g: Element, p: Vec) -> Vec:
         """The dual map, <act_dual_g p, x> = <p, g . x>: a right action on covectors.  g : an
         element, p : (k,).
         """
         return vec(*[dot(p, self.act(g, unit)) for unit in identity_matrix(self.space_dim)])
 
+    @derived
     def infinitesimal_dual(self, xi: Vec, p: Vec) -> Vec:
         """The dual of `infinitesimal`.  xi : (dim,), p : (k,)."""
         return vec(
             *[dot(p, self.infinitesimal(xi, unit)) for unit in identity_matrix(self.space_dim)]
         )
 
+    @derived
     def exp_act_dual(self, xi: Vec, p: Vec) -> Vec:
         """act_dual of exp(xi).  xi : (dim,), p : (k,)."""
         return self.act_dual(self.group.exp(xi), p)
 
+    @derived
     def momentum(self, x: Vec, p: Vec) -> Vec:
         """The momentum map J(x, p) of the action: <J, xi> = <p, xi . x>.  For rotations the angular
         momentum x x p.
@@ -85,6 +90,7 @@ class Representation(GroupAction):
             *[dot(p, self.infinitesimal(unit, x)) for unit in identity_matrix(self.group.dim)]
         )
 
+    @derived
     def phi1(self, xi: Vec, x: Vec) -> Vec:
         """The average of exp(s xi) . x over 0 <= s <= 1, sum_k xi^k . x/(k + 1)!.  xi : (dim,),
         x : (k,).
@@ -93,14 +99,17 @@ class Representation(GroupAction):
         """
         return averaged(self.infinitesimal, self.exp_act, self._size2(xi), xi, x)
 
+    @derived
     def phi1_dual(self, xi: Vec, p: Vec) -> Vec:
         """The dual of `phi1`.  xi : (dim,), p : (k,)."""
         return averaged(self.infinitesimal_dual, self.exp_act_dual, self._size2(xi), xi, p)
 
+    @derived
     def phi1_inv(self, xi: Vec, x: Vec) -> Vec:
         """The inverse of `phi1`.  xi : (dim,), x : (k,)."""
         return solve(mat(*[self.phi1(xi, unit) for unit in identity_matrix(self.space_dim)]).T, x)
 
+    @derived
     def phi1_inv_dual(self, xi: Vec, p: Vec) -> Vec:
         """The dual of `phi1_inv`.  xi : (dim,), p : (k,)."""
         return solve(mat(*[self.phi1(xi, unit) for unit in identity_matrix(self.space_dim)]), p)
@@ -114,11 +123,13 @@ class Representation(GroupAction):
             or f"cay(xi) does not act as (1 - xi/2)^-1 (1 + xi/2) in {self!r}"
         )
 
+    @derived
     def half_inverse(self, xi: Vec, x: Vec) -> Vec:
         """(1 - xi/2)^-1 x, with the matrix of xi.  xi : (dim,), x : (k,)."""
         units = identity_matrix(self.space_dim)
         return solve(mat(*[unit - 0.5 * self.infinitesimal(xi, unit) for unit in units]).T, x)
 
+    @derived
     def half_inverse_dual(self, xi: Vec, p: Vec) -> Vec:
         """The dual of `half_inverse`.  xi : (dim,), p : (k,)."""
         units = identity_matrix(self.space_dim)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Vec, derivative, dot
+from ..formulas.overriding import WrongResult
 from ..groups.lie_group import LieGroup
 from .hamiltonian import Hamiltonian
 from .kinetic_energy import KineticEnergy
@@ -99,6 +100,8 @@ def _value(name: str, group: LieGroup, owner: Record, formula: Any, x: Vec) -> A
     try:
         value = formula(x)
         numbers = np.array(value, dtype=float)
+    except WrongResult:
+        raise
     # a formula of somebody else's may fail anywhere but where it is meant to be used
     except Exception as error:
         if isinstance(error, IndexError) or (

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput, NotDefined
 from ..formulas import Vec, gradient, record, vec
+from ..formulas.derived import derived
 from ..formulas.remembered import common
 from ..groups.vector_space import VectorSpace
 from ..retractions import Retraction
@@ -117,10 +118,12 @@ class CanonicalSystem(PhaseSpace):
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
+    @derived
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """The velocity q' = dH/dp, (n,).  q, p : (n,)."""
         return gradient(lambda x: self.energy(q, x), p)
 
+    @derived
     def force(self, q: Vec, p: Vec) -> Vec:
         """The force p' = -dH/dq, (n,).  q, p : (n,)."""
         return -gradient(lambda x: self.energy(x, p), q)

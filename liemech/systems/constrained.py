@@ -26,6 +26,7 @@ from ..formulas import (
 )
 from ..formulas.broadcasting import small
 from ..formulas.derivatives import tangent
+from ..formulas.derived import derived
 from ..formulas.vectors import Vec as SmallVec
 from ..solvers import correction, newton
 from .canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
@@ -96,6 +97,7 @@ class ConstrainedSystem(CanonicalSystem):
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
+    @derived
     def constraint_jacobian(self, q: Vec) -> Mat:
         """G(q) = dg/dq, (m, n).  q : (n,)."""
         return jacobian(lambda x: self.constraint(x), q)
@@ -467,15 +469,18 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
         """p . M(q)^-1 p/2 + U(q).  q, p : (n,)."""
         return 0.5 * dot(p, self.velocity(q, p)) + self.potential(q)
 
+    @derived
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """M(q)^-1 p, (n,).  q, p : (n,)."""
         return solve(self.mass(q), p)
 
+    @derived
     def force(self, q: Vec, p: Vec) -> Vec:
         """d/dq (v . M(q) v)/2 - dU/dq at the velocity v that belongs to p, (n,).  q, p : (n,)."""
         v = self.velocity(q, p)
         return gradient(lambda x: 0.5 * dot(v, self.mass(x) @ v) - self.potential(x), q)
 
+    @derived
     def momentum(self, q: Vec, v: Vec) -> Vec:
         """p = M(q) v, (n,).  q, v : (n,)."""
         return self.mass(q) @ v

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..errors import NotDefined
 from ..formulas import Element, Mat, Record, Vec, jacobian, record, vec
+from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
 from ..groups.product import ProductGroup
 
@@ -35,6 +36,7 @@ class Constraint(Record):
         """c(g), (m,).  g : an element."""
         raise NotDefined(f"{type(self).__name__} must define `value`")
 
+    @derived
     def jacobian(self, group: LieGroup, g: Element) -> Mat:
         """G(g), left-trivialised: G eta = d/ds c(g exp(s eta)) at s = 0.  g : an element.  Returns
         (m, dim).
@@ -76,6 +78,7 @@ class VelocityConstraint(Constraint):
             f"{type(self).__name__}: conditions on velocities come from no function c(g)"
         )
 
+    @derived
     def jacobian(self, group: LieGroup, g: Element) -> Mat:
         """A(g).  g : an element."""
         return self.matrix(g)

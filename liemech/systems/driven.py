@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InvalidType, NotDefined
 from ..formulas import Record, Vec, gradient, record, vec
+from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
 from .canonical import CanonicalState, PhaseSpace
 from .hamiltonian import Hamiltonian
@@ -37,10 +38,12 @@ class DrivenHamiltonianSystem(PhaseSpace):
         """H(t, q, p).  q, p : (n,)."""
         raise NotDefined(f"{type(self).__name__} must define `energy`")
 
+    @derived
     def velocity(self, t: float, q: Vec, p: Vec) -> Vec:
         """The velocity q' = dH/dp, (n,).  q, p : (n,)."""
         return gradient(lambda x: self.energy(t, q, x), p)
 
+    @derived
     def force(self, t: float, q: Vec, p: Vec) -> Vec:
         """The force p' = -dH/dq, (n,).  q, p : (n,)."""
         return -gradient(lambda x: self.energy(t, x, p), q)
@@ -81,6 +84,7 @@ class DrivenHamiltonian(Record):
         """K(t, mu).  mu : (dim,)."""
         raise NotDefined(f"{type(self).__name__} must define `energy`")
 
+    @derived
     def gradient(self, t: float, mu: Vec) -> Vec:
         """The velocity xi = dK/dmu.  mu : (dim,)."""
         return gradient(lambda m: self.energy(t, m), mu)

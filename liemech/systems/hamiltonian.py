@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..errors import NotDefined
 from ..formulas import Record, Vec, gradient, record
+from ..formulas.derived import derived
 
 
 @record
@@ -18,6 +19,7 @@ class Hamiltonian(Record):
         """H(mu).  mu : (dim,)."""
         raise NotDefined(f"{type(self).__name__} must define `energy`")
 
+    @derived
     def gradient(self, mu: Vec) -> Vec:
         """The velocity xi = dH/dmu.  mu : (dim,)."""
         return gradient(lambda m: self.energy(m), mu)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..errors import NotDefined
 from ..formulas import Mat, Record, Vec, gradient, jacobian, record
+from ..formulas.derived import derived
 
 
 @record
@@ -18,10 +19,12 @@ class Lagrangian(Record):
         """l(xi).  xi : (dim,)."""
         raise NotDefined(f"{type(self).__name__} must define `value`")
 
+    @derived
     def momentum(self, xi: Vec) -> Vec:
         """The momentum mu = dl/dxi.  xi : (dim,)."""
         return gradient(lambda x: self.value(x), xi)
 
+    @derived
     def hessian(self, xi: Vec) -> Mat | Vec:
         """The second derivative d2l/dxi2, the inertia at xi.  xi : (dim,), result : (dim, dim), or
         (dim,) if it is diagonal.

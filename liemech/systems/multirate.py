@@ -8,6 +8,7 @@ from typing import Any, ClassVar, final
 
 from ..errors import InvalidInput
 from ..formulas import Vec, gradient, record
+from ..formulas.derived import derived
 from .separable import SeparableSystem
 
 
@@ -41,6 +42,7 @@ class MultirateSystem(SeparableSystem):
         """The potential number k, V_1 being number 0.  q : (n,)."""
         return getattr(self, self.parts[k])(q)
 
+    @derived
     def part_force(self, k: int, q: Vec) -> Vec:
         """-dV_k/dq, (n,).  q : (n,)."""
         return -gradient(lambda x: self.part(k, x), q)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Vec, gradient, record
+from ..formulas.derived import derived
 from ..groups.poisson_structure import PoissonStructure
 from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
@@ -86,6 +87,7 @@ class PoissonSystem(OfParts, VectorField):
             raise NotDefined(f"{type(self).__name__} must define `energy`, or have a hamiltonian")
         return self.hamiltonian.energy(y)
 
+    @derived
     def gradient(self, y: Vec) -> Vec:
         """dH(y), (n,).  y : (n,)."""
         if self.hamiltonian is None:

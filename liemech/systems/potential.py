@@ -6,6 +6,7 @@ from typing import Any
 
 from ..errors import NotDefined
 from ..formulas import Element, Record, Vec, gradient, record, vec
+from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
 
 
@@ -26,6 +27,7 @@ class Potential(Record):
         """V(g).  g : an element."""
         raise NotDefined(f"{type(self).__name__} must define `energy`")
 
+    @derived
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The force f felt in the body, <f, eta> = -d/ds V(g exp(s eta)) at s = 0; on rotations a
         torque.

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, final
 from ..errors import InvalidTimeScale, NotDefined
 from ..formulas import Vec, gradient, record, vec
 from ..formulas.anything import choice
+from ..formulas.derived import derived
 from ..formulas.series import Series
 from .canonical import CanonicalSystem, HamiltonianSystem
 
@@ -34,14 +35,17 @@ class SeparableEnergy(CanonicalSystem):
         """T(p) + V(q).  q, p : (n,)."""
         return self.kinetic(p) + self.potential(q)
 
+    @derived
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """The velocity q' = dT/dp, (n,).  q, p : (n,)."""
         return gradient(lambda x: self.kinetic(x), p)
 
+    @derived
     def force(self, q: Vec, p: Vec) -> Vec:
         """The force p' = -dV/dq, (n,).  q, p : (n,)."""
         return -gradient(lambda x: self.potential(x), q)
 
+    @derived
     def relative_force(self, q: Vec) -> Vec:
         """f/(-V), the gradient of log(-V), for a potential that is negative.  q : (n,)."""
         depth = -self.potential(q)

@@ -17,6 +17,7 @@ from ..formulas.remembered import Remembered
 from ..formulas.vectors import Vec as SmallVec
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
+from .trial import require_results
 
 
 @record
@@ -114,6 +115,10 @@ class System(Record):
     if TYPE_CHECKING:
         group: LieGroup
 
+    def __post_init__(self, *_: Any) -> None:
+        super().__post_init__()
+        require_results(self)
+
     def rate(self, t: float, state: Any) -> Vec:
         """The velocity xi in the Lie algebra, (dim,), at time t and in this state."""
         raise NotDefined(f"{type(self).__name__} must define `rate`")
@@ -188,10 +193,17 @@ system, if more matters.
 
 
 def points(
-    value: Any, name: str, shape: tuple[int, ...], space: str, or_complex: bool = False
+    value: Any,
+    name: str,
+    shape: tuple[int, ...],
+    space: str,
+    or_complex: bool = False,
+    advice: Callable[[tuple[int, ...], tuple[int, ...]], str] = lambda found, shape: "",
 ) -> np.ndarray:
     """An array of one or, with a leading axis, many points of a space; InvalidInput names what is
     wrong.
+
+    advice : what to do with an array of another shape.
     """
     array = real_array(value, name, or_complex)
     if array.shape != shape and array.shape[1:] != shape:
@@ -200,6 +212,7 @@ def points(
             f"{name} has shape {array.shape}; {space} has shape {shape}, many of them {many}".replace(
                 "'", ""
             )
+            + advice(array.shape, shape)
         )
     if not array.size and shape != (0,):
         raise InvalidInput(f"{name} has shape {array.shape}; an ensemble needs at least one body")
@@ -224,7 +237,9 @@ def element_at_a_glance(group: LieGroup, value: Any) -> Any:
 def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
     """An array of one or many elements of a group."""
     shape = group.element_shape
-    array = points(value, name, shape, f"an element of {group!r}", group.is_complex)
+    array = points(
+        value, name, shape, f"an element of {group!r}", group.is_complex, _other_rotation
+    )
     many = array.shape != shape
     if not many and not group.is_large and group.contains(small(array)):
         return array
@@ -233,6 +248,24 @@ def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
         which = f"{name}[{off[0]}]" if many else name
         raise InvalidInput(f"{which} {group._objection('g', array[off[0]] if many else array)}")
     return array
+
+
+def _other_rotation(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
+    """What to do with rotations that are given in another way than the group's."""
+    if shape == (4,) and found[-2:] == (3, 3):
+        return (
+            ": of a matrix take UnitQuaternions().from_matrix(R), of a scipy Rotation r "
+            "from_matrix(r.as_matrix())"
+        )
+    if shape == (3, 3) and found[-1:] == (4,):
+        return (
+            ": of a quaternion q = (x, y, z, w), the order of scipy, take UnitQuaternions().matrix(q), "
+            "of (w, x, y, z) that of np.roll(q, -1); or let the body turn by quaternions, "
+            "group=UnitQuaternions()"
+        )
+    if shape == (3, 3) and found[-1:] == (3,):
+        return ": of a rotation vector take SO3().exp(v); of Euler angles scipy's Rotation.from_euler"
+    return ""
 
 
 def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None) -> Any:

@@ -19,6 +19,7 @@ from ..errors import (
     NotDefined,
 )
 from ..formulas import Record, Vec, derivative, dot, gradient, norm, record, sqrt, vec
+from ..formulas.derived import derived
 from ..retractions import Exponential
 from .canonical import CanonicalState, PhaseSpace
 from .constrained import ConstrainedSystem
@@ -62,10 +63,12 @@ class TimeScale(Record):
         """sigma at time t; `value`, unless a subclass depends on time."""
         return self.value(system, state)
 
+    @derived
     def slope(self, system: Any, q: Vec) -> Vec:
         """d sigma/dq of a sigma that depends on positions alone, (n,).  q : (n,)."""
         return gradient(lambda x: self.value(system, CanonicalState(x, x)), q)
 
+    @derived
     def growth(self, system: Any, t: float, state: Any) -> float:
         """d sigma/dt along the motion."""
         if not isinstance(state, CanonicalState):

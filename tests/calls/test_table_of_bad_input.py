@@ -154,8 +154,8 @@ class Broken(lm.Hamiltonian):
             raise RuntimeError("my own mistake")
         if self.how == "shape":
             return lm.vec(mu[0], mu[1])
-        if self.how == "list":
-            return [mu[0], mu[1], mu[2]]
+        if self.how == "text":
+            return "mu"
         return mu
 
 
@@ -342,7 +342,7 @@ TABLE = (
     Entry(49, "a gradient of NaN", (formula("nan"),), FAILED, "overflowed or left the domain"),
     Entry(50, "a gradient that raises keeps its exception", (formula("raises"),), FAILED, "RuntimeError: my own mistake"),
     Entry(51, "a gradient of another shape", (formula("shape"),), lm.errors.LiemechError),
-    Entry(51, "a gradient that is a list", (formula("list"),), TypeError, "sequence"),
+    Entry(51, "a gradient that is a text", (formula("text"),), lm.errors.InvalidType, "must return a vector; got str"),
     Entry(52, "a formula that writes to its argument", where="compiler/test_refusals.py"),
     Entry(53, "a gradient that is not the energy's", where="checks/test_system_laws.py"),
     Entry(54, "a structure matrix without Jacobi", where="poisson/test_structures.py"),

@@ -200,6 +200,203 @@ def one_of(name: str, lines: str, paragraphs: str = "") -> Callable[[Language], 
 
 FEATURES = [
     one_of(
+        "arrays of the run",
+        """
+X = np.array([E, E, 1.0])[1]
+X = (ROW * E)[2]
+X = (E - ROW)[0] + (ROW / (abs(E) + 0.5))[1]
+X = dot(np.array([E, E, E]), vec(E, 1.0, E))
+X = norm(ROW * E)
+X = max(np.array([E, E]) * 2.0)
+X = (np.array([[E, 1.0], [E, E]]) * E).T[0, 1]
+X = (mat((E, 1.0), (E, 2.0)) @ np.array([E, E]))[0]
+X = (np.array([E, E]) - [E, 1.0])[1]
+X = (np.array([E, E])**2)[0] + (np.array([E, 2.0])**2.0)[1]
+X = (np.array([E, E]) @ np.array([E, E]))
+X = float((ROW * E).sum())
+X = np.cross(np.array([E, E, 1.0]), ROW)[1]
+X = np.array([E, E, E])[n % 3] * E
+X = np.sqrt(np.array([abs(E), 2.0]))[0]
+X = derivative(lambda s: (np.array([s * E, s]) * s)[0], E)
+X = derivative(lambda s: dot(ROW * s, vec(s, E, s * s)), E)
+X = (np.array([E, E]) + np.array([E, 2.0]) if C else np.array([E, 1.0]))[1]
+X = len(np.array([E, E])) * E
+X = (np.eye(3) * E + np.ones((3, 3)))[1, 1]
+""",
+        """
+V1 = np.array([E, E])
+V1[0] = E
+X = V1[0]
+
+V1 = np.array([E, E])
+V1 += 1.0
+X = V1[1]
+
+V1 = np.array([E, E])
+if V1[0] > E:
+    V1 = V1 * 2.0
+X = V1[0]
+
+V1 = np.array([E, E])
+for V2 in range(n):
+    V1 = 0.5 * V1 + np.array([E, 1.0])
+X, Y = V1
+
+for V1 in np.array([[E, 1.0], [E, E]]):
+    X = X + V1[0] * V1[1]
+""",
+    ),
+    one_of(
+        "vectors as arrays",
+        """
+X = (vec(E, E) + 1.0)[0] - (E - vec(E, 1.0))[1]
+X = (vec(E, E) % 0.75)[0]
+X = vec(E, E, E).max() - vec(E, E).min()
+X = vec(E, E, 1.0).mean() * vec(E, E).prod() + vec(E, E).sum()
+X = mat((E, 1.0), (E, E)).trace() + mat((E, E), (1.0, E)).max()
+X = (mat((E, 1.0), (E, E))**2 + 1.0)[0, 1]
+X = (1.0 / mat((E, 1.0), (2.0, E)))[1, 1]
+X = mat((E, E), (1.0, E)).sum(axis=0)[1] + np.sum(mat((E, E), (1.0, E)), axis=1)[0]
+X = np.sum(mat((E, E), (1.0, E))) + np.mean(vec(E, E))
+X = np.max(vec(E, E)) - np.min(mat((E, 1.0), (E, E)))
+X = np.linalg.norm(mat((E, 1.0), (E, E)))
+X = np.roll(vec(E, E, E), n)[1]
+X = np.roll(vec(E, E, E), 1)[2] + np.diff(vec(E, E, E))[1]
+X = np.concatenate([vec(E, E), vec(1.0, E)])[3]
+X = np.stack([vec(E, E), vec(1.0, E)], axis=1)[0, 1]
+X = np.vstack([vec(E, E), vec(1.0, E)])[1, 0] + np.hstack([vec(E, E), vec(1.0, E)])[2]
+X = np.einsum("ij,j->i", mat((E, 1.0), (E, E)), vec(E, E))[1]
+X = np.einsum("ij,ij", mat((E, 1.0), (E, E)), mat((E, 2.0), (1.0, E)))
+X = np.tensordot(mat((E, 1.0), (E, E)), mat((E, 2.0), (1.0, E)))
+X = np.kron(vec(E, E), vec(1.0, E))[2]
+X = np.trace(mat((E, 1.0), (E, E))) + np.diag(mat((E, 1.0), (E, E)))[1]
+X = np.clip(vec(E, E), -0.5, E)[0]
+X = np.fmod(vec(E, E), 0.75)[1]
+X = derivative(lambda s: (vec(s, E) ** 2 + 1.0).prod() + mat((s, 1.0), (E, s)).trace(), E)
+X = derivative(lambda s: np.max(vec(s, E)) * np.linalg.norm(vec(s, E)), E)
+""",
+    ),
+    one_of(
+        "NumPy's functions of numbers",
+        """
+X = np.where(a > b, E, E)
+X = np.where(C, 1.0, E) * E
+X = np.where(a > b, 1, 2) * E
+X = np.clip(E, -0.5, 0.5)
+X = np.clip(E, E, None)
+X = np.clip(E, 0, 1)
+X = np.interp(E, [-1.0, 0.0, 0.5, 2.0], [1.0, E, 3.0, -1.0])
+X = np.interp(E, ROW + [0.0, 2.0, 0.0], ROW)
+X = np.searchsorted(STEPS, E) * E
+X = TABLE[np.searchsorted(STEPS, E, side="right")]
+X = np.fmod(E, 0.75)
+X = derivative(lambda s: np.where(s > b, s * s, E), E)
+X = derivative(lambda s: np.clip(s, -0.5, E) * s, E)
+X = derivative(lambda s: np.interp(s, [-1.0, 0.0, 0.5, 2.0], [1.0, E, 3.0, -1.0]), E)
+X = derivative(lambda s: np.fmod(s, 0.75) * s, E)
+""",
+    ),
+    one_of(
+        "functions of math under derivatives",
+        """
+X = derivative(lambda s: math.sin(s) * math.exp(-s * s), E)
+X = derivative(lambda s: math.sqrt(s) + E, E)
+X = derivative(lambda s: math.log(s, 2) * math.atan2(s, E), abs(E) + 0.5)
+X = derivative(lambda s: math.hypot(s, E) + math.pow(abs(s), 1.5), E)
+X = derivative(lambda s: math.fabs(s) * math.floor(s) + math.copysign(s, E), E)
+X = derivative(lambda s: derivative(lambda t: math.tanh(s * t), s), E)
+X = derivative(lambda s: math.asin(s), E)
+""",
+    ),
+    one_of(
+        "returns inside loops",
+        """
+""",
+        """
+def V1(x):
+    y, k = 1.0, 0
+    while True:
+        z, k = 0.5 * (y + x / y), k + 1
+        if abs(z - y) <= 1e-12 * abs(z):
+            return z
+        if k > 60:
+            return -1.0
+        y = z
+X = V1(1.0 + abs(X))
+
+def V1(x):
+    for k in range(n * 20):
+        x = 0.75 * x + E
+        if x > E:
+            return x, k
+    return E, -1
+X, V2 = V1(E)
+
+def V1(x):
+    k = 0
+    while k < 50 + n:
+        k = k + 1
+        x = 0.5 * x
+        if C:
+            continue
+        if abs(x) < 0.01:
+            return vec(x, k)
+        if k > 40:
+            break
+    else:
+        return vec(E, 0.0)
+    return vec(1.0, x)
+X, Y = V1(E)
+
+def V1(x):
+    for k in range(60):
+        for j in range(n):
+            x = 0.5 * x + E
+        if x > E:
+            return x
+    return 2.0
+X = V1(E)
+
+def V1(x):
+    for k in range(40 + n):
+        if x * k > E:
+            if C:
+                return 1.0
+            return k
+        x = x + 0.01
+    return x
+X = V1(E)
+""",
+    ),
+    one_of(
+        "dicts built step by step",
+        """
+X = {k: v * E for k, v in zip(("u", "v"), (E, 1.0))}["v"]
+""",
+        """
+V1 = {}
+for V2 in ("u", "v", "w"):
+    V1[V2] = E * len(V1)
+V1["u"] += E
+X = sum(V1.values()) + V1.get("z", E)
+
+V1 = {"u": E}
+V2 = V1
+V1["u"] = E
+X = V2["u"]
+
+V1 = {"u": E}
+if C:
+    V1["u"] = E
+X = V1["u"]
+
+V1 = {1: E, 2: 1.0}
+V1[2] = V1[1] * 0.5
+for V2, V3 in V1.items():
+    X = X + V2 * V3
+""",
+    ),
+    one_of(
         "closures over variables that change",
         """
 """,

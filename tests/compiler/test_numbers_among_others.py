@@ -110,12 +110,11 @@ def test_what_python_says(formula: Callable[..., Any]) -> None:
         (lambda x, y, n: 1.0 if (x == HALVES).any() else 0.0, "one by one"),
         (lambda x, y, n: 1.0 if (x, y) < (y, x) else 0.0, "number by number"),
         (lambda x, y, n: SINGLE * x, r"`SINGLE \* x`: .*write float\(x\)"),
-        (lambda x, y, n: np.clip(x, 0.0, 1.0), r"min\(max\(x, a\), b\)"),
+        (lambda x, y, n: float(np.clip(n, 0, 1)), r"write float\(x\)"),
         (lambda x, y, n: math.isclose(x, y), r"abs\(a - b\)"),
         (lambda x, y, n: np.linalg.norm([x, y]), "liemech.norm"),
         (lambda x, y, n: round(x, 2), r"round\(x \* 100.0\)"),
         (lambda x, y, n: abs(complex(x, y)), "formulas.Complex"),
-        (lambda x, y, n: {"a": x}.get("a"), r"d\[key\] if key in d"),
     ],
 )  # fmt: skip
 def test_what_numpy_says_otherwise_is_refused_with_the_way_out(

@@ -720,11 +720,9 @@ def test_arithmetic_with_arrays_and_lists() -> None:
 @pytest.mark.parametrize(
     "nonsense",
     [
-        lambda v, m: v + 1.0,
         lambda v, m: v + vec(1.0, 2.0, 3.0),
         lambda v, m: v + (1.0, 2.0, 3.0),
         lambda v, m: m + v,
-        lambda v, m: m + 1.0,
         lambda v, m: m + mat(vec(1.0, 2.0)),
         lambda v, m: m @ vec(1.0, 2.0, 3.0),
         lambda v, m: v @ vec(1.0),

@@ -25,7 +25,9 @@ from liemech.simulation import execution
 pytestmark = pytest.mark.compiled
 
 REFUSALS = {
-    "a dictionary made in a loop": ("x = {k: a for k in (1, 2)}[1]", "has no place in a formula"),
+    "a set made in a loop": ("x = a * len({k for k in (1, 2)})", "has no place in a formula"),
+    "a dictionary with two names": ("d = {}\ne = d\nd['x'] = a", "has another name"),
+    "a key that the run knows": ("d = {}\nd[n] = a\nx = d[2]", "a key of a dict must be known now"),
     "a key known at run time": ("x = {0: a, 1: b}[n]", "a key of a dict must be known now"),
     "try": (
         "try:\n    x = a\nexcept ValueError:\n    x = b",
@@ -55,8 +57,8 @@ REFUSALS = {
     ),
     "an integer beyond 2**63": ("x = n + 2**63", "beyond the integers of native code"),
     "NumPy's functions that have no formula": (
-        "x = np.kron(vec(a, b), vec(c, d))",
-        "`kron` of numbers known only at run time",
+        "x = np.convolve(vec(a, b), vec(c, d))",
+        "`convolve` of numbers known only at run time",
     ),
     "NumPy's linear algebra": (
         "x = np.linalg.solve(((a, b), (c, d)), (a, b))",
@@ -106,9 +108,9 @@ REFUSALS = {
         "items = []\nfor i in range(n):\n    items = [*items, a]",
         "`items` changes its structure in the loop",
     ),
-    "a return in a long loop": (
-        "for i in range(n):\n    if a > i:\n        return b",
-        "inside a loop of unknown length",
+    "a return in two long loops": (
+        "for i in range(n):\n    for j in range(n):\n        if a > i * j:\n            return b",
+        "inside two loops",
     ),
     "another structure": ("if a > b:\n    return a\n", "the returned value has no one form"),
     "a variable of no branch": ("if n > 2**70:\n    y = a\nx = y", "`y` may have no value here"),
@@ -294,7 +296,7 @@ class Gyrostat(lm.Hamiltonian):
         return 0.5 * lm.dot(mu, self.gradient(mu))
 
     def gradient(self, mu):
-        table = {key: mu for key in "a"}
+        table = dict.fromkeys("a", mu)
         return table["a"] / self.inertia
 
 

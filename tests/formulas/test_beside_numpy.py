@@ -122,7 +122,7 @@ def test_every_operation_is_numpys_or_refused() -> None:
                 wrong.append(f"{text}: {found}")
             continue
         a, b = numbers(found), numbers(right)
-        if not b.size or "power(w, T)" in text:  # no rows; Python's powers of negative numbers
+        if not b.size or text in ("np.power(w, T)", "w ** T"):  # no rows; Python's powers of negative numbers
             continue
         texts = "U" in a.dtype.kind + b.dtype.kind
         if a.shape != b.shape or not (

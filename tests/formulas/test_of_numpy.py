@@ -23,7 +23,7 @@ TABLE, FIELD = np.array([[2.0, -1.0, 0.5], [0.25, 3.0, 1.0]]), np.array([0.5, -2
 X, STEP = 0.4, 1e-3
 
 
-SMOOTH = [f for f in of_numpy.BY_COMPONENTS if f not in (np.clip, np.sign, np.floor_divide)]
+SMOOTH = [f for f in of_numpy.BY_COMPONENTS if f not in (np.clip, np.where, np.sign, np.floor_divide)]
 
 
 @pytest.mark.parametrize("function", SMOOTH, ids=lambda f: f.__name__)

@@ -79,7 +79,8 @@ def test_arrays_stand_beside_matrices() -> None:
         (lambda: vec(1.0, 2.0) * V, "2 components .* 3 components"),
         (lambda: V - [1.0, 2.0], "3 components .* 2 components"),
         (lambda: V ** vec(1.0, 2.0), "3 components .* 2 components"),
-        (lambda: V + 1.0, "3 components cannot be combined with float"),
+        (lambda: V + None, "3 components cannot be combined with NoneType"),
+        (lambda: "a" - V, "3 components cannot be combined with str"),
         (lambda: V + M, "3 components cannot be combined with Mat"),
         (lambda: dot(V, vec(1.0, 2.0, 3.0, 4.0)), "3 and 4 components"),
         (lambda: dot(vec(1.0, 2.0, 3.0, 4.0), V), "4 and 3 components"),
@@ -151,8 +152,8 @@ def test_what_arrays_have_too() -> None:
     assert V.shape == (3,) and TALL.shape == (3, 2)
     assert sum([V, V, V]) == 3.0 * V and sum([M, M]) == 2.0 * M
     assert (mat(vec(1.0, 2.0)) == np.array([[1.0, 3.0]])).tolist() == [[True, False]]
-    with pytest.raises(InvalidType, match="cannot be combined with int"):
-        1 + V
+    assert 1 + V == V + 1.0 == vec(*[x + 1.0 for x in V]) and 1.0 - V == -(V - 1.0)
+    assert (M**2).rows == (M * M).rows and (1.0 / M + 2.0).rows == (2.0 + (1.0 / M)).rows
 
 
 @pytest.mark.compiled

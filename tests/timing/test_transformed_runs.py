@@ -129,7 +129,8 @@ def test_what_a_run_in_fictive_time_has_not() -> None:
     with pytest.raises(InvalidInput, match="dense is not for steps in fictive time"):
         run(t_end=1.0, dense=False)
     with pytest.raises(InvalidInput, match="fictive time"):
-        lm.check_method(METHOD, KEPLER, ORBIT)
+        lm.check_method(METHOD, KEPLER, ORBIT, h=0.1)
+    assert lm.check_method(METHOD, KEPLER, ORBIT)
     top = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
     inside = lm.KickDrift(
         lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.EqualArc())

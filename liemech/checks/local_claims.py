@@ -1,0 +1,353 @@
+"""What short runs from many places tell of a method's claims: the order of a few steps, forwards and
+backwards, the way back, the reversal of velocities, constants, brackets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import LiemechError
+from ..formulas import vec
+from ..simulation.drift import constants_and_terms
+from ..systems.canonical import CanonicalState
+from ..systems.clocked import Clocked
+from ..systems.constrained_body import BoundBody, ConstrainedBody
+from ..systems.lie_poisson import BodyState
+from ..systems.time_transformed import ExtendedSystem
+from .method_claims import BRACKET, kept_brackets, relative_defect
+from .places import SOME, Place, places
+from .report import ROUNDING, Observation
+from .sample_points import flat, size
+from .sample_states import knows_time
+
+MOST = 24
+"""How many steps are tried until the error of one is rounding."""
+
+NOISE = 512.0 * ROUNDING
+"""Relative errors below this are rounding."""
+
+MISSING = 0.6
+"""By how much the order of a few steps may seem less than it is, of methods up to order 4; for each
+order more, of which fewer steps err visibly, as much again.
+"""
+
+ORDER = "error = O(h^(p+1)) of a few steps, from several starts"
+
+SENSIBLE = 0.02
+"""The relative error up to which a step is one at which the other claims are looked at."""
+
+BRACKETS = 1, 2
+"""The places at which brackets are looked at."""
+
+BACKWARDS = 0, 1
+"""The places at which steps are taken backwards too."""
+
+EXACT = 4096.0 * ROUNDING
+"""A relative difference that is none."""
+
+UNSTABLE = (LiemechError, ArithmeticError, ValueError)
+"""What a step raises that is too long, or leads out of where a system is defined."""
+
+
+@dataclass(frozen=True)
+class Local:
+    """Short runs of a method at a place."""
+
+    weights: ClassVar[tuple[float, ...]] = 1 / 12, -2 / 3, 0.0, 2 / 3, -1 / 12
+
+    place: Place
+
+    @property
+    def noise(self) -> float:
+        """Relative errors below this are rounding, that of the time among them."""
+        place = self.place
+        timed = place.fictive or knows_time(place.base)
+        return NOISE * max(1.0, abs(place.t0) / place.unit if timed else 0.0)
+
+    @property
+    def ratio(self) -> float:
+        """How much smaller each step is than the one before: the error falls by about 32, and not by
+        less than 8.
+        """
+        return float(max(2.0 ** (5.0 / (self.place.method.order + 1)), 2.0**0.5))
+
+    @cached_property
+    def errors(self) -> list[tuple[float, dict[str, float]]]:
+        """Steps h, each smaller than the one before, and the errors of the parts after a few of
+        them, until they are rounding.
+        """
+        return self._errors(1.0)
+
+    @cached_property
+    def backwards(self) -> list[tuple[float, dict[str, float]]]:
+        """The same for negative steps."""
+        return self._errors(-1.0)
+
+    def _errors(self, sign: float) -> list[tuple[float, dict[str, float]]]:
+        place, found = self.place, []
+        longest = 0.25 if place.method.order <= 4 else 0.5
+        h = sign * longest * place.unit / place.scale
+        for _ in range(MOST):
+            try:
+                end = place.after(place.begin, h, SOME)
+                passed = place.clock(end, SOME * h)
+                error = place.distances(place.plainly(end), place.exact(passed))
+            except UNSTABLE:
+                error = {}
+            if error and np.isfinite([*error.values()]).all():
+                found.append((h, error))
+                if max(error.values()) <= self.noise:
+                    break
+            h = h / self.ratio
+        return found
+
+    def ends(self, starts: list[dict[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
+        """Where a few steps lead from states that are given by their parts."""
+        return [state.arrays for state in self.place.moved(starts, self.h, SOME)]
+
+    @property
+    def sensible(self) -> list[float]:
+        """Steps that do not err by nonsense."""
+        return [h for h, error in self.errors if max(error.values()) <= SENSIBLE]
+
+    @property
+    def h(self) -> float:
+        """The largest of them."""
+        return self.sensible[0]
+
+
+def slopes(
+    errors: list[tuple[float, dict[str, float]]], name: str, noise: float
+) -> list[tuple[float, float]]:
+    """Steps, and by which power of them the error falls there; of a part, or of all."""
+    series = [(h, max(e.values()) if name == "all" else e[name]) for h, e in errors]
+    seen = [(h, e) for h, e in series if noise < e <= SENSIBLE]
+    pairs = zip(seen[:-2], seen[2:], strict=True)
+    return [(h, float(np.log(f / e) / np.log(g / h))) for (g, f), (h, e) in pairs]
+
+
+def local_order(local: Local, errors: list[tuple[float, dict[str, float]]]) -> Observation | None:
+    """The power of h by which the error of a few steps falls at last, unless it grows still; None
+    if it is as claimed.
+    """
+    p = local.place.method.order
+    worst: tuple[float, str, float] | None = None
+    for name in ["all", *errors[-1][1]] if errors else []:
+        seen = slopes(errors, name, local.noise)
+        if len(seen) < 2:
+            continue
+        (_, before), (h, q) = seen[-2:]
+        allowed = MISSING * max(1.0, p - 3.0)
+        wanted = p + 1.0 - (allowed if name == "all" else 1.0 + allowed)
+        lacking = wanted - q
+        if lacking > 0.0 and q <= before + 0.25 and (worst is None or lacking > worst[2]):
+            worst = q - 1.0, f"{name} with h = {h:.2g}", lacking
+    if worst is None:
+        return None
+    return Observation(
+        "order",
+        ORDER,
+        "broken",
+        str(local.place),
+        observed=f"{worst[0]:.2f}, of {worst[1]}",
+        wanted=f"{p}",
+    )
+
+
+def local_way_back(local: Local) -> float:
+    """A few steps with h, as many with -h from where they lead: how far from the start."""
+    place, h = local.place, local.h
+    there = place.after(place.begin, h, SOME)
+    home = place.after(there, -h, SOME, SOME * h)
+    return max(place.distances(place.plainly(home), place.start).values())
+
+
+# ---------------------------------------------------------------- reversal
+
+
+Reversal = Callable[[Any], Any]
+
+
+def turned_back(state: Any) -> Any:
+    """The state with momenta reversed, where it has any."""
+    if isinstance(state, CanonicalState):
+        return CanonicalState(state.q, -state.p)
+    if isinstance(state, BodyState):
+        return BodyState(-state.mu, state.g)
+    return None
+
+
+def is_reversible(place: Place, rho: Reversal) -> float:
+    """How far rho f(y) is from -f(rho y), along a short motion: rho(y(t)) is where rho(y(0)) leads
+    in the time -t.
+    """
+    time = 0.25 * place.unit
+    other = replace(place, start=rho(place.start))
+    return max(place.distances(other.exact(-time), rho(place.exact(time))).values())
+
+
+def local_reversal(local: Local, rho: Reversal) -> float:
+    """A few steps, rho, as many steps, rho: how far from the start."""
+    place, h = local.place, local.h
+    there = place.after(place.begin, h, SOME)
+    again = place.after(_reversed(place, there, rho), h, SOME, SOME * h)
+    return max(place.distances(rho(place.plainly(again)), place.start).values())
+
+
+def _reversed(place: Place, state: Any, rho: Reversal) -> Any:
+    """rho of the state, whose clock stays."""
+    back = rho(place.plainly(state))
+    if isinstance(place.whole, Clocked):
+        return type(state)(*back.parts.values(), state.time, state.z)
+    if isinstance(place.whole, ExtendedSystem):
+        n = len(back.q)
+        return type(state)(vec(*back.q, state.q[n]), vec(*back.p, state.p[n]))
+    return back
+
+
+def scale_reversal(place: Place, rho: Reversal) -> float:
+    """sigma(rho y) beside sigma(y), equation (3.4)."""
+    sigma = place.whole.sigma
+    here, there = (sigma.value(place.base, y) for y in (place.start, rho(place.start)))
+    return float(abs(there - here) / (abs(here) or 1.0))
+
+
+# ---------------------------------------------------------------- constants
+
+
+def changes(local: Local) -> Iterator[tuple[str, float]]:
+    """The largest relative change of each constant along a few steps."""
+    place, h = local.place, local.h
+    states = [place.start]
+    for steps in range(1, SOME + 1):
+        states.append(place.plainly(place.after(place.begin, h, steps)))
+    arrays = {
+        name: np.stack([np.asarray(state.parts[name]) for state in states])
+        for name, x in place.start.parts.items()
+        if x is not None
+    }
+    if isinstance(place.base, BoundBody):
+        yield from off_constraint(place.base, states)
+    values, terms = constants_and_terms(place.base, arrays, len(states))
+    for name, value in values.items():
+        scale = size(np.abs(terms[name]).max(axis=0))
+        yield name, size(np.abs(value - value[0]).max(axis=0)) / (scale or 1.0)
+
+
+def off_constraint(system: Any, states: list[Any]) -> Iterator[tuple[str, float]]:
+    """By how much conditions fail at states, beside their terms."""
+    largest = {"constraint": 0.0, "hidden constraint": 0.0}
+    for state in states:
+        G = np.array(system.jacobian(state.g), dtype=float)
+        xi = flat(system.velocity(state.mu))
+        reach = np.abs(G) @ np.abs(xi)
+        speed = np.abs(G @ xi) / np.where(reach > 0.0, reach, 1.0)
+        largest["hidden constraint"] = max(largest["hidden constraint"], float(speed.max()))
+        if isinstance(system, ConstrainedBody):
+            rows = np.abs(G).max(axis=1)
+            terms = system._terms(state.g) + np.where(rows > 0.0, rows, 1.0)
+            off = np.abs(flat(system.constraint.value(state.g))) / terms
+            largest["constraint"] = max(largest["constraint"], float(off.max()))
+    if not isinstance(system, ConstrainedBody):
+        del largest["constraint"]
+    yield from largest.items()
+
+
+# ---------------------------------------------------------------- all places
+
+
+class Seen:
+    """What was observed of each law, the worst of all places."""
+
+    def __init__(self, method: Any) -> None:
+        self.method = method
+        self.defects: dict[str, tuple[str, bool, float, float, str]] = {}
+        self.order: Observation | None = None
+        self.slope: float | None = None
+
+    def enter(
+        self, law: str, formula: str, claimed: bool, defect: float, where: Place, bound: float = EXACT
+    ) -> None:
+        """A defect, in roundings, at a place."""
+        defect = defect if defect == defect else np.inf
+        if law not in self.defects or defect > self.defects[law][2]:
+            self.defects[law] = formula, claimed, defect, bound, str(where)
+
+    def brackets(self, local: Local) -> None:
+        """The Poisson brackets that the steps may keep."""
+        place = local.place
+        for law, formula, claimed, charts in kept_brackets(place.whole, place.begin, self.method):
+            defect = relative_defect(local, charts, claimed)
+            self.enter(law, formula, claimed, defect, place, BRACKET * ROUNDING)
+
+    def observations(self) -> Iterator[Observation]:
+        """One for each law."""
+        p = self.method.order
+        if self.order is not None:
+            yield self.order
+        elif self.slope is None:
+            few = "too few errors of a few steps between 0.02 and rounding"
+            yield Observation("order", ORDER, "not seen", wanted=f"{p}", remark=few)
+        else:
+            observed = f"{self.slope:.2f}, of a few steps"
+            yield Observation("order", ORDER, "holds", observed=observed, wanted=f"{p}")
+        for law, (formula, claimed, defect, bound, where) in self.defects.items():
+            good = defect <= bound
+            verdict = ("holds" if good else "broken") if claimed else ("seen" if good else "not seen")
+            wanted = f"below {bound:.1e}" if claimed else "no claim"
+            yield Observation(
+                law, formula, verdict, where, observed=f"{defect:.1e}", wanted=wanted
+            )
+
+
+def look_around(
+    first: Place, keeps: tuple[str, ...], rho: Reversal | None
+) -> Iterator[Observation]:
+    """Claims at the place of the start and at others: for each law what is worst."""
+    seen = Seen(first.method)
+    for i, place in enumerate(places(first)):
+        local = Local(place)
+        for errors in (local.errors, local.backwards) if i in BACKWARDS else (local.errors,):
+            seen.order = seen.order or local_order(local, errors)
+            found = slopes(errors, "all", local.noise)
+            if seen.slope is None and found:
+                seen.slope = found[-1][1] - 1.0
+        if not local.sensible:
+            continue
+        try:
+            _look(seen, local, keeps, rho)
+            if i in ((0,) if place.fictive else BRACKETS):  # which has no other claims
+                seen.brackets(local)
+        except UNSTABLE:  # a step leads out of where the system is defined
+            continue
+    yield from seen.observations()
+
+
+def _look(seen: Seen, local: Local, keeps: tuple[str, ...], rho: Reversal | None) -> None:
+    """All that is exact or not, at one place."""
+    place, method = local.place, local.place.method
+    back = local_way_back(local)
+    seen.enter("symmetric", "Phi_-h = Phi_h^-1: the way back", method.symmetric, back, place)
+    kept = (*keeps, "Casimir") if method.symplectic else keeps
+    bound_body = isinstance(place.base, ConstrainedBody) and method.symplectic
+    for name, change in changes(local):
+        claimed = any(name.startswith(claim) for claim in kept)
+        claimed = claimed or (bound_body and name in ("constraint", "hidden constraint"))
+        formula = "zero at every step" if "constraint" in name else "constant along the steps"
+        seen.enter(name, formula, claimed, change, place)
+    reverse = rho or turned_back
+    if reverse(place.start) is None or not is_reversible(place, reverse) <= EXACT:
+        return
+    claimed = method.symmetric
+    if isinstance(place.whole, Clocked):
+        unequal = scale_reversal(place, reverse)
+        law, formula = "time scale and reversal", "sigma(rho y) = sigma(y)"
+        seen.enter(law, formula, rho is not None, unequal, place)
+        claimed = claimed and unequal <= EXACT
+    formula = "rho Phi_h rho = Phi_h^-1" + ("" if rho else ", rho turns momenta back")
+    seen.enter("reversible", formula, claimed, local_reversal(local, reverse), place)

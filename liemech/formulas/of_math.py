@@ -1,0 +1,99 @@
+"""The functions of `math` in formulas whose numbers carry more than a double: `math.sin` of a number
+with a derivative is `liemech.formulas.sin`, and raises where Python's raises.
+
+Python's own functions take floats only.  A formula that has met one of them with another number is
+run again with functions of the same names that take all numbers.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+from collections.abc import Callable
+from typing import Any
+
+from . import functions
+from .numbers import ByValue, CarriesMore, Operand
+
+
+def _log(x: Any, *base: Any) -> Any:
+    return functions.log(x) / functions.log(*base) if base else functions.log(x)
+
+
+_NAMES = (
+    "acos acosh asin asinh atan atan2 atanh cbrt copysign cos cosh degrees exp exp2 expm1 fabs hypot "
+    "log10 log1p log2 pow radians sin sinh sqrt tan tanh"
+)
+OF_MATH: dict[Any, Callable[..., Any]] = {
+    getattr(math, name): getattr(functions, name) for name in _NAMES.split() if hasattr(math, name)
+} | {math.log: _log}
+"""Python's functions, and the formulas of the same meaning."""
+
+
+def head(x: Any) -> Any:
+    """The double in a number that carries more."""
+    if isinstance(x, ByValue):
+        return head(x.value)
+    return head(x[0]) if hasattr(x, "grow") else x
+
+
+def _taking_all(function: Any, formula: Callable[..., Any]) -> Callable[..., Any]:
+    def value(*x: Any) -> Any:
+        if not any(isinstance(a, Operand) for a in x):
+            return function(*x)
+        function(*map(head, x))  # which raises where there is none
+        return formula(*x)
+
+    return value
+
+
+_INSTEAD = {function: _taking_all(function, formula) for function, formula in OF_MATH.items()}
+
+
+def _module() -> Any:
+    """What takes the place of `math`, as it is now."""
+    names = vars(math)
+    instead = {n: _INSTEAD.get(f, f) for n, f in names.items() if isinstance(f, _BUILTIN)}
+    return types.SimpleNamespace(**{**names, **instead})
+
+
+_BUILTIN = types.BuiltinFunctionType
+
+
+def taking_all(formula: Any) -> Any:
+    """The formula with such functions, also in those that it calls by name."""
+    return _again(formula, {}) if isinstance(formula, types.FunctionType) else formula
+
+
+def _again(formula: types.FunctionType, known: dict[int, Any]) -> Any:
+    if id(formula) in known:
+        return known[id(formula)]
+    names = dict(formula.__globals__)
+    made: Any = types.FunctionType(
+        formula.__code__, names, formula.__name__, formula.__defaults__, formula.__closure__
+    )
+    made.__kwdefaults__ = formula.__kwdefaults__
+    known[id(formula)] = made
+    for name in _named(formula.__code__):
+        value = names.get(name)
+        if value is math:
+            names[name] = _module()
+        elif isinstance(value, _BUILTIN) and value in _INSTEAD:
+            names[name] = _INSTEAD[value]
+        elif isinstance(value, types.FunctionType) and value.__module__ == formula.__module__:
+            names[name] = _again(value, known)
+    return made
+
+
+def _named(code: types.CodeType) -> set[str]:
+    """The names in a function, and in those inside of it."""
+    inner = [c for c in code.co_consts if isinstance(c, types.CodeType)]
+    return {*code.co_names}.union(*map(_named, inner))
+
+
+def run(formula: Any, *x: Any) -> Any:
+    """formula(*x), where it has to be with functions that take all numbers."""
+    try:
+        return formula(*x)
+    except CarriesMore:
+        return taking_all(formula)(*x)
