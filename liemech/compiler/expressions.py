@@ -23,6 +23,7 @@ from .arrays import Array
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import Loops
+from .outlined import TooLong
 from .reads import varies
 from .scopes import Closure, Env, Frame, Function, Undefined
 from .tokens import looks_itself
@@ -51,6 +52,12 @@ OPERATORS: dict[type, Callable[..., Any]] = {
     ast.In: lambda a, b: a in b,
     ast.NotIn: lambda a, b: a not in b,
 }
+
+
+WORK = 1_000_000
+"""Expressions that are translated at most: what is known now makes no instructions, and may never
+end.
+"""
 
 
 class Later(ast.expr):
@@ -106,6 +113,13 @@ class Expressions(Loops):
 
     def expression(self, node: ast.expr, env: Env) -> Any:
         self.frames[-1].env = env  # what nested functions see
+        self.worked += 1
+        if self.worked > WORK:
+            raise TooLong(
+                f"its translation would take too long: more than {WORK} expressions take more than "
+                "about ten seconds, even if all are known now. Take fewer turns or calls, compute "
+                "constants before the run, or compiled=False"
+            )
         match node:
             case ast.Name(id=name):
                 value, certain = self.frames[-1].value(name)

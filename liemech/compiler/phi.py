@@ -110,6 +110,7 @@ class Phis:
         self.region: Region = ()  # the branches and loops of unknown length around the present code
         self.regions = 0
         self.streams: list[Stream] = []
+        self.worked = 0  # expressions so far, with those that were taken back
 
     def block(self, statements: list[ast.stmt], env: Env) -> bool:
         raise NotImplementedError

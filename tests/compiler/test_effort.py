@@ -12,7 +12,7 @@ import pytest
 import liemech as lm
 
 pytest.importorskip("llvmlite")
-from liemech.compiler import kernel, llvm
+from liemech.compiler import expressions, kernel, llvm
 
 pytestmark = pytest.mark.compiled
 
@@ -46,3 +46,23 @@ def test_results_of_functions_are_short(monkeypatch: pytest.MonkeyPatch) -> None
     text = text_of(system, method, start, monkeypatch)
     assert "store double undef" not in text
     assert len(text) < 120 * text.count("\n")
+
+
+def slow(n: int) -> float:
+    """More calls than anybody can wait for, of what is known now: no instruction is made."""
+    return 1.0 if n < 2 else slow(n - 1) + slow(n - 2)
+
+
+@lm.record
+class Slow(lm.Method):
+    order = 1
+
+    def step(self, system, t, state, h):
+        return lm.BodyState(state.mu * slow(38), state.g)
+
+
+def test_what_never_ends_while_translating_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(expressions, "WORK", 5000)
+    body = lm.RigidBody([1.0, 2.0, 3.0])
+    with pytest.raises(lm.errors.NotCompilable, match="more than 5000 expressions"):
+        lm.integrate(body, Slow(), body.state(mu=[0.1] * 3), h=0.1, steps=1, compiled=True)
