@@ -161,7 +161,7 @@ def measure(
 ) -> list[dict[str, Any]]:
     """All methods of a race, in turn: medians and quartiles of warm and of cold calls."""
     begun = time.perf_counter()
-    curves = first_calls(race, everybody, 0.2 if rounds == 1 else 3.0, rounds > 1)
+    curves = first_calls(race, everybody, 0.2 if rounds == 1 else 1.0, rounds > 1)
     everything = [(curve.points[s], run) for curve in curves for s, run in curve.runs.items()]
     for k in range(rounds):
         if k > 2 and time.perf_counter() - begun > seconds:
