@@ -111,11 +111,13 @@ class Watched:
 
     @contextlib.contextmanager
     def __call__(self) -> Iterator[None]:
+        # Python's own byte code of modules that come along is not what a file asks for
+        kept, sys.dont_write_bytecode = sys.dont_write_bytecode, True
         self.active, self.seen = True, []
         try:
             yield
         finally:
-            self.active = False
+            self.active, sys.dont_write_bytecode = False, kept
         assert not self.seen
 
 
@@ -284,7 +286,7 @@ def test_forged_files_are_refused_or_read(
         more: Any = {"steps": 20, "t_end": 3.2} if plan.adaptive else {"steps": 2}
         files.write(path, *forged(arrays, about, rng))
         with watched():
-            begun = time.process_time()  # of this process: others may be busy
+            begun = time.perf_counter()
             try:
                 run = lm.Trajectory.load(path)
             except lm.errors.InvalidInput as error:
@@ -300,7 +302,7 @@ def test_forged_files_are_refused_or_read(
                 ):
                     with contextlib.suppress(Exception):
                         use(run)
-            assert time.process_time() - begun < 20.0  # native code may be made on the way
+            assert time.perf_counter() - begun < 5.0
     assert read > cases // 20 and refused > cases // 20
 
 
