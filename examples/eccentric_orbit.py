@@ -9,7 +9,10 @@ import liemech as lm
 
 planets = lm.Kepler()
 start = planets.pericentre(eccentricity=0.9)
-choices = {"3: as much change in each step": (lm.EqualChange(), 15.25), "4: as much way in each step": (lm.EqualPath(), 3.314)}
+choices = {
+    "3: as much change in each step": (lm.EqualChange(), 15.25),
+    "4: as much way in each step": (lm.EqualPath(), 3.314),
+}
 
 figure, axes = plt.subplots(2, 3, figsize=(11, 5.2), gridspec_kw={"width_ratios": [1.4, 1, 1]})
 for row, (name, (sigma, period)) in zip(axes, choices.items(), strict=True):
@@ -23,8 +26,12 @@ for row, (name, (sigma, period)) in zip(axes, choices.items(), strict=True):
         run = lm.integrate(system, method, start, h=period / 500, steps=5000)
         error = run.energy - run.energy[0]
         row[1].plot(run.t / (2.0 * np.pi), error, linewidth=0.8, label=label)
-        row[2].semilogy(run.t[1:501] / (2.0 * np.pi), np.diff(run.t[:501]), linewidth=1.2, label=label)
-        print(f"{name:<30} {label:<10} max |H - H0| = {np.abs(error).max():.1e} in {run.t[-1] / 2 / np.pi:.2f} periods")
+        row[2].semilogy(
+            run.t[1:501] / (2.0 * np.pi), np.diff(run.t[:501]), linewidth=1.2, label=label
+        )
+        print(
+            f"{name:<30} {label:<10} max |H - H0| = {np.abs(error).max():.1e} in {run.t[-1] / 2 / np.pi:.2f} periods"
+        )
     row[1].set(xlabel="periods", title="H - H0, 500 steps a period")
     row[2].set(xlabel="periods", title="steps in physical time")
     row[1].legend(fontsize=8)

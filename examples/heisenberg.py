@@ -27,6 +27,11 @@ for field in 0.5, 1.0, 2.0:
     run = lm.integrate(charge, lm.RKMK(order=4), start, h=turn / 4000, steps=4000)
     x, y, z = run.g[:, 0, 1], run.g[:, 1, 2], run.g[:, 0, 2]
     radius, area = (x.max() - x.min()) / 2.0, z[-1] - field * turn
-    print(f"field {field}: radius {radius:.6f}, back after a turn to {np.hypot(x[-1], y[-1]):.0e}, ", end="")
+    print(
+        f"field {field}: radius {radius:.6f}, back after a turn to {np.hypot(x[-1], y[-1]):.0e}, ",
+        end="",
+    )
     print(f"area remembered {area:.6f}, pi r^2 = {np.pi * radius**2:.6f}, compiled: {run.compiled}")
-lm.plots.save(lm.plots.components(run, "g", title=f"field {field}").figure, "heisenberg.png", dpi=110)
+lm.plots.save(
+    lm.plots.components(run, "g", title=f"field {field}").figure, "heisenberg.png", dpi=110
+)

@@ -31,4 +31,6 @@ for title, method in methods.items():
     panels.append(
         (title, run.mu, f"energy within {energy:.0e}\nmomentum within {off:.0e}", exact[-1])
     )
-lm.plots.save(lm.plots.figure_one(panels, around, body.inertia), "kinds_of_generating_functions.png", dpi=110)
+lm.plots.save(
+    lm.plots.figure_one(panels, around, body.inertia), "kinds_of_generating_functions.png", dpi=110
+)

@@ -29,10 +29,19 @@ crossing.direction = 1  # from the southern hemisphere to the northern
 moment = Moment(lm.SphereAction(3))
 for tolerance in 1e-4, 1e-7, 1e-10:
     run = lm.integrate(
-        moment, lm.RKMK(order=5), moment.state([0.6, 0.0, -0.8]), t_end=60.0, rtol=tolerance, atol=tolerance, events=crossing
+        moment,
+        lm.RKMK(order=5),
+        moment.state([0.6, 0.0, -0.8]),
+        t_end=60.0,
+        rtol=tolerance,
+        atol=tolerance,
+        events=crossing,
     )
     (times, points), step = run.events[0], np.diff(run.t)
     off = np.abs(np.linalg.norm(run.at(np.linspace(0.0, 60.0, 601)).x, axis=1) - 1.0).max()
-    print(f"tolerance {tolerance:.0e}: {len(step):4} steps of {step.min():.3f} to {step.max():.3f} s, ", end="")
+    print(
+        f"tolerance {tolerance:.0e}: {len(step):4} steps of {step.min():.3f} to {step.max():.3f} s, ",
+        end="",
+    )
     print(f"over the equator at t = {times[0]:.9f} s, |x| - 1 < {off:.0e} all the way")
 lm.plots.save(run.plot().figure, "magnetic_moment.png", dpi=110)

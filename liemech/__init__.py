@@ -382,7 +382,10 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         import difflib
 
-        message, public = f"module 'liemech' has no attribute {name!r}", {n.lower(): n for n in __all__}
+        message, public = (
+            f"module 'liemech' has no attribute {name!r}",
+            {n.lower(): n for n in __all__},
+        )
         near = difflib.get_close_matches(name.lower().replace("_", ""), public, 1)
         hint = f". Did you mean liemech.{public[near[0]]}?" if near else ""
         raise AttributeError(message + hint)

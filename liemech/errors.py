@@ -1,26 +1,26 @@
 """Everything that liemech raises, one tree.
 
-    LiemechError
-    ├── InvalidInput         a wrong call: names the argument, the value and the cure             (also a ValueError)
-    ├── InvalidType          a wrong call: an argument of the wrong type                           (also a TypeError)
-    ├── IncompatibleSystem   this method does not accept this system; says which methods do        (also a TypeError)
-    ├── NotCompilable        a formula uses what native code cannot express: class, method, line   (also a TypeError)
-    ├── NotDefined           a class lacks a method that its subclasses may write          (also a NotImplementedError)
-    ├── MissingExtra         an optional package is needed; says how to install it                 (also an ImportError)
-    ├── MissingProgram       a program is needed that this machine has not; says how to install it (also an OSError)
-    ├── BrowserFailure       the browser that draws pictures did not do what it was told          (also a RuntimeError)
-    ├── BufferOverrun        native code wrote where it must not: with LIEMECH_GUARD=1            (also a SystemError)
-    ├── LawViolation         a group, algebra, tableau or structure breaks a law it must obey      (also a ValueError)
-    └── IntegrationFailure   a run that ended early; `.trajectory` holds every accepted sample     (also an ArithmeticError)
-        ├── NoConvergence       an implicit step could not be solved
-        ├── OutsideChart        a step, or an argument, is where the retraction is no chart             (also a ValueError)
-        ├── NotFinite           a step produced inf or nan
-        ├── StepTooSmall        adaptive steps became too small, or too many, to reach the end
-        ├── InvalidTimeScale    a time transformation whose scale is not positive
-        └── InconsistentState   the state is off the group, the orbit or the constraint
+LiemechError
+├── InvalidInput         a wrong call: names the argument, the value and the cure             (also a ValueError)
+├── InvalidType          a wrong call: an argument of the wrong type                           (also a TypeError)
+├── IncompatibleSystem   this method does not accept this system; says which methods do        (also a TypeError)
+├── NotCompilable        a formula uses what native code cannot express: class, method, line   (also a TypeError)
+├── NotDefined           a class lacks a method that its subclasses may write          (also a NotImplementedError)
+├── MissingExtra         an optional package is needed; says how to install it                 (also an ImportError)
+├── MissingProgram       a program is needed that this machine has not; says how to install it (also an OSError)
+├── BrowserFailure       the browser that draws pictures did not do what it was told          (also a RuntimeError)
+├── BufferOverrun        native code wrote where it must not: with LIEMECH_GUARD=1            (also a SystemError)
+├── LawViolation         a group, algebra, tableau or structure breaks a law it must obey      (also a ValueError)
+└── IntegrationFailure   a run that ended early; `.trajectory` holds every accepted sample     (also an ArithmeticError)
+    ├── NoConvergence       an implicit step could not be solved
+    ├── OutsideChart        a step, or an argument, is where the retraction is no chart             (also a ValueError)
+    ├── NotFinite           a step produced inf or nan
+    ├── StepTooSmall        adaptive steps became too small, or too many, to reach the end
+    ├── InvalidTimeScale    a time transformation whose scale is not positive
+    └── InconsistentState   the state is off the group, the orbit or the constraint
 
-    KeyboardInterrupt
-    └── IntegrationInterrupted   Ctrl-C during a run; `.trajectory` holds the samples so far
+KeyboardInterrupt
+└── IntegrationInterrupted   Ctrl-C during a run; `.trajectory` holds the samples so far
 """
 
 from __future__ import annotations

@@ -26,7 +26,9 @@ def stage(width: float = 9.6, height: float = 4.9) -> tuple[Any, Any, Any]:
     return figure, left, right
 
 
-def arrow(figure: Any, begin: tuple[float, float], end: tuple[float, float], bend: float = 0.0) -> None:
+def arrow(
+    figure: Any, begin: tuple[float, float], end: tuple[float, float], bend: float = 0.0
+) -> None:
     """An arrow in the coordinates of the figure."""
     figure.add_artist(
         FancyArrowPatch(
@@ -124,8 +126,12 @@ def dual_transformation() -> None:
         ax.text(*(1.17 * point), name, color=color, fontsize=15, zorder=4)
     new.plot(*along.T, color=RED, lw=2.2, zorder=2)
     new.scatter(*along[:1].T, color=BLUE, s=18, zorder=3)
-    figure.text(0.22, 0.955, r"$\theta = \pi_0\,\lambda_{q_0} - H\,\mathrm{d}t$", ha="center", fontsize=13)
-    figure.text(0.78, 0.955, r"$\Theta = \pi_1\,\lambda_{q_1} - K\,\mathrm{d}t$", ha="center", fontsize=13)
+    figure.text(
+        0.22, 0.955, r"$\theta = \pi_0\,\lambda_{q_0} - H\,\mathrm{d}t$", ha="center", fontsize=13
+    )
+    figure.text(
+        0.78, 0.955, r"$\Theta = \pi_1\,\lambda_{q_1} - K\,\mathrm{d}t$", ha="center", fontsize=13
+    )
     arrow(figure, (0.42, 0.64), (0.58, 0.64))
     figure.text(0.5, 0.675, r"$\pi_1 = \mathrm{Ad}^*_g\,\pi_0$", ha="center", fontsize=14)
     figure.text(0.5, 0.575, r"$q_1 = q_0\,g$", ha="center", fontsize=13)

@@ -127,7 +127,7 @@ def rendered(paragraph: str, owner: type | None) -> list[str]:
             lines += [", ".join(f"``{name}``" for name in names.split(", ")), f"    {what}"]
         return [*lines, "", *(line for text in source for line in rendered(text, owner))]
     if item := ITEM.match(paragraph):
-        return [f"{item[1]} {escaped(paragraph[item.end():], owner)}", ""]
+        return [f"{item[1]} {escaped(paragraph[item.end() :], owner)}", ""]
     if paragraph.startswith(("Source:", "Sources:")):
         return [".. container:: source", "", f"    {escaped(paragraph, owner)}", ""]
     return [escaped(paragraph, owner), ""]

@@ -92,7 +92,9 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
         name = f"check_action: points[{i}]" if points is not None else "check_action: action.random"
         shape = getattr(action, "point_shape", None)
         if shape is not None and x.shape != shape:
-            raise InvalidInput(f"{name} has shape {x.shape}; a point of {action!r} has shape {shape}")
+            raise InvalidInput(
+                f"{name} has shape {x.shape}; a point of {action!r} has shape {shape}"
+            )
         check_finite(x, name)
     where = [
         dataclasses.replace(at, point=small(some[i % len(some)])) for i, at in enumerate(where)

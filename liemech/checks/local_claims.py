@@ -271,7 +271,13 @@ class Seen:
         self.slope: float | None = None
 
     def enter(
-        self, law: str, formula: str, claimed: bool, defect: float, where: Place, bound: float = EXACT
+        self,
+        law: str,
+        formula: str,
+        claimed: bool,
+        defect: float,
+        where: Place,
+        bound: float = EXACT,
     ) -> None:
         """A defect, in roundings, at a place."""
         defect = defect if defect == defect else np.inf
@@ -298,11 +304,11 @@ class Seen:
             yield Observation("order", ORDER, "holds", observed=observed, wanted=f"{p}")
         for law, (formula, claimed, defect, bound, where) in self.defects.items():
             good = defect <= bound
-            verdict = ("holds" if good else "broken") if claimed else ("seen" if good else "not seen")
-            wanted = f"below {bound:.1e}" if claimed else "no claim"
-            yield Observation(
-                law, formula, verdict, where, observed=f"{defect:.1e}", wanted=wanted
+            verdict = (
+                ("holds" if good else "broken") if claimed else ("seen" if good else "not seen")
             )
+            wanted = f"below {bound:.1e}" if claimed else "no claim"
+            yield Observation(law, formula, verdict, where, observed=f"{defect:.1e}", wanted=wanted)
 
 
 def look_around(

@@ -350,9 +350,7 @@ def _exactly(law: str, formula: str, claimed: bool, defect: float, roundings: fl
     )
 
 
-def kept_brackets(
-    system: Any, start: Any, method: Any
-) -> Iterator[tuple[str, str, bool, Charts]]:
+def kept_brackets(system: Any, start: Any, method: Any) -> Iterator[tuple[str, str, bool, Charts]]:
     """The brackets that a method may keep on a system: the law, its formula, whether it is claimed,
     and coordinates.
     """

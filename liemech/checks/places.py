@@ -144,9 +144,7 @@ class Place:
         """Where the motion leads in a physical time."""
         finer = FINE if self.method.order <= 6 else 2.0 * FINE
         steps = max(1, int(np.ceil(finer * abs(time) / self.unit)))
-        return small_state(
-            type(self.start), self.led(EXACTLY, self.start, time / steps, steps)
-        )
+        return small_state(type(self.start), self.led(EXACTLY, self.start, time / steps, steps))
 
     @cached_property
     def unit(self) -> float:
@@ -259,7 +257,9 @@ def _maker(system: Any) -> Callable[[Any, float, np.random.Generator], Any] | No
     def mixed(x: Any, factor: float, rng: np.random.Generator) -> np.ndarray:
         """All components, a little of the others in each."""
         x = flat(x)
-        return np.asarray(factor * (x + 0.3 * (size(x) or 1.0) / x.size**0.5 * rng.normal(size=x.size)))
+        return np.asarray(
+            factor * (x + 0.3 * (size(x) or 1.0) / x.size**0.5 * rng.normal(size=x.size))
+        )
 
     def canonical(start: Any, factor: float, rng: np.random.Generator) -> Any:
         p = mixed(start.p, abs(factor) if factor != -1.0 else -1.0, rng)

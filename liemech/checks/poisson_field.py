@@ -182,9 +182,7 @@ def check_poisson_field(
     def own(name: str) -> bool:
         return getattr(type(structure), name) is not getattr(PoissonStructure, name)
 
-    report = Report(
-        f"{field!r} with {structure!r}", tuple(verdicts(FIELD, pair, where, own))
-    )
+    report = Report(f"{field!r} with {structure!r}", tuple(verdicts(FIELD, pair, where, own)))
     if report.broken and raises:
         raise report.violation()
     return report

@@ -321,6 +321,8 @@ def geodesic(system: Any, at: AtState) -> Iterator[Same]:
     yield Same(system.constraint(there), 0.0 * system.constraint(there), size(G) * size(there))
     yield Same(G @ v, 0.0 * (G @ v), size(G) * size(v))
     yield Same(system.kinetic(after), system.kinetic(p), abs(system.kinetic(p)))
+
+
 # ---------------------------------------------------------------- Poisson systems
 
 PARTS: list[Law] = []
@@ -439,7 +441,9 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
     written itself.
     """
     yield SYSTEM, system, lambda name: True
-    tables: list[tuple[list[Law], Any, Any, Callable[[str], bool]]] = []  # with whose formulas these are
+    tables: list[
+        tuple[list[Law], Any, Any, Callable[[str], bool]]
+    ] = []  # with whose formulas these are
     own: Callable[[str], bool]
     body = system.body if isinstance(system, (MechanicalSystem, BoundBody)) else system
     field = system.body if isinstance(system, BoundBody) else system

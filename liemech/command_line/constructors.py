@@ -57,9 +57,7 @@ def read(text: str, kind: type, where: str, own: bool = True) -> Any:
     return found
 
 
-def build(
-    name: Any, arguments: Mapping[str, Any], kind: type, where: str, own: bool = True
-) -> Any:
+def build(name: Any, arguments: Mapping[str, Any], kind: type, where: str, own: bool = True) -> Any:
     """An object of a class by its name, with arguments by theirs; text among them is read in its
     turn.  own : as in `read`.
     """

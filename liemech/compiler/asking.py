@@ -70,12 +70,16 @@ def look(module: ir.Module) -> ir.Function:
     given_up = ir.GlobalVariable(module, I64, "liemech_given_up")
 
     b = ir.IRBuilder(function.append_basic_block("entry"))
-    held, end, wanted, none = (function.append_basic_block(n) for n in ("raised", "end", "wanted", "none"))
+    held, end, wanted, none = (
+        function.append_basic_block(n) for n in ("raised", "end", "wanted", "none")
+    )
     state = b.call(ensure, [])
     come = b.icmp_signed("!=", b.call(signals, []), ir.Constant(I32, 0))
     b.cbranch(come, held, end)
     b.position_at_end(held)
-    places = [b.gep(raised, [ir.Constant(I32, 0), ir.Constant(I32, i)], inbounds=True) for i in range(3)]
+    places = [
+        b.gep(raised, [ir.Constant(I32, 0), ir.Constant(I32, i)], inbounds=True) for i in range(3)
+    ]
     b.call(fetch, places)
     b.branch(end)
     b.position_at_end(end)
@@ -90,5 +94,7 @@ def look(module: ir.Module) -> ir.Function:
     return function
 
 
-def _declared(module: ir.Module, name: str, result: ir.Type, arguments: list[ir.Type]) -> ir.Function:
+def _declared(
+    module: ir.Module, name: str, result: ir.Type, arguments: list[ir.Type]
+) -> ir.Function:
     return ir.Function(module, ir.FunctionType(result, arguments), name)

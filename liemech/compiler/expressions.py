@@ -403,7 +403,10 @@ class Expressions(Loops):
 
     def item(self, value: Any, index: Any) -> Any:
         if isinstance(value, Array):
-            if not all(isinstance(i, (int, slice, Num)) for i in (index if type(index) is tuple else [index])):
+            if not all(
+                isinstance(i, (int, slice, Num))
+                for i in (index if type(index) is tuple else [index])
+            ):
                 raise arrays.refuse("this index")
             return arrays.array(self.item(value.entries, index))
         if (
@@ -428,7 +431,9 @@ class Expressions(Loops):
             )
         self.reads.settled(value)
         if isinstance(value, dict):
-            raise NotCompilable("a key of a dict must be known now: write `if` and `elif`, or a list")
+            raise NotCompilable(
+                "a key of a dict must be known now: write `if` and `elif`, or a list"
+            )
         if index.kind == "b":
             if isinstance(value, np.ndarray):
                 raise NotCompilable("a truth value as an index of an array is a mask: write int(x)")

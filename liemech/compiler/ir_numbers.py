@@ -552,9 +552,7 @@ class Num(StandIn):
     def _equality(self, op: str, other: Any) -> Any:
         """`==` or `!=`.  What cannot be compared is something else; other numbers and arrays could."""
         found = self._of(functools.partial(self.emitter.compare, op), self, other)
-        if found is NotImplemented and isinstance(
-            other, (np.generic, np.ndarray, numbers.Number)
-        ):
+        if found is NotImplemented and isinstance(other, (np.generic, np.ndarray, numbers.Number)):
             raise NotCompilable(
                 f"`{op}` of a number known only at run time and {type(other).__name__}: compare "
                 "floats, array entries one by one"

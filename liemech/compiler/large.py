@@ -374,7 +374,9 @@ def entry(e: Emitter, table: Table, i: Any) -> Any:
     return _loaded(e, first, place, i, "f")
 
 
-def _loaded(e: Emitter, first: Callable[[ir.Value], ir.Value], place: Any, i: Any, kind: str) -> Num:
+def _loaded(
+    e: Emitter, first: Callable[[ir.Value], ir.Value], place: Any, i: Any, kind: str
+) -> Num:
     """The number that comes i after the first of those at a place, for every lane."""
     b, type_ = e.builder, TYPES[kind]
     varying = any(isinstance(x, Num) and x.varying for x in (place, i))

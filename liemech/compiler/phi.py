@@ -35,6 +35,7 @@ CONTINUED = "<continued>"  # lanes that left the present turn of a written-out l
 LEFT = (BROKEN, CONTINUED)
 NO_LANE = "no lane is running"  # value of ACTIVE when every lane has left
 
+
 class Retype(Exception):
     """A loop turns out to need another type for a number it carries (an int becomes a float), or a
     mask.

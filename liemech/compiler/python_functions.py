@@ -82,9 +82,9 @@ class PythonFunctions:
             len: self.len,
             list: lambda items=(): list(self.t.iterate(items)),
             tuple: lambda items=(): tuple(self.t.iterate(items)),
-            iter: lambda items: items
-            if isinstance(items, Stream)
-            else self.t.stream(list(items), (items,)),
+            iter: lambda items: (
+                items if isinstance(items, Stream) else self.t.stream(list(items), (items,))
+            ),
             next: self.next,
             zip: self.zip,
             map: self.map,
@@ -96,7 +96,9 @@ class PythonFunctions:
                 lambda x, y: self.e.call("llvm.copysign", x, y), math.copysign
             ),
             math.floor: self.stepwise("llvm.floor", math.floor, double_double.floor),
-            math.ceil: self.stepwise("llvm.ceil", math.ceil, lambda x, floor: -double_double.floor(-x, floor)),
+            math.ceil: self.stepwise(
+                "llvm.ceil", math.ceil, lambda x, floor: -double_double.floor(-x, floor)
+            ),
             math.trunc: self.stepwise("llvm.trunc", math.trunc, double_double.truncated),
             math.isnan: self.plain_number(lambda x: x != x, math.isnan),
             math.isfinite: self.plain_number(lambda x: x - x == 0.0, math.isfinite),
@@ -272,7 +274,11 @@ class PythonFunctions:
         return total
 
     def sorted(self, items: Any, **options: Any) -> list[Any]:
-        found, key, reverse = list(self.t.iterate(items)), options.get("key"), options.get("reverse")
+        found, key, reverse = (
+            list(self.t.iterate(items)),
+            options.get("key"),
+            options.get("reverse"),
+        )
         if key is None and not any(isinstance(x, ByValue) or holds_number(x) for x in found):
             return sorted(found, **options)
         keys = [*found] if key is None else [self.t.call(key, x) for x in found]
@@ -538,4 +544,3 @@ class PythonFunctions:
 def _kind(x: Any) -> str | None:
     """The kind of a plain number, None for anything else."""
     return kind_of(x) if isinstance(x, (Num, int, float)) else None
-

@@ -554,7 +554,8 @@ class Guard:
             found.append(f"{self._along(path)} is _values[{i}]")
         for pair, i in self.pairs:
             left, right = [
-                f"_values[{k}]" if self.paths[k] is None else self._along(self.paths[k]) for k in pair
+                f"_values[{k}]" if self.paths[k] is None else self._along(self.paths[k])
+                for k in pair
             ]
             related = self._other(_RELATIONS[self.steps[i][1]])
             found.append(f"{related}({left}, {right}) is {self.values[i]}")
@@ -672,7 +673,14 @@ _LIBRARY = f"{__name__.partition('.')[0]}."
 _PLAIN_CLASSES = {type, abc.ABCMeta}
 _RELATIONS: dict[str, Callable[[Any, Any], bool]] = {"is": operator.is_, "isinstance": isinstance}
 """Reads of two things, each known by its number."""
-_OF_ONE_NAME = bool, type, enum.Enum, types.ModuleType, types.FunctionType, types.BuiltinFunctionType
+_OF_ONE_NAME = (
+    bool,
+    type,
+    enum.Enum,
+    types.ModuleType,
+    types.FunctionType,
+    types.BuiltinFunctionType,
+)
 """What `is` may compare: their tokens say which object it is."""
 
 

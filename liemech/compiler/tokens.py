@@ -56,9 +56,9 @@ identity tells apart.
 
 def digest(value: Any, known: Known | None = None) -> str:
     """The token of a value, as a short text; the first of its name has no number, another one has."""
-    return hashlib.sha256(
-        repr(_token(value, {} if known is None else known)).encode()
-    ).hexdigest()[:32]
+    return hashlib.sha256(repr(_token(value, {} if known is None else known)).encode()).hexdigest()[
+        :32
+    ]
 
 
 def same(a: Any, b: Any) -> bool:

@@ -780,7 +780,6 @@ def small(array: np.ndarray) -> Any:
 _SMALL: tuple[Callable[..., Any], ...] = float, Vec.of, Mat.of
 
 
-
 def _is_element(group: Any, array: np.ndarray) -> bool:
     """Told from the defect, as in native code."""
     if group.is_large:
@@ -853,9 +852,7 @@ def _no_value(where: str, value: Any) -> str:
             f"{where} was given a NumPy array: the formula that it comes from gives one where a "
             "vector belongs; write liemech.vec(...) for np.array([...]), liemech.vec(*B) * x for B * x"
         )
-    return (
-        f"{where} gave {shown(value)}; a formula gives numbers, vectors, matrices or tuples of these"
-    )
+    return f"{where} gave {shown(value)}; a formula gives numbers, vectors, matrices or tuples of these"
 
 
 def _stacked(results: Sequence[Any], where: str) -> Any:

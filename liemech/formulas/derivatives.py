@@ -135,7 +135,9 @@ def _split(value: Any, level: float, signed: bool = False) -> tuple[Any, Any]:
             return value.value, _slope(value.slope, signed)
         if value.level < level:
             return value, 0.0
-        parts = [_split(part, level, signed) for part in value.parts]  # one that a formula made by hand
+        parts = [
+            _split(part, level, signed) for part in value.parts
+        ]  # one that a formula made by hand
         return tuple([Dual(a, b, value.level) for a, b in zip(*parts)])  # type: ignore[return-value]
     if isinstance(value, (int, float, Pair, np.number)) and not isinstance(value, Complex):
         return value, 0.0
@@ -156,7 +158,8 @@ def _split(value: Any, level: float, signed: bool = False) -> tuple[Any, Any]:
     if isinstance(value, Record):
         fields = fields_of(value)
         made = {
-            name: (x, x) if isinstance(x, int) else _split(x, level, signed) for name, x in fields.items()
+            name: (x, x) if isinstance(x, int) else _split(x, level, signed)
+            for name, x in fields.items()
         }
         return tuple([fill(type(value), {n: pair[i] for n, pair in made.items()}) for i in (0, 1)])
     if value is None or isinstance(value, str):

@@ -21,7 +21,17 @@ from ..errors import NotCompilable
 from . import functions as f
 from .complex_numbers import outranks
 from .functions import LOG_2, LOG_10
-from .numbers import AN_INT, INTEGER_POWER, ONLY_THERE, ByValue, CarriesMore, Operand, StandIn, raise_if, whole_power
+from .numbers import (
+    AN_INT,
+    INTEGER_POWER,
+    ONLY_THERE,
+    ByValue,
+    CarriesMore,
+    Operand,
+    StandIn,
+    raise_if,
+    whole_power,
+)
 
 DEPTH: ContextVar[int] = ContextVar(
     "how many derivatives are being taken, one inside the other", default=0
@@ -255,7 +265,9 @@ def _by_exponent(base: Any, value: Any, slope: Any) -> Any:
     """What an exponent with this slope adds to the slope of value = base^exponent; at base 0
     nothing.
     """
-    return slope if type(slope) is int else value * f.log(base + 1.0 * (constant(base) == 0.0)) * slope
+    return (
+        slope if type(slope) is int else value * f.log(base + 1.0 * (constant(base) == 0.0)) * slope
+    )
 
 
 def _rests(x: Any) -> Any:
@@ -276,7 +288,10 @@ def _not_only_here(equal: Any, a: Any, b: Any) -> None:
         return
     motion = _motion(a - b)
     if type(motion) is not int:
-        raise_if(equal & (constant(motion) != 0.0), ONLY_THERE.format("a number that carries a derivative"))
+        raise_if(
+            equal & (constant(motion) != 0.0),
+            ONLY_THERE.format("a number that carries a derivative"),
+        )
 
 
 _COMPARED = (int, float, np.number, StandIn, Operand)

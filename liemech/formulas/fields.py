@@ -297,7 +297,9 @@ def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
         )
         return value if ordinary else type(value).of(value)  # type: ignore[attr-defined]
     if isinstance(value, (list, tuple)) and any(
-        isinstance(x, StandIn) for row in value for x in (row if isinstance(row, (list, tuple)) else [row])
+        isinstance(x, StandIn)
+        for row in value
+        for x in (row if isinstance(row, (list, tuple)) else [row])
     ):
         raise InvalidType(
             f"{type(owner).__name__}.{name} is a list or a tuple of numbers known only at run time: "

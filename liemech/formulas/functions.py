@@ -109,7 +109,6 @@ copysign = _elementary("copysign")
 pow = _elementary("pow", "power")
 
 
-
 def fma(x: Any, y: Any, z: Any) -> Any:
     """x y + z, rounded once."""
     x, y, z = map(_remembering_nothing, (x, y, z))

@@ -61,7 +61,9 @@ def sign(x: Any) -> Any:
 def hypot(x: Any, y: Any) -> Any:
     """sqrt(x^2 + y^2), of whatever size: no square overflows, and none is lost."""
     size = plain(larger(abs(x), abs(y)))
-    unit = functions.where(size > LARGE, LARGE, functions.where(size < 1.0 / LARGE, 1.0 / LARGE, 1.0))
+    unit = functions.where(
+        size > LARGE, LARGE, functions.where(size < 1.0 / LARGE, 1.0 / LARGE, 1.0)
+    )
     x, y = x / unit, y / unit
     return unit * functions.sqrt(x * x + y * y)
 
@@ -170,7 +172,9 @@ def formula_of(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Fo
         return (formula, operands, {}) if fits else None
     if function in BY_COMPONENTS:
         formula = BY_COMPONENTS[function]
-        operands = [float(a) if type(a) is int and function is not np.power else a for a in operands]
+        operands = [
+            float(a) if type(a) is int and function is not np.power else a for a in operands
+        ]
         return functools.partial(by_components, formula) if axes else formula, operands, {}
     found = OPERATORS.get(function) or (None if axes else COMPARISONS.get(function))
     return found and (found, operands, {})

@@ -108,7 +108,9 @@ def _gives_nothing(function: Any) -> bool:
         if instruction.opname == "RETURN_CONST":
             returns.append(instruction.argval is None)
         elif instruction.opname == "RETURN_VALUE":
-            returns.append(before is not None and before.opname == "LOAD_CONST" and before.argval is None)
+            returns.append(
+                before is not None and before.opname == "LOAD_CONST" and before.argval is None
+            )
         before = instruction
     return bool(returns) and all(returns)
 

@@ -101,7 +101,6 @@ class Products:
                 for begin in range(0, len(products), MOST):
                     _Rows(products[begin : begin + MOST])
 
-
     def _alone_again(self) -> None:
         self._in_rows = False
         for product in self._known:

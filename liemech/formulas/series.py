@@ -20,7 +20,16 @@ from typing import Any
 from ..errors import InvalidType, NotCompilable
 from . import functions as f
 from .functions import LOG_2, LOG_10
-from .numbers import INTEGER_POWER, ONLY_THERE, CarriesMore, Operand, Pair, StandIn, raise_if, whole_power
+from .numbers import (
+    INTEGER_POWER,
+    ONLY_THERE,
+    CarriesMore,
+    Operand,
+    Pair,
+    StandIn,
+    raise_if,
+    whole_power,
+)
 from .products import Products, cauchy, plus
 from .pytree import build, layout_of, leaves
 from .taken_back import noted

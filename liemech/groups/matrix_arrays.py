@@ -34,7 +34,7 @@ def of_group(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> A
             return _coadjoint(basis, g, _inverse(group, g), mu)
         case "K", g, mu:
             return _coadjoint(basis, _inverse(group, g), g, mu)
-        case ("ad" | "ad_star" | "dexp" | "dexp_inv" | "exp_Ad_star"), *_:
+        case (("ad" | "ad_star" | "dexp" | "dexp_inv" | "exp_Ad_star"), *_):
             return of_algebra(group.algebra, method, arguments)
         case "exp", xi:
             return _exp(basis, xi)
@@ -77,7 +77,7 @@ def of_algebra(algebra: MatrixLieAlgebra, method: str, arguments: dict[str, Any]
             return basis.covector(mu)
         case "pairing", matrix:
             return basis.pairing(matrix)
-        case ("bracket" | "ad"), xi, eta:
+        case (("bracket" | "ad"), xi, eta):
             x, y = basis.hat(xi), basis.hat(eta)
             return basis.vee(x @ y - y @ x)
         case "ad_star", xi, mu:

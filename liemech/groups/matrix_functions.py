@@ -16,6 +16,7 @@ from ..formulas.sums import abs2, total
 TINY = 2.0**-112
 """(2^-56)^2: the square of what a sum of size one does not feel."""
 
+
 def digits(size2: Any) -> tuple[float, Any]:
     """What takes the place of TINY beside numbers of this kind, and the 1 that fractions are made
     of.

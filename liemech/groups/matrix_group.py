@@ -416,6 +416,7 @@ class GeneratedGroup(MatrixLieGroup):
 
 HUGE = 1e150
 
+
 def named_by_size(self: Any) -> str:
     """The `__repr__` of a group or algebra that is told by its size n: SO(4)."""
     return f"{type(self).__name__}({self.n})"

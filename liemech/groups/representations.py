@@ -341,4 +341,3 @@ def averaged(
         total = 0.5 * (total + exp_by(xi, total))
         xi, halvings = 2.0 * xi, halvings - 1.0
     return total
-

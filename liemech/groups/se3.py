@@ -194,7 +194,7 @@ class SE3Algebra(LieAlgebra):
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """4 + |w|^2 times p - (dcay_xi)* mu, a polynomial; with N = Pi - v x P/2 and p = (l, m)
 
-            ( 4 (l - Pi) + |w|^2 l + 2 w x N + 2 v x P,  4 (m - P) + |w|^2 m + 2 w x P - w (w.P) ).
+        ( 4 (l - Pi) + |w|^2 l + 2 w x N + 2 v x P,  4 (m - P) + |w|^2 m + 2 w x P - w (w.P) ).
         """
         (w, v), (Pi, P), (l, m) = halves(xi), halves(mu), halves(p)
         hat, square, arm, s = SO3Algebra().hat, dot(w, w), cross(v, P), dot(w, P)
@@ -438,6 +438,7 @@ class SE3ByAdjoint(SE3):
         R, p = _parts(g)
         w = SO3().cayley_inv(R)
         return join(w, SO3Algebra().dcayley_inv(w, p))
+
 
 # ------------------------------------------------------------------ screws
 

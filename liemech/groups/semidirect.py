@@ -157,7 +157,6 @@ class SemidirectAlgebra(LieAlgebra):
         q = p - 0.5 * self.action.infinitesimal_dual(x, p)
         return vec(*(self.acting.dcayley_inv_dual(x, m) + 0.5 * self.action.momentum(u, q)), *q)
 
-
     def _exp_Ad(self, xi: Vec, eta: Vec) -> Vec:
         """Ad_exp(xi) eta."""
         (x, u), (y, v), action = self.parts(xi), self.parts(eta), self.action

@@ -8,7 +8,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput, OutsideChart
-from ..formulas import Ambient, Element, Mat, Vec, atan2, constant, cross, dot, mat, record, sqrt, vec
+from ..formulas import (
+    Ambient,
+    Element,
+    Mat,
+    Vec,
+    atan2,
+    constant,
+    cross,
+    dot,
+    mat,
+    record,
+    sqrt,
+    vec,
+)
 from ..formulas.broadcasting import MEMBERSHIP
 from .lie_group import LieGroup
 from .rotation_coefficients import LIMIT, exp_coefficients, lost_in_square, sin_cos_root

@@ -84,7 +84,9 @@ def overshoot(method: Any) -> float:
     if shares is None:
         times = getattr(tableau, "c", None) or getattr(tableau, "nodes", None) or (0.0,)
         return max(-min(times), max(times) - 1.0, 0.0)
-    inner = max((overshoot(x) for x in fields_of(method).values() if isinstance(x, Method)), default=0.0)
+    inner = max(
+        (overshoot(x) for x in fields_of(method).values() if isinstance(x, Method)), default=0.0
+    )
     far = 0.0
     for node, share in zip(tableau.nodes, shares, strict=True):
         ends = node - inner * share, node + (1.0 + inner) * share

@@ -240,7 +240,15 @@ def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square:
     middle = (least * per_square * per_u * per_u) * _cofactors(_plus(-roots, 1.0 + p))
     turning = 2.0 * turn * versed / sine
     return Orbit(
-        K, per_square, turning, along, u * _plus(grown, u), scale, u * u, 4.0 * least * per_u, middle
+        K,
+        per_square,
+        turning,
+        along,
+        u * _plus(grown, u),
+        scale,
+        u * u,
+        4.0 * least * per_u,
+        middle,
     )
 
 

@@ -58,7 +58,9 @@ class FieldSplitting(Method):
     def start(self, system: Any, state: BodyState, h: float) -> Flight:
         """Every drift begins with no other past than the state."""
         drifts = self.tableau.drifts  # type: ignore[attr-defined]
-        return self.resume(system, state, tuple([self._begun(system, state, a * h) for a in drifts]), h)
+        return self.resume(
+            system, state, tuple([self._begun(system, state, a * h) for a in drifts]), h
+        )
 
     def _begun(self, system: Any, state: BodyState, h: float) -> Any:
         return self.free.past(self.free.start(system.body, state, h))  # type: ignore[attr-defined]

@@ -161,7 +161,11 @@ class LieRATTLE(Method):
         is in the inner half of the chart; else the step is followed from h = 0 on, in pieces to
         which the same applies.  What is followed is the unknown over the part s of the step.
         """
-        mu, g, size = plain(memory.state.mu), plain(memory.state.g), self._size(system, memory.state.g)
+        mu, g, size = (
+            plain(memory.state.mu),
+            plain(memory.state.g),
+            self._size(system, memory.state.g),
+        )
         begun = vec(*(h * system.velocity(mu)), *guess[system.configurations.dim :])
         solution, slope, y = 0.0 * guess, begun, guess
         reached, piece, before, tried = 0.0, 1.0, INFINITY, 0.0
@@ -215,9 +219,7 @@ class LieRATTLE(Method):
         free, pushed = [], []  # type: list[Any], list[Any]  # A^-1 r and A^-1 B, block by block
         for (group, start, end), J, held in zip(system.blocks, inertias, system.held):
             y = x[start:end]
-            r, by_p, by_x = self.retraction.residual(
-                group, y, p[start:end], momentum[start:end]
-            )
+            r, by_p, by_x = self.retraction.residual(group, y, p[start:end], momentum[start:end])
             A = with_inertia(by_x, momentum_slope(by_p, rate * J))
             B = [carried(self.retraction, group, y, by_p, memory.rows[a][i]) for a, i in held]
             columns, good = eliminated(A, [r, *B], h)

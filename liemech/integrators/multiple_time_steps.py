@@ -148,7 +148,9 @@ class MultipleTimeSteps(Method):
                 f"{system!r} has {len(system.parts)}"
             )
         if self.mollified:
-            raise IncompatibleSystem(f"{self!r}: mollified is for a MultirateSystem; got {system!r}")
+            raise IncompatibleSystem(
+                f"{self!r}: mollified is for a MultirateSystem; got {system!r}"
+            )
         for k, part in enumerate(system.parts):
             method = None if self.methods is None else self.methods[k]
             if method is None and not has_flow(part):

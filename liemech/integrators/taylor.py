@@ -77,7 +77,9 @@ class Taylor(Method):
     @property
     def name(self) -> str:
         """Taylor, the order, and a retraction that is not Cayley()."""
-        chart = "" if isinstance(self.retraction, Cayley) else f" ({type(self.retraction).__name__})"
+        chart = (
+            "" if isinstance(self.retraction, Cayley) else f" ({type(self.retraction).__name__})"
+        )
         return f"Taylor{self.order}{chart}"
 
     def step(self, system: System, t: float, state: Any, h: float) -> Any:
@@ -148,9 +150,7 @@ class Taylor(Method):
         """
         p, terms = self.order, self._terms(system, t, state, h)
         moved, size = system.variation(state, terms[0])
-        weights = [
-            1.0 / (atol + rtol * max(s, abs(NEAR * c)) + LEAST) for c, s in zip(moved, size)
-        ]
+        weights = [1.0 / (atol + rtol * max(s, abs(NEAR * c)) + LEAST) for c, s in zip(moved, size)]
         before, last = (
             mean_square(weights, system.variation(state, term)[0]) for term in terms[p - 2 :]
         )

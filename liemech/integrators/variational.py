@@ -124,9 +124,7 @@ class CovariantVariational(Implicit):
         if doubtful:
             x = self._grown(system, step, coarse, second)
         if is_long(mu[0]):  # all of this in 16 digits, then one correction in 31
-            x = refined(
-                lambda x: self.equation(system, rate, m if is_long(x[0]) else coarse, x), x
-            )
+            x = refined(lambda x: self.equation(system, rate, m if is_long(x[0]) else coarse, x), x)
         return x
 
     def _second(self, system: Any, h: float) -> float:

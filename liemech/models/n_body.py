@@ -166,5 +166,3 @@ class NBody(SeparableSystem):
             q, v = (x - masses @ x / masses.sum() for x in (q, v))
         system = cls(masses=masses, gravity=2.95912208286e-4)  # type: ignore[call-arg]
         return system, system.state(q.ravel(), (masses[:, None] * v).ravel())
-
-

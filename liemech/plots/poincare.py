@@ -69,8 +69,14 @@ def section(
 
 
 def poincare_section(
-    run: Any, coordinate: int = 0, value: float = 0.0, direction: int = 1, shown: int = 1, *,
-    ax: Axes | None = None, title: str | None = None,
+    run: Any,
+    coordinate: int = 0,
+    value: float = 0.0,
+    direction: int = 1,
+    shown: int = 1,
+    *,
+    ax: Axes | None = None,
+    title: str | None = None,
 ) -> Axes:
     """Draw a Poincare section: (q_j, p_j) whenever the motion pierces the surface q_i = value.
 

@@ -277,7 +277,9 @@ class AdaptiveEnsemble(OneByOne):
             for i in range(count):
                 self._take_up(i, self.begun(i))
         self.rows_at = self.t0.copy()  # when the last row of each was
-        self.left: dict[int, list[tuple[float, float]]] = {}  # where each is to go on, last ones first
+        self.left: dict[
+            int, list[tuple[float, float]]
+        ] = {}  # where each is to go on, last ones first
         if self.plan._steps.breaks or has_inputs(self._of_body(0)[0]):
             for i in range(count):
                 start, ways = stretches(self._jumps(i), self.t0[i], self.ends[i])
@@ -407,7 +409,9 @@ class AdaptiveEnsemble(OneByOne):
         lanes: Any = self.lanes
         clock = lanes.layout.width
         goal = clock + CLOCK.width
-        for k in np.flatnonzero(columns[clock + TIME, : len(bodies)] == columns[goal, : len(bodies)]).tolist():
+        for k in np.flatnonzero(
+            columns[clock + TIME, : len(bodies)] == columns[goal, : len(bodies)]
+        ).tolist():
             body = int(bodies[k])
             ways = self.left[body]
             if not ways or self._watch_of(body).ended is not None:
@@ -505,7 +509,11 @@ class AdaptiveEnsemble(OneByOne):
         system, method = self._of_body(i)
         width, changed = lanes.layout.width, lanes.layout.width + CLOCK.width
         numbers, clock, row = column[:width].copy(), column[width:changed].copy(), lanes.row.width
-        taken, before, after = clock[TAKEN], (clock[TIME], *numbers[: lanes.state.width]), np.empty(row)
+        taken, before, after = (
+            clock[TAKEN],
+            (clock[TIME], *numbers[: lanes.state.width]),
+            np.empty(row),
+        )
         t_end, rtol, atol, longest, _ = self.goals[:, i].tolist()
         failures: list[Exception] = []
         with lanes.stepping.plain():

@@ -58,6 +58,7 @@ ROOM = 512
 LARGE = 2**20
 """Numbers of rows that are moved where they are, if they must be, and not copied."""
 
+
 class Laid(Prepared):
     """How adaptive steps are laid out, of one body, by a `Shape`, or of many."""
 
@@ -359,9 +360,7 @@ class AdaptiveRun:
             if not self.kept:
                 self._sample(1 if self.recorder is None or self.t_eval is not None else 0)
             with Bar(self.plan.progress, 1000, "") as bar:
-                start, ways = stretches(
-                    self.plan.jumps(self.t0, self.t_end), self.t0, self.t_end
-                )
+                start, ways = stretches(self.plan.jumps(self.t0, self.t_end), self.t0, self.t_end)
                 if start != self.t0:
                     go_on(self.clock, start)
                 for end, beyond in ways:

@@ -190,9 +190,7 @@ def only_adaptive(method: Any, every: int, h: Any, **options: Any) -> None:
             "take a method with an embedded pair, such as RKMK(order=5)"
         )
     if every != 1:
-        raise InvalidInput(
-            "integrate: every is for steps of one length; adaptive ones have t_eval"
-        )
+        raise InvalidInput("integrate: every is for steps of one length; adaptive ones have t_eval")
 
 
 def longest(value: Any) -> float:

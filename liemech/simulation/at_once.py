@@ -151,6 +151,4 @@ class _Found:
         """Where the run stands."""
         shape = self.shape
         last = self.memory[-shape.sampled :].copy() if self.last is None else self.last
-        return Carry(
-            shape, self.t0, self.h, self.reached, None, self.memory[: shape.carried], last
-        )
+        return Carry(shape, self.t0, self.h, self.reached, None, self.memory[: shape.carried], last)

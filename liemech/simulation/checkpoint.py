@@ -36,7 +36,9 @@ class Checkpoint:
 
     def __exit__(self, *ended: object) -> None:
         if self.failed is not None:
-            there = f"the file has the run {self.written}" if self.written else "nothing is there of it"
+            there = (
+                f"the file has the run {self.written}" if self.written else "nothing is there of it"
+            )
             warn(
                 f"integrate: checkpoint: {self.failures} could not be written to {self.path}, the "
                 f"last one among them ({_why(self.failed)}); {there}.  run.save(...) writes the "

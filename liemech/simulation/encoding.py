@@ -163,7 +163,9 @@ class Decoder:
                 "another one; define it there too, or save runs of a class of a module"
             )
         if ours:
-            return f"there is no class {name} in {module}; the file is of another version of liemech"
+            return (
+                f"there is no class {name} in {module}; the file is of another version of liemech"
+            )
         if self.trusted or module in self.modules or module in sys.modules:
             return (
                 f"there is no class {name} of records in {module}; files name subclasses of "

@@ -63,9 +63,7 @@ def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 def opened(path: Path) -> Iterator[BinaryIO]:
     """A file to read from; neither a folder nor a device nor a pipe, on which one would wait."""
     _require_file(path, os.stat(path))
-    handle = os.open(
-        path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-    )
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     with os.fdopen(handle, "rb") as file:
         _require_file(path, os.fstat(handle))
         yield file

@@ -388,9 +388,7 @@ class Plan:
                     f"one body; got {self._given[name]!r}"
                 )
             what = "steps" if name == "h" else "numbers"
-            raise InvalidInput(
-                f"integrate: {name} has {len(own)} {what} for {start.bodies} bodies"
-            )
+            raise InvalidInput(f"integrate: {name} has {len(own)} {what} for {start.bodies} bodies")
         if self.fictive:
             return start
         if self._one is not self.system and self._one.bounded:
@@ -572,9 +570,7 @@ class Plan:
         compiled = self._steps.compiled
         if kept is not None:
             kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        return recorder.instead(
-            lambda: self._whole(start, steps, t0, t_eval, kept), kind, compiled
-        )
+        return recorder.instead(lambda: self._whole(start, steps, t0, t_eval, kept), kind, compiled)
 
     def _whole(
         self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None

@@ -212,8 +212,7 @@ class Shape(Prepared):
         self._others: dict[Any, Execution] = {}
         self.order: list[int] | None = None
         if given == self.shown and all(
-            getattr(type(steps.method_of(0)), f) is getattr(Method, f)
-            for f in ("start", "observe")
+            getattr(type(steps.method_of(0)), f) is getattr(Method, f) for f in ("start", "observe")
         ):
             numbered = fitted(
                 build(given, iter([1.0 + i for i in range(given.width)])), self.layout

@@ -527,7 +527,9 @@ def parameter_slopes(system: Any, name: str) -> list[Any]:
                 sides.append(np.array(leaves(made, layout)))
             there, back = sides
             # what is equal on both sides does not depend on the parameter: infinite ends of tables
-            slopes += weight * np.subtract(there, back, out=np.zeros(len(base)), where=there != back)
+            slopes += weight * np.subtract(
+                there, back, out=np.zeros(len(base)), where=there != back
+            )
         found.append(
             build(
                 layout,

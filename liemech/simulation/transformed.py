@@ -353,9 +353,7 @@ class March:
             self.t_end,
             float(self.every),
         )
-        self.execution = self.shape.other(
-            march, *self.arguments, 1, 1.0, none, none, none, None
-        )
+        self.execution = self.shape.other(march, *self.arguments, 1, 1.0, none, none, none, None)
         # where an event ended the run, a terminal one or one that failed
         self.at: float | None = None
         self.looking: FictiveMotion | None = None

@@ -114,7 +114,9 @@ def _between(
             try:
                 found[of] = motion.moved(np.arange(len(motion.t)), asked[of])
             except IntegrationFailure as error:
-                n = int(np.nonzero(moving)[0][of][getattr(error, "row", 0)])  # the first that failed
+                n = int(
+                    np.nonzero(moving)[0][of][getattr(error, "row", 0)]
+                )  # the first that failed
                 before = times[:n], after[:n], at[:n], exact[:n]
                 error.trajectory = _between(plan, run, whole, *before)
                 raise
@@ -204,7 +206,12 @@ class WatchedRun:
         """
         points = run.out[: len(taken), :, 0]
         motion = ShortSteps(
-            taken.system, self.plan.way_of(0), self.shape.example, taken.t, points, self.plan.compiled
+            taken.system,
+            self.plan.way_of(0),
+            self.shape.example,
+            taken.t,
+            points,
+            self.plan.compiled,
         )
         hit = self.watch.look(motion) if taken.steps else None
         self.looking = None
@@ -274,7 +281,12 @@ class WatchedRun:
             (run, taken), n = self.looking, self.watch.looked
             points = run.out[: len(taken), :, 0]
             motion = ShortSteps(
-                taken.system, self.plan.way_of(0), self.shape.example, taken.t, points, self.plan.compiled
+                taken.system,
+                self.plan.way_of(0),
+                self.shape.example,
+                taken.t,
+                points,
+                self.plan.compiled,
             )
             self._keep(taken.t[1 : n + 1], points[1 : n + 1], motion)
             self.done, self.looking = self.done + n, None

@@ -232,7 +232,12 @@ class WatchedEnsemble(OneByOne):
         if i in self.own or not self.done:
             return self.own[i] if i in self.own else self._not_begun(i)
         t, number, points = rows
-        plan, cut, watch, steps = self.plan_of(i)._steps, self.cuts.get(i), self.watches.each[i], self.done
+        plan, cut, watch, steps = (
+            self.plan_of(i)._steps,
+            self.cuts.get(i),
+            self.watches.each[i],
+            self.done,
+        )
         t, points = t if t.ndim == 1 else t[:, i], points[:, i]
         some = number <= self.before + (steps if cut is None else cut.steps)
         t, points = t[some], points[some]

@@ -39,9 +39,7 @@ ROUNDING = 2.0**-46
 def parts_in_units(x: Vec, blocks: tuple[int, ...]) -> list[Vec]:
     """The vector with the components of one unit alone, the others zero; for every unit."""
     of_unit = np.repeat(np.arange(len(blocks)), blocks)
-    return [
-        Vec.of(np.where(of_unit == k, np.array(x), 0.0).tolist()) for k in range(len(blocks))
-    ]
+    return [Vec.of(np.where(of_unit == k, np.array(x), 0.0).tolist()) for k in range(len(blocks))]
 
 
 def require_one_body(

@@ -117,9 +117,7 @@ class CanonicalTransformation(Record):
         """
         return InNewVariables(transformation=self, original=system)  # type: ignore[call-arg]
 
-    def _root(
-        self, off: Callable[[Vec, Vec], Vec], known: Vec, guess: Vec, what: str
-    ) -> Vec:
+    def _root(self, off: Callable[[Vec, Vec], Vec], known: Vec, guess: Vec, what: str) -> Vec:
         """The x with off(x, known) = 0 near a guess, with the derivatives that known carries."""
         carried = False
         for number in known:

@@ -96,4 +96,3 @@ class Clocked(Record):
         """The samples taken apart: the times, the parts of the states, and z."""
         rest = dict(states)
         return rest.pop("time"), rest, rest.pop("z")
-

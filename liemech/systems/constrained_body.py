@@ -512,7 +512,6 @@ class ConstrainedBody(BoundBody):
         self._require_zero("c(g)", np.array(self.constraint.value(g)), self._terms(g) + reach)
         super()._require_consistent(mu, g)
 
-
     def _terms(self, g: Any) -> np.ndarray:
         """How large the terms are whose sums the conditions are: sum |dc/dg_i g_i| over the entries
         of g.
@@ -652,4 +651,3 @@ def _separate(group: LieGroup, inertia: np.ndarray) -> bool:
     ends = np.cumsum([factor.dim for factor in factors_of(group)])
     owner = np.searchsorted(ends, np.arange(group.dim), side="right")
     return not inertia[owner[:, None] != owner].any()
-

@@ -78,9 +78,7 @@ def kinetic_energy(inertia: Vec | Mat) -> KineticEnergy:
 
 def _invertible(moments: Vec) -> bool:
     """Have all moments finite inverses?"""
-    return _FLOAT.issuperset(map(type, moments)) and all(
-        LEAST <= abs(x) <= MAX for x in moments
-    )
+    return _FLOAT.issuperset(map(type, moments)) and all(LEAST <= abs(x) <= MAX for x in moments)
 
 
 MAX = sys.float_info.max

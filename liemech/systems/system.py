@@ -264,7 +264,9 @@ def _other_rotation(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
             "group=UnitQuaternions()"
         )
     if shape == (3, 3) and found[-1:] == (3,):
-        return ": of a rotation vector take SO3().exp(v); of Euler angles scipy's Rotation.from_euler"
+        return (
+            ": of a rotation vector take SO3().exp(v); of Euler angles scipy's Rotation.from_euler"
+        )
     return ""
 
 
@@ -284,9 +286,7 @@ def exact_times(t: Any, name: str) -> np.ndarray:
     """One time, (), or a row of them, (n,), finite.  name : of the method that is asked."""
     times = real_array(t, f"{name}: t")
     if times.ndim > 1:
-        raise InvalidInput(
-            f"{name}: t must be a time or a row of times; got shape {times.shape}"
-        )
+        raise InvalidInput(f"{name}: t must be a time or a row of times; got shape {times.shape}")
     finite = np.isfinite(times)
     if not finite.all():
         raise InvalidInput(f"{name}: t must be finite; got {times[~finite][0]}")

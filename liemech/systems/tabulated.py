@@ -119,7 +119,9 @@ class PiecewisePolynomial(Record):
             or len(self.coefficients) != self.intervals * (self.degree + 1) * max(self.size, 1)
             or not (np.diff(np.asarray(self.knots)) > 0.0).all()
             or not (isinstance(self.jumps, Table) and len(self.jumps) > 0)
-            or not all(isinstance(x, float) for x in (self.jumping, self.first, self.last, self.period))
+            or not all(
+                isinstance(x, float) for x in (self.jumping, self.first, self.last, self.period)
+            )
             or not 0.0 <= self.jumping <= len(self.jumps)
             or not -1.0 <= self.first <= self.last <= self.intervals
         ):
@@ -282,7 +284,9 @@ class PiecewisePolynomial(Record):
         if beyond is not None:
             begin, end = begin - beyond * abs(h), end + beyond * abs(h)
             one, other = self._up_to_jumps(one, other)
-            if self.outside == "repeat":  # where it begins anew without a jump, another period counts
+            if (
+                self.outside == "repeat"
+            ):  # where it begins anew without a jump, another period counts
                 smooth = entry(self.jumps, 0) > first
                 begin = where(smooth, max(begin, first + shift), begin)
                 end = where(smooth, min(end, last + shift), end)
@@ -305,7 +309,9 @@ class PiecewisePolynomial(Record):
         k = _left_of(self.jumps, 0, none, high)
         k = where(entry(self.jumps, 0) >= high, 0, k + 1)
         behind = entry(self.jumps, min(k, none))
-        before = where(self.jumping > 0.0, where(before <= low, before, first - length), first - length)
+        before = where(
+            self.jumping > 0.0, where(before <= low, before, first - length), first - length
+        )
         behind = where(self.jumping > 0.0, where(k <= none, behind, last + length), last + length)
         return min(before, low), max(behind, high)
 
@@ -391,7 +397,9 @@ def _jumping(knots: np.ndarray, terms: np.ndarray, repeat: bool) -> np.ndarray:
     repeated is followed by the first one.
     """
     width = np.diff(knots).reshape(-1, *[1] * (terms.ndim - 2))
-    parts = terms * width[:, None] ** np.arange(terms.shape[1]).reshape(1, -1, *[1] * (terms.ndim - 2))
+    parts = terms * width[:, None] ** np.arange(terms.shape[1]).reshape(
+        1, -1, *[1] * (terms.ndim - 2)
+    )
     before = np.roll(parts.sum(axis=1), 1, axis=0)
     size = np.roll(np.abs(parts).sum(axis=1), 1, axis=0) + np.abs(terms[:, 0])
     jumps = np.abs(terms[:, 0] - before) > EQUAL * size

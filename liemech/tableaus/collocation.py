@@ -13,6 +13,7 @@ from .tableau import ButcherTableau, shipped
 
 MOST_STAGES = 20
 
+
 def gauss(stages: int) -> ButcherTableau:
     """Gauss' method, of order 2 s: collocation at the zeros of the s-th derivative of x^s
     (x - 1)^s.

@@ -265,5 +265,3 @@ def _levels(drawing: Drawing, system: LiePoissonSystem, radius: float, count: in
     drawing.once("levels", segments(lift * chained(curves), LEVEL))
     for k, circle in enumerate(separatrix(inertia, samples=121)):
         drawing.once(f"separatrix {k + 1}", tube(lift * circle, SEPARATRIX, 0.005, 3))
-
-

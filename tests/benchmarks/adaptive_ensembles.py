@@ -101,7 +101,9 @@ def timed(run: Callable[[], Any]) -> tuple[float, float]:
 def measure(n: int) -> None:
     """The rows of so many bodies."""
     for name, (system, starts, method, t_end, tolerance, equations) in cases(n).items():
-        plan = lm.Plan(system, method, rtol=tolerance, atol=tolerance, compiled=True, progress=False)
+        plan = lm.Plan(
+            system, method, rtol=tolerance, atol=tolerance, compiled=True, progress=False
+        )
         few = min(n, FEW)
         singles = [lm.systems.system.member(starts, i) for i in range(few)]
 

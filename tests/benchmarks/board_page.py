@@ -173,7 +173,9 @@ def races(measured: dict[str, Any]) -> tuple[str, list[str]]:
                 ratio(first, fastest), said[-1],
             ]  # fmt: skip
             text += f"| {' | '.join(cells)} |\n"
-    counts = [f"{sum(word in x for x in said)} {word}" for word in ("clear", "within 10 %", "behind")]
+    counts = [
+        f"{sum(word in x for x in said)} {word}" for word in ("clear", "within 10 %", "behind")
+    ]
     nobody = sum("nobody" in x for x in said)
     head = f"Of {len(said)} cells, beside the others at their best: {', '.join(counts)}"
     return head + (f", {nobody} reached by nobody" if nobody else "") + ".\n\n" + text, behind
@@ -183,10 +185,18 @@ def closed_forms(measured: dict[str, Any]) -> str:
     """Motions that are known: whole calls for ten outputs, at the error that each has."""
     text = "| problem | method | error | ms, warm | cold |\n| --- | --- | --- | --- | --- |\n"
     for race in measured["races"].values():
-        rows = [(p["warm"], called(c, p), p) for c in race["curves"] if c["closed"] for p in c["points"]]
+        rows = [
+            (p["warm"], called(c, p), p) for c in race["curves"] if c["closed"] for p in c["points"]
+        ]
         for _, name, p in sorted(rows, key=lambda row: row[0]):
             whose = name if any(w in name for w in ("heyoka", "REBOUND")) else f"liemech {name}"
-            cells = [race["name"], whose, f"{p['error']:.0e}", number(1e3 * p["warm"]), number(1e3 * p["cold"])]
+            cells = [
+                race["name"],
+                whose,
+                f"{p['error']:.0e}",
+                number(1e3 * p["warm"]),
+                number(1e3 * p["cold"]),
+            ]
             text += f"| {' | '.join(cells)} |\n"
     return text
 

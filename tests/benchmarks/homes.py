@@ -346,10 +346,7 @@ def spherical_pendulum(race: Race) -> list[Entry]:
         return fixed(race, name, at, method, doubled(first, times), outputs, ("q", "p"))
 
     return [
-        *[
-            add(f"geodesics, order {k}", lm.GeodesicSplitting(order=k), 4, 7)
-            for k in (4, 6, 8)
-        ],
+        *[add(f"geodesics, order {k}", lm.GeodesicSplitting(order=k), 4, 7) for k in (4, 6, 8)],
         add("RATTLE, order 8", lm.Composition(lm.RATTLE(), order=8), 4, 6),
         add("Lobatto 6", lm.LobattoPair(order=6), 8, 6),
         *plain(race),

@@ -225,10 +225,7 @@ def main() -> None:
         others, versions = rivals.entries(race)
         everybody = [*homes.entries(race), *others]
         if chosen.quick:
-            everybody = [
-                replace(e, settings=e.settings[:2])
-                for e in everybody[1::3]
-            ]
+            everybody = [replace(e, settings=e.settings[:2]) for e in everybody[1::3]]
         share = 60.0 * chosen.minutes / (len(RACES) + 2)
         curves = measure(race, everybody, 1 if chosen.quick else ROUNDS, share)
         here = harness.machine()["cpu"]

@@ -257,9 +257,7 @@ def _run(
         for end, plan, length in prepared:
             motion: Any = plan.run(start, **length)
             mu, g = motion.mu[-1], motion.g[-1]
-            found.append(
-                (mu[:3], g[:3, :3] if g.ndim == 2 else _matrix(g))
-            )
+            found.append((mu[:3], g[:3, :3] if g.ndim == 2 else _matrix(g)))
             if end < problem.times[-1]:
                 start = at.system.state(mu=mu, g=g)
         return found

@@ -1,6 +1,6 @@
 """Poisson integrators of Lotka and Volterra's equations: a step beside plain C of the same step.
 
-    python tests/benchmarks/poisson.py [--quick] [--out results.json]
+python tests/benchmarks/poisson.py [--quick] [--out results.json]
 """
 
 import ctypes

@@ -1,6 +1,6 @@
 """What 31 digits cost: a step in numbers of two doubles beside one in ordinary numbers.
 
-    python tests/benchmarks/precision.py [--quick] [--out results.json]
+python tests/benchmarks/precision.py [--quick] [--out results.json]
 """
 
 import statistics

@@ -145,9 +145,7 @@ def top(m: Any, t: Any, y: Numbers) -> list[Any]:
     return [turn[0] + pull[0], turn[1] + pull[1], turn[2] + pull[2], *turning(y[3:7], rate)]
 
 
-BLOCKS = tuple(
-    tuple(tuple(row) for row in numbers(FISH, name).tolist()) for name in "ADM"
-)
+BLOCKS = tuple(tuple(tuple(row) for row in numbers(FISH, name).tolist()) for name in "ADM")
 
 
 def fish(m: Any, t: Any, y: Numbers) -> list[Any]:

@@ -304,9 +304,7 @@ def sweep_table(repetitions: int, duration: float) -> list[dict[str, Any]]:
     return results
 
 
-def equal_error_table(
-    cpps: dict[str, baseline.Baseline], quick: bool
-) -> list[dict[str, Any]]:
+def equal_error_table(cpps: dict[str, baseline.Baseline], quick: bool) -> list[dict[str, Any]]:
     """Milliseconds to t = 100 at equal error of the momentum: SciPy's DOP853 at its loosest
     sufficient tolerance.
     """

@@ -463,7 +463,9 @@ def rebound(race: Race) -> list[Entry]:
         entry("WHFast", steps, "whfast"),
         entry("WHFast, corrector 17", steps, "whfast", corrector=17),
         entry("WHFast, correctors and lazy kernel", steps, "whfast", **best),
-        entry("WHFast, democratic heliocentric", steps, "whfast", coordinates="DEMOCRATICHELIOCENTRIC"),
+        entry(
+            "WHFast, democratic heliocentric", steps, "whfast", coordinates="DEMOCRATICHELIOCENTRIC"
+        ),
         entry("SABA 4", steps, "saba", type="4"),
         entry("SABA 4, corrected", steps, "saba", type="CL_4"),
         entry("SABA (10, 4)", steps, "saba", type="10_4"),

@@ -228,13 +228,13 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
         "rows of the constraint",
     ),
     "jacobian of a pendulum": (
-        lambda: changed(lm.SphericalPendulum, constraint_jacobian=lambda self, q: lm.mat(-1.0 * q))(),
+        lambda: changed(
+            lm.SphericalPendulum, constraint_jacobian=lambda self, q: lm.mat(-1.0 * q)
+        )(),
         "Jacobian of the constraints",
     ),
     "relative force": (
-        lambda: changed(
-            lm.Kepler, relative_force=lambda self, q: (1.0 / dot(q, q)) * q
-        )(),
+        lambda: changed(lm.Kepler, relative_force=lambda self, q: (1.0 / dot(q, q)) * q)(),
         "relative_force",
     ),
     "relative force with the attraction": (
@@ -253,7 +253,9 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
     "force far out": (
         lambda: changed(
             lm.HenonHeiles,
-            force=lambda self, q, p: where(q[1] > 3.0, 1.0, 0.0) * p + lm.HenonHeiles.force(self, q, p),
+            force=lambda self, q, p: (
+                where(q[1] > 3.0, 1.0, 0.0) * p + lm.HenonHeiles.force(self, q, p)
+            ),
         )(),
         "force of energy",
     ),
@@ -262,8 +264,9 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
             Area(),
             changed(
                 Bowl,
-                gradient=lambda self, mu: mu
-                + vec(4.0 * where(abs(mu[0]) > 4.0, 16.0, mu[0] ** 2) * mu[0], 0.0, 0.0, 0.0),
+                gradient=lambda self, mu: (
+                    mu + vec(4.0 * where(abs(mu[0]) > 4.0, 16.0, mu[0] ** 2) * mu[0], 0.0, 0.0, 0.0)
+                ),
             )(),
         ),
         "gradient of energy",
@@ -271,8 +274,9 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
     "force of one part": (
         lambda: changed(
             Springs,
-            part_force=lambda self, k, q: (1.0 if k == 0 else 0.5)
-            * lm.MultirateSystem.part_force(self, k, q),
+            part_force=lambda self, k, q: (
+                (1.0 if k == 0 else 0.5) * lm.MultirateSystem.part_force(self, k, q)
+            ),
         )(),
         "part_force",
     ),
@@ -303,7 +307,9 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
     "torque the wrong way round": (
         lambda: lm.MechanicalSystem(
             BODY,
-            changed(Weight, force=lambda self, group, g: cross(self.moment, g[2]))(vec(0.1, 0.2, 0.3)),
+            changed(Weight, force=lambda self, group, g: cross(self.moment, g[2]))(
+                vec(0.1, 0.2, 0.3)
+            ),
         ),
         "force",
     ),
@@ -319,16 +325,12 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
     "gradient of one part": (
         lambda: lm.PoissonSystem(
             lm.Canonical(1),
-            lm.SplitHamiltonian(
-                (lm.KineticEnergy([1.0, 1.0]), HalfBowl())
-            ),
+            lm.SplitHamiltonian((lm.KineticEnergy([1.0, 1.0]), HalfBowl())),
         ),
         "gradient",
     ),
     "velocities of points": (
-        lambda: Turns(
-            changed(lm.SphereAction, infinitesimal=lambda self, xi, x: cross(x, xi))(3)
-        ),
+        lambda: Turns(changed(lm.SphereAction, infinitesimal=lambda self, xi, x: cross(x, xi))(3)),
         "infinitesimal",
     ),
     "sharp": (
@@ -339,7 +341,8 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "what is no constant": (
         lambda: changed(
-            lm.Kepler, constants=lambda self, states: {"area": states["q"][..., 0] * states["p"][..., 1]}
+            lm.Kepler,
+            constants=lambda self, states: {"area": states["q"][..., 0] * states["p"][..., 1]},
         )(),
         "constants",
     ),
@@ -351,9 +354,7 @@ SYSTEMS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "length and its square as Casimirs": (
         lambda: lm.LiePoissonSystem(
-            changed(
-                lm.SO3, casimirs=lambda self, mu: vec(sqrt(dot(mu, mu)), dot(mu, mu))
-            )(),
+            changed(lm.SO3, casimirs=lambda self, mu: vec(sqrt(dot(mu, mu)), dot(mu, mu)))(),
             lm.KineticEnergy(J),
         ),
         "independent Casimirs",
@@ -400,13 +401,17 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "Casimirs of large momenta": (
         lambda: check_group(
-            rotations(casimirs=lambda self, mu: vec(where(dot(mu, mu) > 100.0, mu[0], dot(mu, mu)))),
+            rotations(
+                casimirs=lambda self, mu: vec(where(dot(mu, mu) > 100.0, mu[0], dot(mu, mu)))
+            ),
             raises=False,
         ),
         "Casimirs",
     ),
     "a constant beside a Casimir": (
-        lambda: check_group(rotations(casimirs=lambda self, mu: vec(dot(mu, mu), 2.0)), raises=False),
+        lambda: check_group(
+            rotations(casimirs=lambda self, mu: vec(dot(mu, mu), 2.0)), raises=False
+        ),
         "independent Casimirs",
     ),
     "a constant as Casimir of a structure": (
@@ -425,8 +430,9 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: check_poisson(
             changed(
                 Area,
-                sharp=lambda self, y, a: where(abs(y[3]) > 4.0, 1.1, 1.0)
-                * lm.PoissonStructure.sharp(self, y, a),
+                sharp=lambda self, y, a: (
+                    where(abs(y[3]) > 4.0, 1.1, 1.0) * lm.PoissonStructure.sharp(self, y, a)
+                ),
             )(),
             raises=False,
         ),
@@ -441,9 +447,9 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "the average of an action": (
         lambda: check_action(
-            changed(lm.CoadjointAction, phi1=lambda self, xi, x: self.act(self.group.exp(0.5 * xi), x))(
-                lm.SO3()
-            ),
+            changed(
+                lm.CoadjointAction, phi1=lambda self, xi, x: self.act(self.group.exp(0.5 * xi), x)
+            )(lm.SO3()),
             raises=False,
         ),
         "phi1",
@@ -462,8 +468,9 @@ OTHERS: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: check_retraction(
             changed(
                 lm.Cayley,
-                dtau_inv=lambda self, group, xi, eta, side="right": where(beyond(xi, 3.0), 1.01, 1.0)
-                * group.algebra.dcayley_inv(xi, eta, side),
+                dtau_inv=lambda self, group, xi, eta, side="right": (
+                    where(beyond(xi, 3.0), 1.01, 1.0) * group.algebra.dcayley_inv(xi, eta, side)
+                ),
             )(),
             lm.SO3(),
             raises=False,
@@ -741,9 +748,7 @@ def test_a_reversal_of_ones_own() -> None:
         system,
         start,
         compiled=False,
-        rho=lambda s: lm.CanonicalState(
-            vec(-1.0 * s.q[0], s.q[1]), vec(s.p[0], -1.0 * s.p[1])
-        ),
+        rho=lambda s: lm.CanonicalState(vec(-1.0 * s.q[0], s.q[1]), vec(s.p[0], -1.0 * s.p[1])),
     )
     assert mirror["reversible"].verdict == "holds"
     with pytest.raises(lm.errors.InvalidInput, match="rho does not turn the motion"):
@@ -877,8 +882,9 @@ class Rough(lm.Method):
         q, p = state.q, state.p
         x, y = q, p
         for _ in range(4):
-            v, f = system.velocity(0.5 * (q + x), 0.5 * (p + y)), system.force(
-                0.5 * (q + x), 0.5 * (p + y)
+            v, f = (
+                system.velocity(0.5 * (q + x), 0.5 * (p + y)),
+                system.force(0.5 * (q + x), 0.5 * (p + y)),
             )
             x, y = q + h * v, p + h * f
         return lm.CanonicalState(x, y)
@@ -974,8 +980,9 @@ SECOND: dict[str, tuple[Callable[[], Any], str]] = {
                 lm.SO3(),
                 changed(
                     Tilted,
-                    gradient=lambda self, mu: INVERSE @ mu
-                    + where(mu[1] < 0.0, 0.3, 0.0) * vec(0.0, mu[1], 0.0),
+                    gradient=lambda self, mu: (
+                        INVERSE @ mu + where(mu[1] < 0.0, 0.3, 0.0) * vec(0.0, mu[1], 0.0)
+                    ),
                 )(),
             ),
             raises=False,
@@ -1010,7 +1017,9 @@ SECOND: dict[str, tuple[Callable[[], Any], str]] = {
         "force of energy",
     ),
     "a factor of a velocity": (
-        lambda: check_system(changed(lm.Kepler, velocity=lambda self, q, p: 2.0 * p)(), raises=False),
+        lambda: check_system(
+            changed(lm.Kepler, velocity=lambda self, q, p: 2.0 * p)(), raises=False
+        ),
         "velocity of energy",
     ),
     "an entry with a wrong sign": (
@@ -1019,15 +1028,11 @@ SECOND: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "small rotations": (lambda: check_group(Coarse(), raises=False), "exponential"),
     "K for Ad*": (
-        lambda: check_group(
-            rotations(Ad_star=lambda self, g, mu: g @ mu), raises=False
-        ),
+        lambda: check_group(rotations(Ad_star=lambda self, g, mu: g @ mu), raises=False),
         "dual of Ad",
     ),
     "an order of axes": (
-        lambda: check_method(
-            Turned((0, 1, 2, 0, 1)), BODY, START, compiled=False, raises=False
-        ),
+        lambda: check_method(Turned((0, 1, 2, 0, 1)), BODY, START, compiled=False, raises=False),
         "symmetric",
     ),
     "a share that is missing": (

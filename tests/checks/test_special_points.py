@@ -54,7 +54,9 @@ class OnAnAxis(Particle):
 
 
 @pytest.mark.parametrize(
-    "system", [Exact(), Threshold(), Even(), Diagonal(2), OnAnAxis(2)], ids=lambda s: type(s).__name__
+    "system",
+    [Exact(), Threshold(), Even(), Diagonal(2), OnAnAxis(2)],
+    ids=lambda s: type(s).__name__,
 )
 def test_branches_for_a_point_are_found(system: Any) -> None:
     with pytest.raises(lm.errors.LawViolation, match=LAW):

@@ -26,7 +26,7 @@ from liemech.compiler import cache, kernel
 
 pytestmark = pytest.mark.compiled
 
-HELPER = '''
+HELPER = """
 RATE = 0.5
 POLYNOMIAL = (1.0, 2.0, 3.0)
 
@@ -49,7 +49,7 @@ def drag(x, power=2.0, *, sign=-1.0):
 
 def unrelated(x):
     return x + 1.0
-'''
+"""
 
 FORMULAS = '''
 import helper
@@ -105,7 +105,7 @@ def formula(a, b, c, d, n):
     return vec(total, Settings.depth)
 '''
 
-PROGRAM = '''
+PROGRAM = """
 import json, sys
 sys.path[:0] = sys.argv[1:]
 import formulas, worlds
@@ -114,7 +114,7 @@ rows = [[1.0, 2.0, 3.0, 4.0], [-1.0, 0.5, 0.25, 8.0]]
 found = worlds.native(formulas.formula, rows, 2, 3, 1)
 right = [worlds.plain(formulas.formula, row, 3) for row in rows]
 print(json.dumps({"cached": [k.cached for k in kernel.alive()], "right": found == right}))
-'''
+"""
 
 
 def in_a_copy(program: str, *arguments: str, folder: Path) -> str:

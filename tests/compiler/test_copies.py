@@ -93,7 +93,10 @@ def test_lanes_of_a_long_kernel_are_translated_once(
     )
     text = "def formula(x, y, n):\n    return x * y + x, y / (x * x + 1.0)"
     rows = [(0.1 * k, 1.0 + k) for k in range(kernel.lanes())]
-    for short, wanted in ((outlined.SHORT, [kernel.width(), kernel.lanes()]), (0, [kernel.width()])):
+    for short, wanted in (
+        (outlined.SHORT, [kernel.width(), kernel.lanes()]),
+        (0, [kernel.width()]),
+    ):
         monkeypatch.setattr(outlined, "SHORT", short)
         module = worlds.module_from(text, tmp_path, f"widths_{short}")
         worlds.same_in_all_worlds(module.formula, rows, lanes=[kernel.lanes()])

@@ -98,7 +98,9 @@ class Turning(lm.SeparableSystem):
 def test_a_loop_does_not_take_the_kinds_of_numbers_from_another_call() -> None:
     system = Turning()
     runs = [
-        lm.integrate(system, lm.StormerVerlet(), system.state(1.5, 0.0), h=0.02, steps=50, compiled=c)
+        lm.integrate(
+            system, lm.StormerVerlet(), system.state(1.5, 0.0), h=0.02, steps=50, compiled=c
+        )
         for c in (False, True)
     ]
     assert np.array_equal(runs[0].q, runs[1].q)

@@ -526,9 +526,7 @@ def a_list_from_outside_that_a_copy_returns(x: Any, y: Any, n: Any) -> Any:
         (a_list_from_outside_that_a_copy_returns, 1, r"change a copy"),
     ],
 )
-def test_refused_with_what_to_write(
-    formula: Callable[..., Any], lanes: int, told: str
-) -> None:
+def test_refused_with_what_to_write(formula: Callable[..., Any], lanes: int, told: str) -> None:
     with pytest.raises(NotCompilable, match=told):
         native(formula, PAIRS, 1, 3, lanes)
 

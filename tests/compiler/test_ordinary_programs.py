@@ -960,6 +960,12 @@ def test_large_floats_among_integers_are_no_failures() -> None:
         x = 1
         if a > 0.0:
             x = a
-        return 1 / max(a, 1), max(a, 1) + max(b, 2), sum([max(b, 0), max(a, 1)]), 1 / x, max(a, 1) - b
+        return (
+            1 / max(a, 1),
+            max(a, 1) + max(b, 2),
+            sum([max(b, 0), max(a, 1)]),
+            1 / x,
+            max(a, 1) - b,
+        )
 
     worlds.same_in_all_worlds(formula, [(1e17, 3.0), (0.5, -2e300), (3e20, 4e20), (2.0, 5.0)])

@@ -304,7 +304,8 @@ def test_every_function_is_called(everything: None, monkeypatch: pytest.MonkeyPa
     )
     names = re.findall(r"^define internal .*@(\S+)\(", texts[-1], re.MULTILINE)
     assert names and all(
-        re.search(rf"call (fastcc|preserve_allcc) .*@{re.escape(name)}\(", texts[-1]) for name in names
+        re.search(rf"call (fastcc|preserve_allcc) .*@{re.escape(name)}\(", texts[-1])
+        for name in names
     )
 
 
@@ -361,5 +362,3 @@ def test_a_long_kernel_is_short() -> None:
         no_kernels(patch)
         base = lm.CovariantVariational(lm.Exponential())
         assert size(lm.Composition(base, order=8)) < 8 * size(base)
-
-

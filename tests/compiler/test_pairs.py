@@ -115,7 +115,6 @@ def test_what_does_not_move_is_compared() -> None:
         assert Dual(square, Dual(0.0, 2.0, 1.0), 2.0) == 0.0
 
 
-
 def test_second_derivatives() -> None:
     """Duals of duals: the Hessian of a function of two variables."""
 

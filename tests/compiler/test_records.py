@@ -458,7 +458,9 @@ def test_a_method_that_a_field_would_hide_is_refused() -> None:
         def weight(self) -> float:
             return 2.0
 
-    with pytest.raises(InvalidType, match=r"Pushed\.load is a method .* load is a field.*load=\.\.\."):
+    with pytest.raises(
+        InvalidType, match=r"Pushed\.load is a method .* load is a field.*load=\.\.\."
+    ):
         Pushed([1.0, 1.0, 0.5], 2.0, [0.0, 0.0, 1.0])
     with pytest.raises(InvalidType, match=r"Derived\.weight is a method or a property"):
         Derived([1.0, 1.0, 0.5], 2.0, [0.0, 0.0, 1.0])

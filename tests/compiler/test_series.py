@@ -115,7 +115,12 @@ def test_comparisons_look_at_the_first_term() -> None:
 
 @pytest.mark.parametrize(
     "asked",
-    [lambda x: x == 1.0, lambda x: x != 1.0, lambda x: bool(x - 1.0), lambda x: x * x == Series(1.0)],
+    [
+        lambda x: x == 1.0,
+        lambda x: x != 1.0,
+        lambda x: bool(x - 1.0),
+        lambda x: x * x == Series(1.0),
+    ],
 )
 def test_an_equality_that_holds_only_where_a_series_begins_is_refused(asked: Any) -> None:
     with pytest.raises(InvalidInput, match=r"of a power series.* expm1_over"):
@@ -125,7 +130,12 @@ def test_an_equality_that_holds_only_where_a_series_begins_is_refused(asked: Any
 def test_functions_that_ask_for_nan_take_series() -> None:
     """x != x is no equality that holds at one point only."""
     x = Series(0.4).by(lambda k: 1.0 / k)
-    for function, other in ((np.maximum, -1.0), (np.minimum, 2.0), (np.clip, (-1.0, 2.0)), (np.hypot, 0.0)):
+    for function, other in (
+        (np.maximum, -1.0),
+        (np.minimum, 2.0),
+        (np.clip, (-1.0, 2.0)),
+        (np.hypot, 0.0),
+    ):
         bounds = other if isinstance(other, tuple) else (other,)
         found = function(x, *bounds)
         assert [found[k] for k in range(4)] == [x[k] for k in range(4)]

@@ -189,7 +189,8 @@ def of_mpmath() -> dict[str, Any]:
         "log1p_over": lambda x: hyper([1, 1], [2], -x),
         "atan_over": lambda x: hyper([0.5, 1], [1.5], -x * x),
         "stumpff": lambda k, z: (
-            hyper([1], [(k + 1) / mpmath.mpf(2), (k + 2) / mpmath.mpf(2)], -z / 4) / mpmath.factorial(k)
+            hyper([1], [(k + 1) / mpmath.mpf(2), (k + 2) / mpmath.mpf(2)], -z / 4)
+            / mpmath.factorial(k)
         ),
     }
 
@@ -311,7 +312,9 @@ def check_memory(seed: int, folder: Path, every_driver: bool = True) -> None:
         same(plan.run(one, steps=STEPS).mu, exact, f"{world} run")
         run = plan.resume(plan.run(one, steps=seed % 5 + 1), steps=3)
         run.save(folder / "run.npz")
-        run = plan.resume(lm.Trajectory.load(folder / "run.npz", trusted=True), steps=STEPS - run.carry.step)
+        run = plan.resume(
+            lm.Trajectory.load(folder / "run.npz", trusted=True), steps=STEPS - run.carry.step
+        )
         same(run.mu[-1], exact[-1], f"{world} run from a file")
         stepper = plan.stepper(one)
         for steps in (1, 2, 1, 5):
@@ -320,7 +323,11 @@ def check_memory(seed: int, folder: Path, every_driver: bool = True) -> None:
         bodies = many if compiled else many[:3]
         all_of_them = plan.run(BODY.state(mu=bodies), steps=STEPS)
         for i in {0, 1, len(bodies) - 1}:
-            same(all_of_them.mu[:, i], stepped(method, bodies[i]), f"{world} body {i} of {len(bodies)}")
+            same(
+                all_of_them.mu[:, i],
+                stepped(method, bodies[i]),
+                f"{world} body {i} of {len(bodies)}",
+            )
         rest = plan.resume(plan.run(BODY.state(mu=bodies), steps=4), steps=STEPS - 4)
         same(rest.mu[-1], all_of_them.mu[-1], f"{world} ensemble that went on")
     if not every_driver:
@@ -369,17 +376,25 @@ def crossing(t: float, state: Any) -> Any:
 
 HOW: dict[str, Any] = {
     "t_eval": lambda method, start, compiled: [
-        lm.integrate(BODY, method, start, h=0.1, t_end=2.0, t_eval=[0.3, 1.0, 1.91], compiled=compiled).mu
+        lm.integrate(
+            BODY, method, start, h=0.1, t_end=2.0, t_eval=[0.3, 1.0, 1.91], compiled=compiled
+        ).mu
     ],
     "events": lambda method, start, compiled: (
-        run := lm.integrate(BODY, method, start, h=0.1, steps=STEPS, events=[crossing], compiled=compiled),
+        run := lm.integrate(
+            BODY, method, start, h=0.1, steps=STEPS, events=[crossing], compiled=compiled
+        ),
         [run.mu, run.events[0][0], run.events[0][1].mu],
     )[1],
     "tangent": lambda method, start, compiled: [
-        lm.Plan(BODY, method, h=0.1, compiled=compiled).tangent(start, by=("start",), steps=7).tangent["start"]
+        lm.Plan(BODY, method, h=0.1, compiled=compiled)
+        .tangent(start, by=("start",), steps=7)
+        .tangent["start"]
     ],
     "compensated": lambda method, start, compiled: [
-        lm.integrate(BODY, method, start, h=0.1, steps=STEPS, compensated=True, compiled=compiled).mu
+        lm.integrate(
+            BODY, method, start, h=0.1, steps=STEPS, compensated=True, compiled=compiled
+        ).mu
     ],
 }
 DRIVERS = tuple(HOW)

@@ -49,7 +49,9 @@ class Stairs(lm.HamiltonianSystem):
 def test_they_have_the_same_bits_in_native_code() -> None:
     system = Stairs()
     runs = [
-        lm.integrate(system, lm.RKMK(order=4), system.state(0.37, 0.61), h=0.05, steps=40, compiled=c)
+        lm.integrate(
+            system, lm.RKMK(order=4), system.state(0.37, 0.61), h=0.05, steps=40, compiled=c
+        )
         for c in (False, True)
     ]
     assert np.array_equal(runs[0].q, runs[1].q) and np.array_equal(runs[0].p, runs[1].p)

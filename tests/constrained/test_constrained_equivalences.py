@@ -180,9 +180,7 @@ def test_the_equations_of_euler_and_lagrange() -> None:
     assert np.abs(rate).max() > 1.0
     assert np.abs(rate - slope).max() < 64 * EPS * np.abs(rate).max()
     speed = lm.derivative(lambda s: system.constraint(along(s)[0]), 0.0)
-    bend = lm.derivative(
-        lambda r: lm.derivative(lambda s: system.constraint(along(s)[0]), r), 0.0
-    )
+    bend = lm.derivative(lambda r: lm.derivative(lambda s: system.constraint(along(s)[0]), r), 0.0)
     assert np.abs(np.array([*speed, *bend])).max() < 64 * EPS * np.abs(np.array(v)).max() ** 2
 
 

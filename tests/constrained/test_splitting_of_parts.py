@@ -147,7 +147,14 @@ def test_two_parts_of_second_degree_are_the_geodesic_splitting(order: int) -> No
 @pytest.mark.compiled
 def test_long_runs_keep_the_constraints_and_the_energy() -> None:
     run = lm.integrate(
-        GENERAL, lm.Splitting(order=2), HANGING, h=0.02, steps=20_000, every=20, compiled=True, progress=False
+        GENERAL,
+        lm.Splitting(order=2),
+        HANGING,
+        h=0.02,
+        steps=20_000,
+        every=20,
+        compiled=True,
+        progress=False,
     )
     assert run.drift()["energy"].verdict == "bounded"
     assert np.asarray(GENERAL.defects(run.q, run.p)).max() < 1e-13

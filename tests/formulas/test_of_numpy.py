@@ -23,7 +23,9 @@ TABLE, FIELD = np.array([[2.0, -1.0, 0.5], [0.25, 3.0, 1.0]]), np.array([0.5, -2
 X, STEP = 0.4, 1e-3
 
 
-SMOOTH = [f for f in of_numpy.BY_COMPONENTS if f not in (np.clip, np.where, np.sign, np.floor_divide)]
+SMOOTH = [
+    f for f in of_numpy.BY_COMPONENTS if f not in (np.clip, np.where, np.sign, np.floor_divide)
+]
 
 
 @pytest.mark.parametrize("function", SMOOTH, ids=lambda f: f.__name__)
@@ -241,9 +243,7 @@ def test_a_property_computes_the_inverse_of_a_parameter() -> None:
     body = lm.RigidBody(inertia)
     options: Any = {"h": 0.1, "steps": 20}
     plain, native = (
-        lm.integrate(
-            system, lm.RKMK(order=4), system.state([1.0, 0.2, 0.4]), compiled=c, **options
-        )
+        lm.integrate(system, lm.RKMK(order=4), system.state([1.0, 0.2, 0.4]), compiled=c, **options)
         for c in (False, True)
     )
     expected = lm.integrate(body, lm.RKMK(order=4), body.state([1.0, 0.2, 0.4]), **options)

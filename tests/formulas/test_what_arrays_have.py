@@ -4,6 +4,7 @@ values, one form in all worlds, and the right derivative.
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -140,14 +141,16 @@ def test_places_of_special_numbers_are_those_of_numpy() -> None:
     for x in (math.nan, math.inf, -math.inf, 0.0, -0.0, *nodes, -0.7, 0.3, 3.0):
         for side in ("left", "right"):
             assert place(nodes, x, side) == np.searchsorted(nodes, x, side=side)
-        assert worlds.bits(interpolated(x, nodes, values)) == worlds.bits(np.interp(x, nodes, values))
+        assert worlds.bits(interpolated(x, nodes, values)) == worlds.bits(
+            np.interp(x, nodes, values)
+        )
 
 
 def test_bounds_and_ties_of_clip_are_those_of_numpy() -> None:
+    """All but the sign of a zero that a tie gives: NumPy 2.0 and 2.2 have different ones."""
     from liemech.formulas.of_numpy import clip
 
     special = (0.0, -0.0, 1.0, -1.0, math.nan, math.inf)
-    for x in special:
-        for least in special:
-            for most in special:
-                assert worlds.bits(clip(x, least, most)) == worlds.bits(float(np.clip(x, least, most)))
+    for x, least, most in itertools.product(special, repeat=3):
+        ours, numpys = clip(x, least, most), float(np.clip(x, least, most))
+        assert ours == numpys == 0.0 or worlds.bits(ours) == worlds.bits(numpys)

@@ -557,7 +557,9 @@ def test_generators_of_unlike_sizes_have_all_their_brackets(unit):
     inverse = np.array(group.dexp_inv(xi / units, eta / units))
     assert np.allclose(inverse, lm.SO3().dexp_inv(xi, eta) / units, rtol=1e-12, atol=0.0)
     (before,), (after,) = group.casimirs(mu * units), group.casimirs(moved)
-    assert abs(after - before) < 1e-12 * abs(before) and group.contains(expm_of(turns(unit), xi / units))
+    assert abs(after - before) < 1e-12 * abs(before) and group.contains(
+        expm_of(turns(unit), xi / units)
+    )
 
 
 @pytest.mark.parametrize("c", [1.0, 1e5, 299792458.0])

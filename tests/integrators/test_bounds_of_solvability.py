@@ -59,9 +59,7 @@ def test_which_bodies_have_a_step_for_every_h(shape: tuple[float, float], order:
     assert least_on_the_octant(body(low)) > 0.0 > least_on_the_octant(body(high))
     for _ in range(40):
         middle = math.sqrt(low * high)
-        low, high = (
-            (middle, high) if least_on_the_octant(body(middle)) >= 0.0 else (low, middle)
-        )
+        low, high = (middle, high) if least_on_the_octant(body(middle)) >= 0.0 else (low, middle)
     for unit in (1e-90, 1.0, 1e90):
         for part, wanted in ((0.2, True), (0.9999, True), (1.0001, False), (5.0, False)):
             J = unit * body(1.0 + part * (low - 1.0))

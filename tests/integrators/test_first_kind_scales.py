@@ -20,7 +20,7 @@ def test_trace_of_ad_reaches_every_start(group: lm.LieGroup, retraction: lm.Retr
     """Elliptic, hyperbolic and nilpotent momenta, large and small; the Casimir is kept."""
     body = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.5, 2.0]))
     method = FirstKindHamiltonJacobi(2, retraction, lm.TraceOfAd())
-    starts = [10.0 ** k * RNG.normal(size=3) for k in (-3, 0, 0, 3)]
+    starts = [10.0**k * RNG.normal(size=3) for k in (-3, 0, 0, 3)]
     for mu in [*starts, *np.eye(3)]:
         size = np.linalg.norm(mu)
         run = lm.integrate(body, method, body.state(mu), h=0.01 / size, steps=1, compiled=False)

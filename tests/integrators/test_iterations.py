@@ -89,7 +89,8 @@ def hanging() -> tuple[Any, Any]:
 def jointed() -> tuple[Any, Any]:
     """A body in space that hangs on a rod."""
     body = lm.Linkage(
-        [lm.Link(mass=2.0, inertia=[1.0, 1.5, 0.7])], [lm.RigidRod(0, None, vec(0.3, 0.1, 0.4), length=1.2)]
+        [lm.Link(mass=2.0, inertia=[1.0, 1.5, 0.7])],
+        [lm.RigidRod(0, None, vec(0.3, 0.1, 0.4), length=1.2)],
     )
     g = np.eye(4)
     g[:3, 3] = 0.5, 0.3, -1.3
@@ -203,8 +204,13 @@ CASES: list[Any] = [
     (lm.CovariantVariational(CAY), full, 0.3, [3, 3, 3, 2, 2], (0.018, 3.32e-05)),
     (lm.CovariantVariational(EXP), rod, 0.3, [31, 190, 294, 70, 132], (1.77, 0.45)),
     (lm.CovariantVariational(CAY), in_a_fluid, 0.2, [3, 3, 3, 3, 3], (0.0856, 0.00484)),
-    (lm.CovariantVariational(EXP, lm.QuadratureLagrangian()), asymmetric_body, 0.3,
-     [3, 3, 3], (0.0204, 0.0195)),
+    (
+        lm.CovariantVariational(EXP, lm.QuadratureLagrangian()),
+        asymmetric_body,
+        0.3,
+        [3, 3, 3],
+        (0.0204, 0.0195),
+    ),
     (lm.MoserVeselov(), full, 0.3, [3, 3, 3, 2, 2], (0.0238, 3.55e-05)),
     (lm.ImplicitMidpoint(), full, 0.3, [3, 3, 3, 2, 2], (0.0114, 2.84e-05)),
     (lm.SphericalMidpoint(), full, 0.3, [3, 3, 3, 2, 2], (0.0114, 2.84e-05)),
@@ -242,10 +248,20 @@ CASES: list[Any] = [
     (lm.GalerkinVariational(6), in_a_fluid, 0.3, [8, 9, 9, 9, 8], (0.224, 0.0172)),
     (lm.GalerkinVariational(4, CAY), braked, 0.2, [17, 15, 14, 12, 11], (0.181, 0.149)),
     (lm.AdaptiveVerlet(), in_fictive_time, 0.1, [4, 4, 4, 4, 4], (0, 0)),
-    (lm.RKMK(tableau=lm.tableaus.CROUZEIX3), asymmetric_body, 0.3,
-     [16, 15, 15, 15, 15], (0.0354, 0.0218)),
-    (lm.RKMK(tableau=lm.tableaus.gauss(2)), asymmetric_body, 0.3,
-     [11, 11, 11, 11, 11], (0.0319, 0.0223)),
+    (
+        lm.RKMK(tableau=lm.tableaus.CROUZEIX3),
+        asymmetric_body,
+        0.3,
+        [16, 15, 15, 15, 15],
+        (0.0354, 0.0218),
+    ),
+    (
+        lm.RKMK(tableau=lm.tableaus.gauss(2)),
+        asymmetric_body,
+        0.3,
+        [11, 11, 11, 11, 11],
+        (0.0319, 0.0223),
+    ),
 ]
 
 

@@ -184,7 +184,10 @@ def test_the_trace_of_the_adjoint(group: Any) -> None:
     """P_j = -tr(Ad_g ad_j)/k, and the xi with P = mu by Newton's method."""
     xi = 0.3 * np.cos(1.0 + np.arange(group.dim))
     Ad = np.array([group.Ad(group.exp(xi), e) for e in np.eye(group.dim)]).T
-    ads = [np.array([group.ad(vec(*a), vec(*e)) for e in np.eye(group.dim)]).T for a in np.eye(group.dim)]
+    ads = [
+        np.array([group.ad(vec(*a), vec(*e)) for e in np.eye(group.dim)]).T
+        for a in np.eye(group.dim)
+    ]
     k = max(np.abs(np.trace(a @ b)) for a in ads for b in ads)
     wanted = np.array([-np.trace(Ad @ a) for a in ads]) / k
     function = TraceOfAd()
@@ -314,9 +317,7 @@ def test_where_a_solution_is_told_to_end(unit: float) -> None:
     assert 0.0 < usable < end < 4.0
     short = 0.98 * end
     method.displacement(body, short, vec(*mu), short * body.velocity(vec(*mu)))
-    assert usable == pytest.approx(
-        method.largest_step(body, body.state(mu, np.eye(3))), rel=2e-2
-    )
+    assert usable == pytest.approx(method.largest_step(body, body.state(mu, np.eye(3))), rel=2e-2)
 
 
 def test_where_no_bound_is_known_a_quarter_is_told() -> None:

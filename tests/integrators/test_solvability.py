@@ -503,7 +503,7 @@ def test_the_condition_is_that_a_quadratic_form_is_not_negative(share: float) ->
     ratios of the x_i^2.
     """
     logarithms = np.linspace(-6.0, 6.0, 241)
-    u, v = (10.0**x.ravel() for x in np.meshgrid(logarithms, logarithms))
+    u, v = (10.0 ** x.ravel() for x in np.meshgrid(logarithms, logarithms))
     across = np.stack([np.ones_like(u), u, v], axis=-1) / (1.0 + u + v)[:, None]
     seen = set()
     for ratio in np.geomspace(20.0, 400.0, 40):

@@ -320,9 +320,7 @@ def test_a_number_that_begins_with_zero_needs_no_absolute_tolerance() -> None:
     body = lm.RigidBody([1.0, 1.5, 2.0])
     start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
     steps = [
-        lm.integrate(
-            body, Taylor(8), start, t_end=3.0, rtol=1e-7, atol=atol, compiled=False
-        ).steps
+        lm.integrate(body, Taylor(8), start, t_end=3.0, rtol=1e-7, atol=atol, compiled=False).steps
         for atol in (0.0, 1e-7)
     ]
     assert steps[0] <= 1.5 * steps[1]

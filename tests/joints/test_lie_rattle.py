@@ -389,7 +389,9 @@ def test_what_is_no_start_is_refused():
         body.state([0.1, 1.2, 0.0], [0.6, 0.0, -0.8])
     with pytest.raises(lm.errors.InvalidInput, match="g is missing"):
         body.state([0.0, 1.2, 0.0])
-    with pytest.raises(lm.errors.InvalidInput, match="give mu, the momentum, or xi, the velocity, not"):
+    with pytest.raises(
+        lm.errors.InvalidInput, match="give mu, the momentum, or xi, the velocity, not"
+    ):
         body.state([0.0, 1.2, 0.0], [0.6, 0.0, -0.8], xi=[0.0, 1.2, 0.0])
     with pytest.raises(lm.errors.InvalidInput, match="its derivative is zero"):
         body.state([0.0, 1.2, 0.0], [0.0, 0.0, 0.0])

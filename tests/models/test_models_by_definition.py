@@ -113,7 +113,9 @@ def test_a_thrown_body_falls() -> None:
     v = v0 - 9.0 * t[:, None] * [0.0, 0.0, 1.0]
     x = [0.3, 0.4, 0.5] + v0 * t[:, None] - 4.5 * t[:, None] ** 2 * [0.0, 0.0, 1.0]
     assert np.allclose(end.g[:, :3, 3], x, rtol=1e-13)
-    assert np.allclose(np.einsum("nij,nj->ni", end.g[:, :3, :3], end.mu[:, 3:]), 1.7 * v, rtol=1e-13)
+    assert np.allclose(
+        np.einsum("nij,nj->ni", end.g[:, :3, :3], end.mu[:, 3:]), 1.7 * v, rtol=1e-13
+    )
     assert (end.g[:, 3] == [0.0, 0.0, 0.0, 1.0]).all()
     free = lm.RigidBody([1.0, 1.6, 2.3])
     turned = free.exact(free.state([0.4, 0.5, 0.6], TURNS[0]), t)
@@ -235,15 +237,15 @@ def test_the_centre_of_gyration() -> None:
 
     assert system.energy(lm.vec(*y)) == pytest.approx(whole(y), rel=1e-14)
     bare = lm.GuidingCentre(field, system.moment)
-    assert bare.energy(lm.vec(*y)) == pytest.approx(
-        whole(y) - well.energy(lm.vec(*x)), rel=1e-14
-    )
+    assert bare.energy(lm.vec(*y)) == pytest.approx(whole(y) - well.energy(lm.vec(*x)), rel=1e-14)
     slopes = [(whole(y + 1e-5 * e) - whole(y - 1e-5 * e)) / 2e-5 for e in np.eye(4)]
     assert np.allclose(system.gradient(lm.vec(*y)), slopes, rtol=1e-8, atol=1e-9)
     turned = np.zeros((3, 3))
     for j, e in enumerate(np.eye(3)):
         ends = [numbers(field.at(lm.vec(*(x + s * e)))) for s in (1e-5, -1e-5)]
-        turned[:, j] = (ends[0] / np.linalg.norm(ends[0]) - ends[1] / np.linalg.norm(ends[1])) / 2e-5
+        turned[:, j] = (
+            ends[0] / np.linalg.norm(ends[0]) - ends[1] / np.linalg.norm(ends[1])
+        ) / 2e-5
     curl = [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
     star = B + y[3] * np.array(curl)
     pull = np.array(slopes[:3])
@@ -338,7 +340,9 @@ def test_how_a_ball_rolls() -> None:
     wanted = v - np.cross(TURNS[1] @ w, [0.0, 0.0, 0.7])
     assert np.allclose(rows @ np.r_[w, v], wanted, rtol=1e-14)
     w, v = RNG.normal(size=(2, 3))
-    assert np.allclose(lm.Suslov([0.0, 0.0, 2.0]).matrix(lm.Mat.of(TURNS[0].tolist())), [[0, 0, 2.0]])
+    assert np.allclose(
+        lm.Suslov([0.0, 0.0, 2.0]).matrix(lm.Mat.of(TURNS[0].tolist())), [[0, 0, 2.0]]
+    )
     blade = numbers(lm.Blade(0.4).matrix(lm.Mat.of(np.eye(3).tolist())))
     assert np.allclose(blade, [[-0.4, 0.0, 1.0]])
 
@@ -358,7 +362,9 @@ def test_attitudes_as_quaternions() -> None:
     assert np.allclose(poses.rotated(found, v), R @ v, atol=1e-15)
 
 
-@pytest.mark.parametrize("group", [lm.SO3(), lm.SE3(), lm.SE2(), "product", lm.UnitQuaternions()], ids=str)
+@pytest.mark.parametrize(
+    "group", [lm.SO3(), lm.SE3(), lm.SE2(), "product", lm.UnitQuaternions()], ids=str
+)
 def test_where_a_body_is_and_how_it_is_turned(group: Any) -> None:
     turns, x = TURNS, PLACES
     system: Any = None
@@ -381,7 +387,9 @@ def test_where_a_body_is_and_how_it_is_turned(group: Any) -> None:
     wanted = Rotation.from_matrix(turns).as_quat()
     assert np.allclose(np.abs((found * wanted).sum(axis=1)), 1.0, atol=1e-14)
     there = group if group != "product" else system.configurations
-    assert poses.is_pose(there) and poses.flies(system) == (group not in (lm.SO3(), lm.UnitQuaternions()))
+    assert poses.is_pose(there) and poses.flies(system) == (
+        group not in (lm.SO3(), lm.UnitQuaternions())
+    )
     if poses.flies(system):
         assert np.array_equal(poses.place(system, g), x)
 
@@ -405,7 +413,9 @@ def test_points_and_rods() -> None:
         found = poses.places(system, q, q)
         assert np.array_equal(found, q.reshape(2, -1, dimension))
     one = RNG.normal(size=(3, 1))
-    assert np.array_equal(poses.places(lm.FermiPastaUlam(1), one, 2.0 * one)[:, 0], np.c_[one, 2.0 * one])
+    assert np.array_equal(
+        poses.places(lm.FermiPastaUlam(1), one, 2.0 * one)[:, 0], np.c_[one, 2.0 * one]
+    )
     assert poses.places(lm.Kepler(), q[:, :2], q[:, :2]).shape == (2, 1, 2)
     angle = np.array([[0.4]])
     drawn = poses.places(lm.Pendulum(length=0.6), angle, angle)[0]

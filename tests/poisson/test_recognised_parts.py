@@ -51,7 +51,12 @@ class Potential(lm.Hamiltonian):
         if self.kind == "NumPy's sign":
             return spring + p * (1.0 + np.copysign(1.0, q - 1e9))
         if self.kind == "NumPy's":
-            return spring + 0.1 * np.cos(q) + np.log(np.sqrt(1.0 + np.square(q))) + np.exp(-np.square(q))
+            return (
+                spring
+                + 0.1 * np.cos(q)
+                + np.log(np.sqrt(1.0 + np.square(q)))
+                + np.exp(-np.square(q))
+            )
         return spring + self.smooth(q)
 
     def smooth(self, q: Any) -> Any:
@@ -64,7 +69,18 @@ def why(part: lm.Hamiltonian) -> str:
 
 @pytest.mark.parametrize(
     "kind",
-    ["where", "if", "max", "abs", "sign", "floor", "equal", "loop", "NumPy's maximum", "NumPy's sign"],
+    [
+        "where",
+        "if",
+        "max",
+        "abs",
+        "sign",
+        "floor",
+        "equal",
+        "loop",
+        "NumPy's maximum",
+        "NumPy's sign",
+    ],
 )
 def test_what_a_formula_does_somewhere_else_is_not_missed(kind: str) -> None:
     assert (

@@ -90,7 +90,13 @@ def test_the_lie_series_is_the_motion() -> None:
     derivatives = [F(y)] + [MIXED.lie_derivative(F, times=k)(y) for k in range(1, 6)]
     for t in (0.2, 0.1):
         run = lm.integrate(
-            MIXED, lm.RKMK(order=8), MIXED.state(Y), h=t / 8, steps=8, compiled=False, progress=False
+            MIXED,
+            lm.RKMK(order=8),
+            MIXED.state(Y),
+            h=t / 8,
+            steps=8,
+            compiled=False,
+            progress=False,
         )
         series = sum(d * t**k / math.factorial(k) for k, d in enumerate(derivatives))
         errors.append(abs(series - F(run.y[-1])))
@@ -185,7 +191,13 @@ def test_kicks_and_drifts_as_fields_are_the_separable_system() -> None:
     fields, bob = lm.SplitField((Drift(), Kick())), Bob()
     for method in (lm.Splitting(order=4, quadratic=False), lm.StormerVerlet()):
         a = lm.integrate(
-            fields, method, fields.state([1.0, 0.3]), h=0.1, steps=50, compiled=False, progress=False
+            fields,
+            method,
+            fields.state([1.0, 0.3]),
+            h=0.1,
+            steps=50,
+            compiled=False,
+            progress=False,
         )
         b = lm.integrate(
             bob, method, bob.state([1.0], [0.3]), h=0.1, steps=50, compiled=False, progress=False
@@ -206,9 +218,7 @@ def test_lie_derivatives_compile() -> None:
 
     start = Descent().state(Y)
     native, python = (
-        lm.integrate(
-            Descent(), lm.RKMK(order=2), start, h=0.1, steps=5, compiled=c, progress=False
-        )
+        lm.integrate(Descent(), lm.RKMK(order=2), start, h=0.1, steps=5, compiled=c, progress=False)
         for c in (True, False)
     )
     assert native.y.tobytes() == python.y.tobytes()
@@ -304,7 +314,9 @@ def test_formulas_that_are_none_are_refused_by_the_state() -> None:
         def flow(self, t: float) -> lm.Vec:  # type: ignore[override]
             return lm.vec(t, t, t)
 
-    with pytest.raises(InvalidType, match=r"Timed.velocity takes .* write `def velocity\(self, y\)`"):
+    with pytest.raises(
+        InvalidType, match=r"Timed.velocity takes .* write `def velocity\(self, y\)`"
+    ):
         Timed().state([1.0, 2.0])
     with pytest.raises(InvalidType, match=r"Bare.flow takes .* write `def flow\(self, y, t\)`"):
         lm.SplitField((Bare(), Shear(0, 1.0))).state(Y)

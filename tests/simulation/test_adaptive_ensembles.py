@@ -115,7 +115,9 @@ def test_an_ensemble_goes_on_and_is_divided() -> None:
         spread = native().run(starts, t_end=2.0, t_eval=TIMES, executor=executor)
     assert np.array_equal(spread.mu, whole.mu)
     back = native().resume(first, t_end=0.0)
-    assert np.array_equal(back.mu[-1, 3], PLAN.resume(alone(3, t_end=first.t[-1, 3]), t_end=0.0).mu[-1])
+    assert np.array_equal(
+        back.mu[-1, 3], PLAN.resume(alone(3, t_end=first.t[-1, 3]), t_end=0.0).mu[-1]
+    )
 
 
 def test_functions_of_the_state() -> None:
@@ -130,7 +132,9 @@ def test_plain_python_begins_and_lanes_take_over(monkeypatch: pytest.MonkeyPatch
     whole = native().run(BODY.state(mu=MU[:19]), t_end=2.0, t_eval=TIMES)
     later = ensemble._side_by_side
     monkeypatch.setattr(ensemble, "_run", OneByOne._run)
-    monkeypatch.setattr(ensemble, "_side_by_side", lambda self, i, bar: i > 6 and later(self, i, bar))
+    monkeypatch.setattr(
+        ensemble, "_side_by_side", lambda self, i, bar: i > 6 and later(self, i, bar)
+    )
     mixed = native().run(BODY.state(mu=MU[:19]), t_end=2.0, t_eval=TIMES)
     assert np.array_equal(mixed.mu, whole.mu) and mixed.steps == whole.steps
     assert mixed.h == whole.h and mixed.rejected == whole.rejected
@@ -263,7 +267,9 @@ def test_bodies_that_fail_before_and_after_lanes_take_over(monkeypatch: pytest.M
         whole = plan.run(starts, t_end=50.0, steps=40)
     later = ensemble._side_by_side
     monkeypatch.setattr(ensemble, "_run", OneByOne._run)
-    monkeypatch.setattr(ensemble, "_side_by_side", lambda self, i, bar: i > 1 and later(self, i, bar))
+    monkeypatch.setattr(
+        ensemble, "_side_by_side", lambda self, i, bar: i > 1 and later(self, i, bar)
+    )
     with pytest.warns(RuntimeWarning, match="2 of 4 bodies stopped early"):
         mixed = plan.run(starts, t_end=50.0, steps=40)
     assert [*mixed.stopped] == [*whole.stopped] == [0, 2]

@@ -98,7 +98,11 @@ def test_a_saved_run_comes_back_and_goes_on(case: str, tmp_path: Path) -> None:
 
 def test_whatever_the_library_has_can_be_in_files() -> None:
     """Read in a process that knows nothing but the library."""
-    made = [getattr(scene(), part) for scene in SCENES.values() for part in ("system", "method", "start")]
+    made = [
+        getattr(scene(), part)
+        for scene in SCENES.values()
+        for part in ("system", "method", "start")
+    ]
     made += [read(EXAMPLES.get(name, name), lm.Method, name) for name in names(lm.Method)
              if name in EXAMPLES or not inspect.signature(getattr(lm, name)).parameters]  # fmt: skip
     program = (

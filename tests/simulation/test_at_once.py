@@ -160,7 +160,8 @@ class Spring(lm.SeparableSystem):
         (lambda x: Spring(1.0 + x), {"q": [0.3], "p": [0.4]}),
         (
             lambda x: lm.PoissonSystem(
-                lm.coadjoint(lm.SO3()).poisson_structure, lm.RigidBody([1.0, 1.5 + x, 2.0]).hamiltonian
+                lm.coadjoint(lm.SO3()).poisson_structure,
+                lm.RigidBody([1.0, 1.5 + x, 2.0]).hamiltonian,
             ),
             {"y": MOMENTA[0]},
         ),

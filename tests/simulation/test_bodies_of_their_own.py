@@ -167,9 +167,7 @@ def test_bodies_with_steps_of_their_own_meet_at_times() -> None:
 def test_every_body_has_a_method_of_its_own(compiled: bool, tmp_path: Path) -> None:
     """Moser-Veselov steps fitted to the motion of each."""
     bodies = [lm.RigidBody([1.0, 1.5, 2.0 + 0.1 * i]) for i in range(4)]
-    methods = [
-        lm.ExactMoserVeselov.of(body, of(i), 0.1) for i, body in enumerate(bodies)
-    ]
+    methods = [lm.ExactMoserVeselov.of(body, of(i), 0.1) for i, body in enumerate(bodies)]
     plan = lm.Plan(bodies, methods, 0.1, compiled=compiled)
     runs, first = plan.run(STARTS, steps=8), plan.run(STARTS, steps=5)
     assert runs.compiled == compiled
@@ -279,7 +277,11 @@ def test_a_body_that_stops_in_fictive_time_stands_after_its_last_step(how: dict[
         runs = plan.run(start, steps=45, t_end=3.0, **how)
     single = plan.replace(every=1).run(KEPLER.state(q=[0.3, 0.0], p=[0.0, 1.4]), steps=45)
     error = runs.stopped[1].error
-    assert runs.stopped[1].steps == 45 and error.clock == (single.t[-1], single.tau[-1], single.z[-1])
+    assert runs.stopped[1].steps == 45 and error.clock == (
+        single.t[-1],
+        single.tau[-1],
+        single.z[-1],
+    )
     for found in (runs.q[-1, 1], runs.carry.members[1].state.q, error.reached.q):
         assert np.array_equal(found, single.q[-1])
     assert runs.tau[-1, 1] == single.tau[-1] and runs.t[-1].max() == 3.0
@@ -415,7 +417,10 @@ def test_an_interrupt_between_events_loses_and_repeats_none(
             assert np.array_equal(times, whole.events[k][i][0][: len(times)])
             assert len(times) == 0 or times[-1] <= part.carry.members[i].t
     left = {"t_end": 6.0}
-    going, through = plan.replace(events=(rising,)), lm.Plan(KEPLER, method, **stepping).run(starts, **left)
+    going, through = (
+        plan.replace(events=(rising,)),
+        lm.Plan(KEPLER, method, **stepping).run(starts, **left),
+    )
     ends = going.resume(part, **left).q[-1]
     for i, (times, _) in enumerate(part.events[1]):
         assert len(times) == 3 or np.array_equal(ends[i], through.q[-1, i])

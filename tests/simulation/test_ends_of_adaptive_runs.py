@@ -15,9 +15,13 @@ from liemech.tableaus import BOGACKI_SHAMPINE3
 
 METHOD = lm.RKMK(tableau=BOGACKI_SHAMPINE3)
 KEPLER, BODY = lm.Kepler(), lm.RigidBody([1.0, 1.5, 2.0])
-FALLING = KEPLER.state(q=[[0.6, 0.0], [0.5, 0.0], [0.7, 0.0]], p=[[0.0, 1.4], [0.0, 0.0], [0.0, 1.1]])
+FALLING = KEPLER.state(
+    q=[[0.6, 0.0], [0.5, 0.0], [0.7, 0.0]], p=[[0.0, 1.4], [0.0, 0.0], [0.0, 1.1]]
+)
 TURNING = BODY.state(mu=[[0.3, 0.4, 2.0], [1.0, -0.5, 0.2], [2.0, 0.1, 0.4]])
-WORLDS = pytest.mark.parametrize("compiled", [pytest.param(True, marks=pytest.mark.compiled), False])
+WORLDS = pytest.mark.parametrize(
+    "compiled", [pytest.param(True, marks=pytest.mark.compiled), False]
+)
 
 
 def plan(system: Any = KEPLER, compiled: bool | None = True, **how: Any) -> lm.Plan:
@@ -116,7 +120,9 @@ def test_steps_beyond_a_terminal_event_are_not_counted(compiled: bool) -> None:
     orbit = plan(compiled=compiled, events=[across])
     run = orbit.run(start, t_end=40.0)
     assert run.steps == len(run.t) - 1 and run.h == run.t[-1] / run.steps
-    with pytest.raises(lm.errors.StepTooSmall) as caught:  # as many steps as it has made, and no more
+    with pytest.raises(
+        lm.errors.StepTooSmall
+    ) as caught:  # as many steps as it has made, and no more
         orbit.replace(events=()).run(start, t_end=40.0, steps=run.steps)
     limited: Any = caught.value.trajectory
     assert limited.rejected == run.rejected > 0
@@ -141,7 +147,10 @@ def test_a_mistake_in_a_formula_is_raised_whatever_bodies_before_it_failed_of(
 ) -> None:
     """At the start as on the way."""
     system = lm.LiePoissonSystem(lm.SO3(), Unfinished())
-    for first, second in [((-0.5, 1.0, 1.0), (0.3, 1.0, 0.02)), ((0.5, -1.0, 1.0), (0.3, 0.1, -1.0))]:
+    for first, second in [
+        ((-0.5, 1.0, 1.0), (0.3, 1.0, 0.02)),
+        ((0.5, -1.0, 1.0), (0.3, 0.1, -1.0)),
+    ]:
         states = system.state(mu=[first, second])
         with pytest.raises(NotImplementedError, match="still to be written") as caught:
             plan(system, compiled).run(states, t_end=10.0)
@@ -252,7 +261,9 @@ def test_a_body_without_velocity_has_the_samples_that_were_asked_for(compiled: b
         run = plan(compiled=compiled).run(states, t_end=1.0, t_eval=times)
     assert run.t.tolist() == times and np.array_equal(run.q[:, 1], [[0.0, 0.0]] * 2)
     with pytest.raises(lm.errors.IntegrationFailure) as caught:
-        plan(compiled=compiled).run(KEPLER.state(q=[0.0, 0.0], p=[0.0, 0.0]), t_end=1.0, t_eval=times)
+        plan(compiled=compiled).run(
+            KEPLER.state(q=[0.0, 0.0], p=[0.0, 0.0]), t_end=1.0, t_eval=times
+        )
     assert len(caught.value.trajectory) == 0
 
 
@@ -307,7 +318,9 @@ class Ends(lm.HamiltonianSystem):
         return 0.5 * p[0] ** 2 + lm.formulas.sqrt(q[0])
 
 
-@pytest.mark.xfail(strict=True, reason="the times of a body that failed are those that were asked for")
+@pytest.mark.xfail(
+    strict=True, reason="the times of a body that failed are those that were asked for"
+)
 @pytest.mark.parametrize("options", [{"h": 0.01, "steps": 200}, {"t_end": 2.0}])
 @pytest.mark.filterwarnings("ignore:integrate. 1 of 2 bodies stopped early")
 def test_a_body_that_failed_has_its_own_time(options: dict[str, Any]) -> None:

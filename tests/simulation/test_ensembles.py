@@ -95,7 +95,6 @@ class Blowing(lm.Hamiltonian):
 def test_a_body_that_fails_fails_alone() -> None:
     system = lm.LiePoissonSystem(lm.SO3(), Blowing())
 
-
     starts = system.state(mu=[[0.0, 0.0, 1.0], [1.0, 2.0, 3.0]])
     with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early: body 1 after"):
         run = lm.integrate(

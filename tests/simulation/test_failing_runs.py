@@ -449,7 +449,6 @@ def test_an_array_for_a_vector_is_one() -> None:
     assert np.abs(run.g[-1] - wanted).max() < 1e-7
 
 
-
 @lm.record
 class Edge(lm.Hamiltonian):
     """(mu_1 + 0.2)^1.5 exists where mu_1 > -0.2."""

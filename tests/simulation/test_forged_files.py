@@ -143,7 +143,10 @@ def test_a_function_that_a_file_names_is_not_called(
         }
         files.write(path, arrays, about)
         for trusted in (False, True):
-            with watched(), pytest.raises(lm.errors.InvalidInput, match=r"run\.npz: there is no class"):
+            with (
+                watched(),
+                pytest.raises(lm.errors.InvalidInput, match=r"run\.npz: there is no class"),
+            ):
                 lm.Trajectory.load(path, trusted=trusted)
     assert not ran.exists()
 
@@ -265,11 +268,17 @@ def forged(arrays: dict[str, Any], about: dict[str, Any], rng: random.Random) ->
             if not arrays:
                 arrays = {"t": np.zeros(3)}
         elif way == 9:
-            arrays[name] = rng.choice((x[:1], x[..., :1], x.ravel(), x[None], np.zeros((0, 4)), np.zeros(3)))
+            arrays[name] = rng.choice(
+                (x[:1], x[..., :1], x.ravel(), x[None], np.zeros((0, 4)), np.zeros(3))
+            )
         elif way == 10:
-            arrays[name] = rng.choice((x.astype(complex), x.astype("f4"), x > 0, x.astype("U3"), x * np.nan, x * 1e300))
+            arrays[name] = rng.choice(
+                (x.astype(complex), x.astype("f4"), x > 0, x.astype("U3"), x * np.nan, x * 1e300)
+            )
         else:
-            arrays[rng.choice(("state.energy", "state.__class__", "dense", "carry.numbers", "state.t"))] = x
+            arrays[
+                rng.choice(("state.energy", "state.__class__", "dense", "carry.numbers", "state.t"))
+            ] = x
     return arrays, about
 
 
@@ -363,7 +372,9 @@ def npy(shape: tuple[int, ...], dtype: str, data: bytes) -> bytes:
     return memory.getvalue() + data
 
 
-@pytest.mark.parametrize("way", ["claims", "packed", "twice", "overlapping", "objects", "many", "folders"])
+@pytest.mark.parametrize(
+    "way", ["claims", "packed", "twice", "overlapping", "objects", "many", "folders"]
+)
 def test_an_archive_that_grows_when_it_is_read(
     way: str, written: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -402,7 +413,9 @@ def test_an_archive_that_grows_when_it_is_read(
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize("way", ["fill", "packed", "elsewhere", "link", "virtual", "about", "checksum", "group"])
+@pytest.mark.parametrize(
+    "way", ["fill", "packed", "elsewhere", "link", "virtual", "about", "checksum", "group"]
+)
 def test_an_hdf5_file_that_grows_when_it_is_read(
     way: str, written: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -500,9 +513,13 @@ def test_a_scene_names_modules_if_the_user_trusts_it(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("own_methods.py").write_text("import liemech as lm\nclass Mine(lm.RKMK):\n    pass\n")
-    Path("scene.toml").write_text(SCENE.format(inertia="[1.0, 2.0, 2.5]", method="own_methods:Mine"))
+    Path("scene.toml").write_text(
+        SCENE.format(inertia="[1.0, 2.0, 2.5]", method="own_methods:Mine")
+    )
     try:
-        with pytest.raises(lm.errors.InvalidInput, match="--trusted imports the modules that it names"):
+        with pytest.raises(
+            lm.errors.InvalidInput, match="--trusted imports the modules that it names"
+        ):
             scene_file(Path("scene.toml"))
         assert "own_methods" not in sys.modules
         assert type(scene_file(Path("scene.toml"), trusted=True).method).__name__ == "Mine"

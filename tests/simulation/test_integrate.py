@@ -262,7 +262,11 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
     if scene == "crank":
         crank = Crank(mass, length, mass / second**2)
         start = crank.consistent([0.5 * length, 0.4], turn * np.array([0.0, 1.3]))
-        return crank, start, {"q": np.array([length, 1.0]), "p": turn * np.array([1.0 / length, 1.0])}
+        return (
+            crank,
+            start,
+            {"q": np.array([length, 1.0]), "p": turn * np.array([1.0 / length, 1.0])},
+        )
     units = np.repeat([turn, turn / length], 3)
     body = lm.KirchhoffBody(np.array([*moments, mass, 1.2 * mass, 1.7 * mass]))
     return body, body.state(units * [0.3, 0.1, 1.5, 0.2, 0.3, 0.9]), {"mu": units}
@@ -284,9 +288,7 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
         ("crank", lm.LobattoPair(order=6)),
         ("submarine", lm.LiePoissonHamiltonJacobi(order=4)),
         ("submarine", lm.Taylor(order=8)),
-        pytest.param(
-            "reduced top", lm.FirstKindHamiltonJacobi(order=2), marks=pytest.mark.slow
-        ),
+        pytest.param("reduced top", lm.FirstKindHamiltonJacobi(order=2), marks=pytest.mark.slow),
     ],
 )
 def test_units_of_mass_length_and_time_change_no_bit(scene: str, method: lm.Method) -> None:

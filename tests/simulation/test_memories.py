@@ -251,9 +251,13 @@ def test_tangents_and_times_and_events() -> None:
     for compiled in (False, True):
         plan = lm.Plan(BODY, Alternating(), h=H, compiled=compiled)
         tangent = plan.tangent(ONE, by=("start",), steps=20)
-        ended = lm.integrate(BODY, Alternating(), ONE, h=H, steps=40, events=[crossing], compiled=compiled)
+        ended = lm.integrate(
+            BODY, Alternating(), ONE, h=H, steps=40, events=[crossing], compiled=compiled
+        )
         assert 0 < ended.steps < 40
-        at_times = lm.integrate(BODY, Alternating(), ONE, h=H, t_end=2.0, t_eval=[0.3, 1.0, 1.9], compiled=compiled)
+        at_times = lm.integrate(
+            BODY, Alternating(), ONE, h=H, t_end=2.0, t_eval=[0.3, 1.0, 1.9], compiled=compiled
+        )
         runs.append((tangent.tangent["start"], ended.mu, at_times.mu))
     for plain, native in zip(*runs, strict=True):
         assert np.array_equal(plain, native)

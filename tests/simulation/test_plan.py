@@ -388,7 +388,9 @@ def test_a_short_pulse_is_met() -> None:
     assert missed.mu[-1, 0] == 0.0
     run = lm.integrate(system, method, start, t_end=10.0, breaks=[5.01, 5.0], compiled=False)
     assert abs(run.mu[-1, 0] - 0.1) < 1e-13
-    longest = lm.integrate(system, method, start, t0=4.98, t_end=5.04, max_step=0.004, compiled=False)
+    longest = lm.integrate(
+        system, method, start, t0=4.98, t_end=5.04, max_step=0.004, compiled=False
+    )
     assert abs(longest.mu[-1, 0] - 0.1) < 0.03
     assert np.diff(longest.t).max() <= 0.004 * (1 + 1e-12)
     there = lm.integrate(

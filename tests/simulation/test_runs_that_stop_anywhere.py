@@ -81,7 +81,9 @@ def test_a_run_without_samples_stands_where_it_came_to(system, method, start, ho
     assert same(plan.resume(nothing, t_end=3.0), plan.resume(rest, t_end=3.0))
 
 
-@pytest.mark.parametrize("t_eval", [None, (0.0, 0.25, 0.5, 1.5), ()], ids=["steps", "times", "none"])
+@pytest.mark.parametrize(
+    "t_eval", [None, (0.0, 0.25, 0.5, 1.5), ()], ids=["steps", "times", "none"]
+)
 @pytest.mark.parametrize("how", ["fixed", "adaptive", "fictive"])
 def test_the_last_state_is_that_of_the_event_that_ended_the_run(how, t_eval, tmp_path: Path):
     def late(t, state):
@@ -113,7 +115,10 @@ def test_the_last_state_is_that_of_the_event_that_ended_the_run(how, t_eval, tmp
 
 
 def test_a_sample_at_a_last_time_where_the_velocity_jumps():
-    plan, start = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-8, breaks=[0.3, 1.0]), BODY.state(START.mu)
+    plan, start = (
+        lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-8, breaks=[0.3, 1.0]),
+        BODY.state(START.mu),
+    )
     whole = plan.run(start, t_end=1.0)
     for record in None, ["mu", "energy"]:
         few = plan.replace(record=record).run(start, t_end=1.0, t_eval=[0.0, 0.5, 1.0, 1.0])

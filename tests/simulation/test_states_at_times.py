@@ -16,9 +16,7 @@ from liemech.simulation import first_piece
 
 BODY, START = asymmetric_body()
 METHOD = lm.RKMK(order=5)
-BOTH = pytest.mark.parametrize(
-    "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)]
-)
+BOTH = pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.compiled)])
 TIMES = {
     "forwards": (2.0, [0.0, 0.0, 0.1, 0.1, 0.7, 1.9, 2.0, 2.0]),
     "backwards": (-2.0, [0.0, -0.3, -1.1, -1.1, -2.0]),

@@ -118,7 +118,9 @@ def test_what_it_gives_is_its_own() -> None:
     with pytest.raises(AttributeError, match="its state has mu, g"):
         stepper.q  # noqa: B018
     for name, value in {"mu": START.mu, "h": 0.1, "t": 3.0}.items():
-        with pytest.raises(AttributeError, match=rf"{name} of a Stepper cannot be set; .*stepper\("):
+        with pytest.raises(
+            AttributeError, match=rf"{name} of a Stepper cannot be set; .*stepper\("
+        ):
             setattr(stepper, name, value)
 
 
@@ -136,7 +138,7 @@ def test_the_count_of_an_event_goes_on(compiled: bool) -> None:
     """Two zeros of three were met before the run is stepped by hand."""
     plan = lm.Plan(BODY, lm.RKMK(order=4), 0.05, events=Equator(), compiled=compiled)
     all_three = plan.run(START, steps=3000)
-    (times, _), = all_three.events
+    ((times, _),) = all_three.events
     first = plan.run(START, steps=all_three.steps - 10)
     assert len(times) == 3 and [len(t) for t, _ in first.events] == [2]
     stepper = plan.stepper(first)
@@ -180,7 +182,9 @@ def test_a_step_that_fails_says_why_and_those_before_it_count(
         plan.run(start, steps=200)
     run, stepper = caught.value.trajectory, plan.stepper(start)
     for _ in range(2):  # nor does it go on when it is asked again
-        with pytest.raises(IntegrationFailure, match=f"beyond the fence .step {run.steps + 1} of") as caught:
+        with pytest.raises(
+            IntegrationFailure, match=f"beyond the fence .step {run.steps + 1} of"
+        ) as caught:
             while True:
                 stepper.step(at_a_time)
         stands(stepper, run, run.steps)

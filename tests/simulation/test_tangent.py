@@ -267,10 +267,17 @@ def test_a_step_that_fails_ends_the_run_and_its_map(compiled):
     start = body.state([0.1, 0.2, 0.3], np.eye(3))
     with pytest.raises(errors.IntegrationFailure, match="has no value") as alone:
         plan.run(start, steps=100)
-    with warnings.catch_warnings(action="error"), pytest.raises(errors.IntegrationFailure, match="has no value") as caught:
+    with (
+        warnings.catch_warnings(action="error"),
+        pytest.raises(errors.IntegrationFailure, match="has no value") as caught,
+    ):
         plan.tangent(start, steps=100)
     run = caught.value.trajectory
-    assert np.array_equal(run.mu, alone.value.trajectory.mu) and np.array_equal(run.t, alone.value.trajectory.t)
-    assert np.array_equal(run.tangent["start"], plan.tangent(start, steps=33).tangent["start"][: len(run.t)])
+    assert np.array_equal(run.mu, alone.value.trajectory.mu) and np.array_equal(
+        run.t, alone.value.trajectory.t
+    )
+    assert np.array_equal(
+        run.tangent["start"], plan.tangent(start, steps=33).tangent["start"][: len(run.t)]
+    )
     with pytest.raises(errors.IntegrationFailure, match="has no value"):
         plan.tangent(body.state([[0.1, 0.2, 0.3]] * 2, [np.eye(3)] * 2), steps=100)

@@ -111,7 +111,7 @@ def test_adaptive_steps_by_a_parameter_of_the_method():
 def test_what_is_no_parameter():
     plan = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), h=0.1, compiled=False)
     for by, words in (
-        ("theta", 'theta is no parameter of RigidBody.*of the method method.name'),
+        ("theta", "theta is no parameter of RigidBody.*of the method method.name"),
         ("method.theta", "theta is no parameter of CovariantVariational"),
         ("method.retraction", "retraction of CovariantVariational.* is no number"),
     ):

@@ -79,7 +79,9 @@ def test_ensembles_have_the_tangent_maps_of_their_bodies(how: dict[str, Any]) ->
     for i, body in enumerate(bodies):
         own = {name: np.broadcast_to(x, 2)[i].item() for name, x in how.items()}
         alone = lm.Plan(body, lm.RKMK(order=5), compiled=False, **own).tangent(
-            body.state(mu[i]), by=["start", "inertia"], **span  # type: ignore[arg-type]
+            body.state(mu[i]),
+            by=["start", "inertia"],
+            **span,  # type: ignore[arg-type]
         )
         for name, D in alone.tangent.items():
             assert np.array_equal(runs.tangent[name][: len(D), i], D)
@@ -180,7 +182,11 @@ def test_steps_in_fictive_time(system: Any, method: Any) -> None:
 def test_a_controlled_body_with_an_attitude() -> None:
     top = lm.HeavyTop([1.0, 1.2, 0.6], 1.0, [0.0, 0.0, 1.0])
     method = lm.ReversibleController(lm.LieVerlet(), lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))
-    plan, mu, g = lm.Plan(top, method, h=0.05, compiled=False), [1.0, 0.5, 0.2], SO3.exp([0.3, 0.2, 0.1])
+    plan, mu, g = (
+        lm.Plan(top, method, h=0.05, compiled=False),
+        [1.0, 0.5, 0.2],
+        SO3.exp([0.3, 0.2, 0.1]),
+    )
     found = plan.tangent(top.state(mu=mu, g=g), steps=10).tangent["start"][-1]
 
     def end(x: Any) -> Any:

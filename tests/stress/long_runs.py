@@ -316,7 +316,9 @@ def draw(kept: dict[str, Any]) -> None:
         for i, (key, found) in enumerate(chosen.items()):
             n, e = np.array(found["errors"]).T
             name = key.split(": ", 1)[1] if key.startswith("free body") else key
-            style = dict(color=f"C{i % 10}", marker="o^sDv<>pP*"[i % 10], ls="-" if i < 10 else "--")
+            style = dict(
+                color=f"C{i % 10}", marker="o^sDv<>pP*"[i % 10], ls="-" if i < 10 else "--"
+            )
             ax.loglog(n, np.maximum(e, 1e-17), lw=1, ms=3, label=name, **style)
         ax.set(xlabel="steps", title=title, ylim=(1e-17, 1e1))
         ax.legend(fontsize=7, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14))

@@ -239,6 +239,7 @@ def test_what_is_refused() -> None:
     assert Folded().old(0.0, lm.vec(4.0), lm.vec(1.0))[0][0] == pytest.approx(2.0)
     with pytest.raises(OutsideChart, match="no position q with dG/dP"):
         Folded().old(0.0, lm.vec(-4.0), lm.vec(1.0))
+
     @lm.record
     class Timeless(lm.CanonicalTransformation):
         degrees: ClassVar[int] = 1

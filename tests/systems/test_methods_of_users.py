@@ -16,7 +16,9 @@ from liemech.errors import InvalidInput, InvalidType
 
 
 def _hamiltonian(**methods: Any) -> Any:
-    cls = type("Mine", (lm.Hamiltonian,), {"energy": lambda self, mu: 0.5 * lm.dot(mu, mu), **methods})
+    cls = type(
+        "Mine", (lm.Hamiltonian,), {"energy": lambda self, mu: 0.5 * lm.dot(mu, mu), **methods}
+    )
     return lm.LiePoissonSystem(lm.SO3(), lm.record(cls)())
 
 
@@ -86,7 +88,12 @@ def test_arrays_and_lists_are_vectors_where_a_vector_belongs() -> None:
         )
         for compiled in (False, True):
             run = lm.integrate(
-                system, lm.RKMK(order=4), system.state(mu=[0.1, 0.2, 0.3]), h=0.1, steps=20, compiled=compiled
+                system,
+                lm.RKMK(order=4),
+                system.state(mu=[0.1, 0.2, 0.3]),
+                h=0.1,
+                steps=20,
+                compiled=compiled,
             )
             found.append(run.mu.tobytes())
     assert len(set(found)) == 1
@@ -139,7 +146,11 @@ def test_rotations_given_in_another_way(g: list[float], words: str) -> None:
 
 
 def test_names_that_are_nearly_right() -> None:
-    for wrong, right in (("Rattle", "RATTLE"), ("rigid_body", "RigidBody"), ("LieVerlett", "LieVerlet")):
+    for wrong, right in (
+        ("Rattle", "RATTLE"),
+        ("rigid_body", "RigidBody"),
+        ("LieVerlett", "LieVerlet"),
+    ):
         with pytest.raises(AttributeError, match=rf"Did you mean liemech.{right}\?"):
             getattr(lm, wrong)
     with pytest.raises(AttributeError, match=r"no attribute 'zzzzzz'$"):

@@ -154,7 +154,11 @@ def test_tables_of_vectors_and_their_derivatives() -> None:
         lm.PiecewisePolynomial.cubic(t, values),
         lm.PiecewisePolynomial.of(spline),
         lm.PiecewisePolynomial.of(make_interp_spline(t, values, k=3)),
-        lm.PiecewisePolynomial.of(BPoly.from_derivatives(t, [[*zip(r, d)] and [r, d] for r, d in zip(values, spline(t, 1))])),
+        lm.PiecewisePolynomial.of(
+            BPoly.from_derivatives(
+                t, [[*zip(r, d)] and [r, d] for r, d in zip(values, spline(t, 1))]
+            )
+        ),
     ]
     for table in made[:3]:
         for order in (0, 1, 2, 3, 4):

@@ -163,9 +163,7 @@ class Torque(lm.Force):
 
 def turned(f: lm.PiecewisePolynomial) -> lm.MechanicalSystem:
     """A body under such a torque."""
-    return lm.MechanicalSystem(
-        lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Torque(f)
-    )
+    return lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Torque(f))
 
 
 START = {"mu": [1.0, 0.5, 0.2], "g": np.eye(3)}
@@ -175,7 +173,9 @@ def primitive(f: lm.PiecewisePolynomial, t: np.ndarray) -> np.ndarray:
     """The integral of a table of one period from its first knot, by SciPy."""
     from scipy.interpolate import PPoly
 
-    terms = np.moveaxis(np.asarray(f.coefficients).reshape(len(f.knots) - 1, f.degree + 1, -1), 1, 0)
+    terms = np.moveaxis(
+        np.asarray(f.coefficients).reshape(len(f.knots) - 1, f.degree + 1, -1), 1, 0
+    )
     curve = PPoly(terms[::-1], np.asarray(f.knots)).antiderivative()
     length = f.knots.array[-1] - f.knots.array[0]
     turns = np.floor((t - f.knots.array[0]) / length)
@@ -206,7 +206,9 @@ def test_held_values_are_integrated_exactly_whether_knots_are_ends_of_steps_or_n
         for sign in (1.0, -1.0):
             t0 = 0.0 if sign > 0.0 else h * steps
             begin = system.state(np.zeros(2))
-            run = lm.integrate(system, method, begin, h=sign * h, steps=steps, t0=t0, compiled=False)
+            run = lm.integrate(
+                system, method, begin, h=sign * h, steps=steps, t0=t0, compiled=False
+            )
             t = np.clip(run.t, 0.0, 4.0)
             wanted = primitive(f, t) - primitive(f, np.array([t0]))
             assert np.abs(run.g - wanted).max() < 1e-13
@@ -217,14 +219,28 @@ def test_a_table_that_is_repeated_jumps_where_it_begins_anew(kind):
     rng = np.random.default_rng(5)
     knots = np.array([0.0, 0.2, 0.7, 1.0]) + 0.3
     f = {
-        "constant": lambda: lm.PiecewisePolynomial.constant(knots, rng.normal(size=(3, 2)), "repeat"),
+        "constant": lambda: lm.PiecewisePolynomial.constant(
+            knots, rng.normal(size=(3, 2)), "repeat"
+        ),
         "linear": lambda: lm.PiecewisePolynomial.linear(knots, rng.normal(size=(4, 2)), "repeat"),
         "polynomial": lambda: lm.PiecewisePolynomial(knots, rng.normal(size=(3, 4, 2)), "repeat"),
     }[kind]()
     system = driven(f)
-    for t0, h, steps in ((0.3, 0.1, 40), (0.3, 1.0, 4), (0.0, 0.07, 40), (0.3, -0.1, 40), (0.3, 2.5, 2)):
+    for t0, h, steps in (
+        (0.3, 0.1, 40),
+        (0.3, 1.0, 4),
+        (0.0, 0.07, 40),
+        (0.3, -0.1, 40),
+        (0.3, 2.5, 2),
+    ):
         run = lm.integrate(
-            system, lm.Taylor(order=6), system.state(np.zeros(2)), h=h, steps=steps, t0=t0, compiled=False
+            system,
+            lm.Taylor(order=6),
+            system.state(np.zeros(2)),
+            h=h,
+            steps=steps,
+            t0=t0,
+            compiled=False,
         )
         wanted = primitive(f, run.t) - primitive(f, np.array([t0]))
         assert np.abs(run.g - wanted).max() < 1e-13 * max(1.0, np.abs(wanted).max())
@@ -301,12 +317,12 @@ class Switch(lm.Force):
 @pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieVerlet()], ids=repr)
 @pytest.mark.parametrize("at", [0.9, 0.93])
 def test_steps_of_one_length_end_at_breaks_that_a_user_names(method, at):
-    system = lm.MechanicalSystem(
-        lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Switch(at)
-    )
+    system = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Switch(at))
     same = lm.PiecewisePolynomial.constant([0.0, at, 2.0], [[1.0, 0.3, 0.0], [-2.0, 0.3, 0.0]])
     runs = [
-        lm.integrate(one, method, one.state(**START), h=0.05, steps=40, breaks=breaks, compiled=False)
+        lm.integrate(
+            one, method, one.state(**START), h=0.05, steps=40, breaks=breaks, compiled=False
+        )
         for one, breaks in ((system, [at]), (turned(same), ()), (system, ()))
     ]
     assert np.abs(runs[0].mu - runs[1].mu).max() < 1e-13
@@ -330,9 +346,7 @@ def test_a_break_at_time_zero_which_sums_of_steps_miss_by_rounding(method, sign)
     assert -1e-16 < -0.45 + 3 * 0.15 < 0.0
     system = Reversed(lm.VectorSpace(1))
     options = {"t0": sign * -0.45, "breaks": [0.0], "compiled": False}
-    fixed = lm.integrate(
-        system, method, system.state([0.0]), h=sign * 0.15, steps=6, **options
-    )
+    fixed = lm.integrate(system, method, system.state([0.0]), h=sign * 0.15, steps=6, **options)
     assert abs(fixed.g[-1, 0] + sign * 0.45) < 1e-14
     if method.error_order:
         run = lm.integrate(system, method, system.state([0.0]), t_end=sign * 0.45, **options)
@@ -468,7 +482,9 @@ class Delayed(lm.GroupEquation):
 
 
 @pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
-@pytest.mark.parametrize(("delay", "pace"), [(0.25, 1.0), (3.0, 1.0), (-1.5, 1.0), (-8.0, -1.0), (1.0, 2.0)])
+@pytest.mark.parametrize(
+    ("delay", "pace"), [(0.25, 1.0), (3.0, 1.0), (-1.5, 1.0), (-8.0, -1.0), (1.0, 2.0)]
+)
 @pytest.mark.parametrize("compiled", [False, None])
 def test_a_table_is_right_at_other_times_than_those_of_the_step(outside, delay, pace, compiled):
     # Simpson's rule is exact for cubics, the knots are ends of steps
@@ -478,7 +494,9 @@ def test_a_table_is_right_at_other_times_than_those_of_the_step(outside, delay, 
     waves = np.column_stack([np.sin(knots), np.cos(2.0 * np.pi * knots / 16.0)])
     curve = CubicSpline(knots, waves)
     system = Delayed(lm.VectorSpace(2), lm.PiecewisePolynomial.of(curve, outside), delay, pace)
-    run = lm.integrate(system, lm.RKMK(order=4), system.state([0.0, 0.0]), h=0.25, steps=20, compiled=compiled)
+    run = lm.integrate(
+        system, lm.RKMK(order=4), system.state([0.0, 0.0]), h=0.25, steps=20, compiled=compiled
+    )
     exact = [curve.integrate(-delay, pace * t - delay) / pace for t in run.t.tolist()]
     assert np.abs(run.g - exact).max() < 1e-13
 
@@ -508,12 +526,16 @@ def test_stages_beyond_a_step_see_a_fine_table_as_it_is():
     from liemech.tableaus.compositions import TRIPLE_JUMP4
 
     knots = np.linspace(-1.0, 6.0, 7 * 128 + 1)
-    torque = lm.PiecewisePolynomial.cubic(knots, np.column_stack([np.cos(knots), 0.0 * knots, 0.0 * knots]))
+    torque = lm.PiecewisePolynomial.cubic(
+        knots, np.column_stack([np.cos(knots), 0.0 * knots, 0.0 * knots])
+    )
     body = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Torque(torque))
     jumps = lm.Composition(lm.KickDrift(), tableau=TRIPLE_JUMP4)
     errors = []
     for h in 0.25, 0.125:
-        run = lm.integrate(body, jumps, body.state([0.0, 0.0, 0.0], np.eye(3)), h=h, steps=round(5.0 / h))
+        run = lm.integrate(
+            body, jumps, body.state([0.0, 0.0, 0.0], np.eye(3)), h=h, steps=round(5.0 / h)
+        )
         errors.append(np.abs(run.mu[:, 0] - np.sin(run.t)).max())
     assert errors[0] < 2e-4 and errors[0] / errors[1] > 12.0
 
@@ -523,7 +545,9 @@ def test_stages_beyond_a_step_do_not_look_behind_a_jump(outside):
     from liemech.tableaus.compositions import TRIPLE_JUMP4, YOSHIDA6
 
     knots = [-1.0, 0.33, 1.0, 1.4142, 5.0]
-    push = lm.PiecewisePolynomial.constant(knots, np.outer([0.3, 2.0, -1.0, 0.5], [1.0, 0.2, -0.5]), outside)
+    push = lm.PiecewisePolynomial.constant(
+        knots, np.outer([0.3, 2.0, -1.0, 0.5], [1.0, 0.2, -0.5]), outside
+    )
     body = lm.MechanicalSystem(lm.RigidBody([1.0, 1.5, 2.0]), lm.NoPotential(), load=Torque(push))
     start = body.state([0.3, 0.5, -0.7], np.eye(3))
     exact = lm.integrate(body, lm.RKMK(order=8), start, h=0.005, steps=400).mu[-1]

@@ -299,7 +299,14 @@ def test_one_step_of_each_field_is_strangs_splitting() -> None:
     start = system.state([0.5, -0.3, 0.8])
     runs = [
         lm.integrate(
-            system, method, start, h=0.1, steps=20, compiled=False, compensated=False, progress=False
+            system,
+            method,
+            start,
+            h=0.1,
+            steps=20,
+            compiled=False,
+            compensated=False,
+            progress=False,
         )
         for method in (lm.MultipleTimeSteps(ratios=(1,)), lm.Splitting(order=2))
     ]

@@ -198,9 +198,7 @@ def test_runs_go_on_and_are_kept_in_files(tmp_path: Path) -> None:
 
 def test_tangents() -> None:
     """By the start, at the same fictive time, beside differences of two runs."""
-    plan = lm.Plan(
-        lm.SundmanTransformed(Spiral(), speed), lm.RKMK(order=4), h=0.1, progress=False
-    )
+    plan = lm.Plan(lm.SundmanTransformed(Spiral(), speed), lm.RKMK(order=4), h=0.1, progress=False)
     found = plan.tangent(Spiral().state([1.2, 0.5]), steps=10).tangent["start"][-1]
     e = 1e-6
     for j in range(2):

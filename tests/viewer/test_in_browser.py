@@ -77,7 +77,9 @@ def test_what_is_seen_is_the_trajectory(tab: Tab) -> None:
     assert np.abs(mu - run().mu[some] / np.linalg.norm(run().mu[0])).max() < 1e-5
     space = tab.read("panel 1/run 1/spatial momentum", t, arrow)
     # it sticks out of the box
-    assert np.abs(space - 1.15 * run().spatial_momentum[0] / np.linalg.norm(run().mu[0])).max() < 1e-5
+    assert (
+        np.abs(space - 1.15 * run().spatial_momentum[0] / np.linalg.norm(run().mu[0])).max() < 1e-5
+    )
     # it stands still: no track
     assert not tab.evaluate("player.tracks.some(t => t.path.endsWith('spatial momentum'))")
 
@@ -170,7 +172,9 @@ def test_speed_is_what_the_page_says(tab: Tab) -> None:
         }})"""
         return float(tab.evaluate(program))
 
-    assert advance(1.0) == pytest.approx(run().t[-1] / 10.0, rel=1e-6)  # the scene lasts ten seconds
+    assert advance(1.0) == pytest.approx(
+        run().t[-1] / 10.0, rel=1e-6
+    )  # the scene lasts ten seconds
     assert advance(5.0) == pytest.approx(5.0 * run().t[-1] / 10.0, rel=1e-6)
     tab.evaluate(
         "document.getElementById('speed').value = '1'; document.getElementById('speed').onchange()"
@@ -236,7 +240,8 @@ def test_compressed_in_a_sandboxed_frame_as_notebooks_show_it(
 ) -> None:
     around = tmp_path / "notebook.html"
     around.write_text(
-        f"<!DOCTYPE html><body style='margin:0'>{Scene(run())._repr_html_()}</body>", encoding="utf-8"
+        f"<!DOCTYPE html><body style='margin:0'>{Scene(run())._repr_html_()}</body>",
+        encoding="utf-8",
     )
     with Tab.of(browser, around) as tab:
         until = time.monotonic() + 20.0
@@ -262,7 +267,7 @@ def test_without_webgl_the_page_says_so(browser: Chromium, tmp_path: Path) -> No
 def test_few_samples_and_texts_that_look_like_code(
     browser: Chromium, tmp_path: Path, samples: int
 ) -> None:
-    title = "</script><b>\"it's\" <!--scene--> \\u003c"
+    title = '</script><b>"it\'s" <!--scene--> \\u003c'
     few = Motion(BODY, run().t[:samples], {"mu": run().mu[:samples], "g": run().g[:samples]})
     page = Scene(few, title=title, name="<i>one</i>").save(tmp_path / "few.html")
     with Tab.of(browser, page) as tab:
