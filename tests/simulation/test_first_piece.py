@@ -12,7 +12,7 @@ from scenes import asymmetric_body
 
 import liemech as lm
 from liemech.errors import StepTooSmall
-from liemech.simulation import first_piece
+from liemech.simulation import short
 
 pytestmark = pytest.mark.compiled
 
@@ -37,8 +37,8 @@ def alike(run: lm.Trajectory, other: lm.Trajectory) -> None:
 def test_it_has_the_bits_of_the_whole_run(t_end: float, options: dict[str, Any]) -> None:
     plain, native = plans(**options)
     wanted, first = plain.run(START, t_end=t_end), native.run(START, t_end=t_end)
-    piece = first_piece.first_piece(native._steps, START, 0.0, t_end, None, 2**53)
-    assert piece is not None and piece.complete  # it is one of those that the next run is
+    known = native._steps, START, 0.0, t_end, None, 2**53
+    assert short.short(*known) is not None  # so is the next run
     again = native.run(START, t_end=t_end)
     alike(first, wanted)
     alike(again, wanted)
@@ -53,7 +53,7 @@ def test_a_longer_run_goes_on_from_it(name: str, monkeypatch: pytest.MonkeyPatch
     plain, native = plans()
     wanted = plain.run(START, t_end=9.0)
     native.run(START, t_end=1.0)
-    monkeypatch.setattr(first_piece, name, 1)  # a single step
+    monkeypatch.setattr(short, name, 1)  # a single step
     alike(native.run(START, t_end=9.0), wanted)
 
 

@@ -12,7 +12,7 @@ from scenes import asymmetric_body
 
 import liemech as lm
 from liemech.errors import IntegrationFailure, StepTooSmall
-from liemech.simulation import first_piece
+from liemech.simulation import short
 
 BODY, START = asymmetric_body()
 METHOD = lm.RKMK(order=5)
@@ -55,7 +55,7 @@ def test_a_run_longer_than_its_first_piece_goes_on_with_the_same_bits(
 ) -> None:
     plan, times = lm.Plan(BODY, METHOD, rtol=1e-5, compiled=True), np.linspace(0.0, 9.0, 61)
     whole = plan.run(START, t_end=9.0, t_eval=times)
-    monkeypatch.setattr(first_piece, "LONGEST", 1)  # a single step
+    monkeypatch.setattr(short, "LONGEST", 1)  # a single step
     run = plan.run(START, t_end=9.0, t_eval=times)
     same(run, whole)
     assert run.steps == whole.steps > 20
