@@ -174,7 +174,8 @@ class Tolerance(Record):
                 before, n = where(good, root, before), n + where(good, 1.0, 0.0)
                 write(out, at, (t, state, trial.curve), row)
             rejected = rejected + where(tried and not good, 1.0, 0.0)
-        return Clock(t, h, before, n, rejected, stuck, clock.fresh), (state, xi)
+        made = Clock(t, h, before, n, rejected, stuck, clock.fresh)
+        return made, (state, xi), n != clock.steps
 
 
 @record
@@ -204,7 +205,7 @@ class Equal(Record):
             write(out, at, (t, trial[1], ()), row)
         mark = ASKED if failures is None else STUCK
         stuck = where(running and not good, mark, stuck)
-        return Clock(t, clock.h, clock.error, n, clock.rejected, stuck, clock.fresh), carry
+        return Clock(t, clock.h, clock.error, n, clock.rejected, stuck, clock.fresh), carry, good
 
 
 @record
@@ -258,7 +259,7 @@ class Fictive(Record):
             if any_body(good):
                 write(out, at, (t, shown, where(good, tau, clock.steps * h)), row)
         stuck = where(failed, ASKED if failures is None else STUCK, stuck)
-        return Clock(t, h, still, n, clock.rejected, stuck, inside), carry
+        return Clock(t, h, still, n, clock.rejected, stuck, inside), carry, good
 
 
 # ------------------------------------------------------------------ steps of one length

@@ -26,25 +26,28 @@ def advance(
     out: Any,
     failures: Any,
 ) -> None:
-    """The driver: `turns` trials of steps, each with a row of numbers if a step was made, of one body
+    """The driver: `turns` trials of steps, with a row of numbers for each in which a step was made, of one body
     or of many side by side, every body with its own step and its own goal.
 
     A body that has reached its goal, or is stuck, stays where it is.
     layout, row : of what is carried along, and of a row: time, state, and what the control adds.
     goals, states, clocks, out : `Goal`; what is carried along, and `Clock`, before and after; the
-    rows, of which some are not written.
+    rows, as many as there were trials in which a step was made.
     failures : None in native code; in plain Python a list for what failing steps raised.
     """
     goal = read(goals, 0, GOAL)
     clock, carry = control.begun(
         method, system, read(clocks, 0, CLOCK), read(states, 0, layout), goal, failures
     )
-    for k in range(turns):
+    made = 0
+    for _ in range(turns):
         if not any_body(going(clock, goal)):
             break
-        clock, carry = control.turn(
-            method, system, layout, row, clock, carry, goal, k * row.width, out, failures
+        clock, carry, good = control.turn(
+            method, system, layout, row, clock, carry, goal, made * row.width, out, failures
         )
+        if any_body(good):
+            made = made + 1
     write(states, 0, carry, layout)
     write(clocks, 0, clock, CLOCK)
 

@@ -23,12 +23,17 @@ from .checkpoint import Checkpoint
 from .equal import EqualRun
 from .execution import like
 from .fictive import FictiveCarry
+from .fictive_run import FictiveRun
 from .fixed_run import FixedRun
 from .prepared import Steps
 from .recorded import Recorder, recorder_of
+from .short import short
 from .stepper import Stepper
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
+from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
+from .transformed import TransformedRun
+from .watched import sampled
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -145,8 +150,6 @@ class Plan:
                 workers,
             )
         elif h is None or not (rtol is atol is max_step is None):
-            from .tolerance import AdaptiveSteps
-
             asked = {"rtol": rtol, "atol": atol, "max_step": max_step}
             arguments.only_adaptive(first("method"), every, h, **asked)
             if precision != "double":
@@ -297,6 +300,8 @@ class Plan:
         start, t0 = self._started(start), arguments.real(t0, "t0")
         if self.adaptive and self._given["atol"] is None:
             arguments.large_enough(start)
+        if self.adaptive:
+            return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
         one_by_one = self._apart(start, t_end, t_eval)
         if self.fictive:
             if steps is None and t_end is None:
@@ -307,7 +312,7 @@ class Plan:
                 raise InvalidInput(
                     "integrate: t_eval needs t_end, the time up to which the run goes"
                 )
-        if self.adaptive or (one_by_one and self.fictive):
+        if one_by_one and self.fictive:
             return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
         if self.fictive:
             return self._transformed(start, steps, t0, kept)
@@ -365,10 +370,6 @@ class Plan:
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
         """A run of bodies each of which goes its own way."""
-        from .fictive_run import FictiveRun
-        from .short import short
-        from .tolerance import ToleranceRun
-
         way, recorder = self._steps, self.recorder
         alone = start.bodies is None
         if (
@@ -517,8 +518,6 @@ class Plan:
         self, start: State | FictiveCarry, steps: Any, t0: Any, kept: Checkpoint | None
     ) -> Trajectory:
         """A run of so many steps in fictive time."""
-        from .transformed import TransformedRun
-
         recorder, compiled = self.recorder, self._steps.compiled
         kind = type(start if isinstance(start, State) else start.origin.start)
         if kept is not None and recorder is not None:
@@ -597,8 +596,6 @@ class Plan:
                 if run is None
                 else run
             )
-        from .watched import sampled
-
         begun = start.t if isinstance(start, Carry) else t0
         before = start.step if isinstance(start, Carry) else 0
         times: Any = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)

@@ -168,23 +168,15 @@ class EveryStep(Short):
         width = shape.lanes.row.width
         room = min(limit, max(1, ROWS // width))
         super().__init__(plan, shape, start, t0, t_end, (1 + room) * width, limit, *shape.no_curve)
-        self.memory[shape.kept + width :: width] = t0  # rows that are not written are none
         self._run((room,), (address(self.memory) + 8 * (shape.kept + width), room * width))
 
     def trajectory(self, dense: DenseOutput | None = None) -> Trajectory:
         """With the motion between the steps."""
         plan, shape = self.plan, self.shape
         width, begin = shape.lanes.row.width, shape.kept
-        trials = 1 + int(self.clock[TAKEN]) + int(self.clock[TAKEN + 1])
-        rows = self.memory[begin : begin + width * trials].reshape(-1, width)
-        if self.clock[TAKEN + 1]:
-            made = rows[:, 0] != self.t0
-            made[0] = True
-            rows = rows[made]
-        else:
-            self.memory.resize((begin + rows.size,), refcheck=False)  # nobody else has seen it
-            rows = self.memory[begin:].reshape(-1, width)
-        self.rows = rows
+        end = begin + width * (1 + int(self.clock[TAKEN]))
+        self.memory.resize((end,), refcheck=False)  # nobody else has seen it
+        rows = self.rows = self.memory[begin:].reshape(-1, width)
         if shape.lanes.arguments[2].curves:
             method = plan.method
             way = rows, method.dense_order, plan.compiled
