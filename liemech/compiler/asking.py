@@ -15,7 +15,7 @@ some 10 us, and asking 0.1 us.
 """
 
 
-KEEPING = "preserve_allcc"
+KEEPING = "preserve_mostcc"
 """The registers of the loop stay what they are: a step that never asks does not save any."""
 
 

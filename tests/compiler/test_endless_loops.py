@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -154,3 +157,43 @@ class Long(lm.Method):
         while n < 100_000:
             x, n = x + h * 1e-6, n + 1
         return lm.BodyState(lm.vec(x, state.mu[1], state.mu[2]), state.g)
+
+
+SMALLER = """
+import llvmlite.binding as llvm
+
+found = llvm.get_host_cpu_features()
+for name in found:
+    if name.startswith(("avx512", "avx10", "amx")):
+        found[name] = False
+llvm.get_host_cpu_features, llvm.get_host_cpu_name = lambda: found, lambda: "haswell"
+
+from compiler.test_endless_loops import mixed
+from compiler.worlds import native, plain
+from liemech.compiler import kernel
+
+assert kernel.width() == 4
+rows = [(0.1 * i, 0.2 + 0.1 * i, 0.3, -0.1 * i) for i in range(8)]
+plainly = [plain(mixed, row, 20_000) for row in rows]
+for lanes in (1, 4, 8):
+    assert native(mixed, rows, 4, 20_000, lanes) == plainly, lanes
+"""
+"""On a processor with AVX2 and no more, whose registers hold four numbers."""
+
+
+def mixed(a: float, b: float, c: float, d: float, turns: int) -> Any:
+    for _ in range(turns):
+        a, b, c, d = a + 1e-3 * b, b + 1e-3 * c, c + 1e-3 * d, d - 1e-3 * a
+    return a, b, c, d
+
+
+def test_asking_changes_no_register_of_a_processor_with_avx2() -> None:
+    """The loop asks once in 2^14 turns, and goes on with the same numbers in all lanes."""
+    from llvmlite import binding
+
+    if not binding.get_host_cpu_features().get("avx2"):
+        pytest.skip("another processor")
+    here = Path(__file__).parent.parent
+    paths = os.pathsep.join([str(here), str(here.parent)])
+    environment = os.environ | {"PYTHONPATH": paths, "LIEMECH_CACHE_DIR": os.devnull}
+    subprocess.run([sys.executable, "-c", SMALLER], env=environment, check=True, timeout=60)
