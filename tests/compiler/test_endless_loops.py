@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,8 +18,10 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler import interrupts
+from liemech.compiler import interrupts, kernel
+from liemech.compiler.driver import write
 from liemech.errors import IntegrationInterrupted
+from liemech.formulas.pytree import NUMBER
 
 pytestmark = [
     pytest.mark.compiled,
@@ -89,14 +93,52 @@ def seconds_to_stop(run: Callable[[], Any], monkeypatch: pytest.MonkeyPatch) -> 
     return time.perf_counter() - sent[1]
 
 
+@lm.record
+class Asking(lm.Method):
+    """Asks Python for a function in every turn."""
+
+    order = 1
+
+    def step(self, system, t, state, h):
+        x = state.mu[0]
+        for _ in range(10**15):
+            x = math.hypot(x, 1e-6)
+        return lm.BodyState(lm.vec(x, state.mu[1], state.mu[2]), state.g)
+
+
 HOW = {"h": 0.1, "steps": 50, "compiled": True, "progress": False}
 
 
 @pytest.mark.parametrize("start", [ONE, MANY], ids=["one body", "lanes"])
-@pytest.mark.parametrize("method", [Waiting(), Counting()], ids=["while", "for"])
+@pytest.mark.parametrize(
+    "method", [Waiting(), Counting(), Asking()], ids=["while", "for", "asking"]
+)
 def test_steps_of_one_length(method: Any, start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     run = lambda: lm.integrate(BODY, method, start, **HOW)  # noqa: E731
     assert seconds_to_stop(run, monkeypatch) < 1.0
+
+
+def test_a_second_signal_raises_no_more_than_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the first one raised is gone with it: the next run is not disturbed."""
+    run = lambda: lm.integrate(BODY, Waiting(), ONE, **HOW)  # noqa: E731
+    kill = os.kill
+    monkeypatch.setattr(os, "kill", lambda *of: [kill(*of) for _ in range(2)])
+    assert seconds_to_stop(run, monkeypatch) < 1.0
+    assert lm.integrate(BODY, Long(), ONE, **HOW).ended is None
+
+
+def test_a_warning_that_is_an_error_comes_out_of_native_code() -> None:
+    """Of a function that native code asks Python for: no number is made up for it."""
+    k = kernel.kernel(logarithm, 1.0, np.empty((1, 1)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(RuntimeWarning, match="divide by zero"):
+            k(0.0, np.empty((1, 1)))
+        k(1.0, np.empty((1, 1)))
+
+
+def logarithm(x: float, out: Any) -> None:
+    write(out, 0, np.log10(x), NUMBER)
 
 
 def test_threads(monkeypatch: pytest.MonkeyPatch) -> None:
