@@ -29,7 +29,7 @@ from ..formulas.numbers import StandIn
 from ..formulas.records import Record
 from . import tokens
 from .source import Source
-from .tokens import ATOMS, Known, digest, is_mutable, is_own, of_python, parts, same
+from .tokens import ATOMS, Known, digest, inner, is_mutable, is_own, of_python, parts, same
 
 Step = tuple[int, str, Any]
 """The number of the read that leads to the holder (-1: none), how it is asked, and for what."""
@@ -221,7 +221,7 @@ class Reads:
         if of_python(cls) and id(cls) in self._origins:
             self._read(cls, "plain", "")
         if inside and cls not in ATOMS:
-            for *_, part in tokens.parts(value):
+            for *_, part in inner(value):
                 self._unwritten(part, inside)
 
     def attribute(self, value: Any, name: str, call: Callable[..., Any]) -> Any:
@@ -403,8 +403,12 @@ class Reads:
                 self._twice.add(id(copy))
             return
         self._origins[id(copy)] = holder, how, name
-        for (way, key, part), (_, _, actual) in zip(parts(copy), parts(value), strict=True):
-            self._admit(part, actual, copy, way, key)
+        if copy is value:
+            for way, key, part in inner(value):
+                self._admit(part, part, value, way, key)
+        else:
+            for (way, key, part), (_, _, actual) in zip(parts(copy), parts(value), strict=True):
+                self._admit(part, actual, copy, way, key)
         cls = type(copy)
         if of_python(cls) and id(cls) not in self._origins:
             self._admit(cls, cls, copy, "class", "")
@@ -686,7 +690,7 @@ _OF_ONE_NAME = (
 
 def varies(value: Any) -> bool:
     """Is a number of the run in it, in a field of a record too?"""
-    return isinstance(value, StandIn) or any(varies(x) for *_, x in parts(value))
+    return isinstance(value, StandIn) or any(varies(x) for *_, x in inner(value))
 
 
 def _member(cls: type, after: int, name: str) -> Any:
