@@ -11,7 +11,7 @@ import pytest
 
 import liemech as lm
 from liemech.compiler import kernel, llvm
-from liemech.compiler.tokens import digest
+from liemech.compiler.content_hashes import digest
 
 pytestmark = pytest.mark.compiled
 

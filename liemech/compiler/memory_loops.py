@@ -313,7 +313,7 @@ def picked(e: Emitter, entries: Any, index: Num) -> Any:
     types = [{*map(type, column)} for column in columns]
     if not all(len(t) == 1 and t <= {bool, int, float} for t in types):
         return None
-    if not all(-HUGE <= min(c) and max(c) < HUGE for c, t in zip(columns, types) if t == {int}):
+    if not all(min(c) >= -HUGE and max(c) < HUGE for c, t in zip(columns, types) if t == {int}):
         return None
     place = e.select(index < 0, index + count, index)
     place = e.select(e.logic("and_", place >= 0, place < count), place, 0)

@@ -27,9 +27,9 @@ from ..errors import NotCompilable
 from ..formulas.broadcasting import bare
 from ..formulas.numbers import StandIn
 from ..formulas.records import Record
-from . import tokens
+from . import content_hashes
+from .content_hashes import ATOMS, Known, digest, inner, is_mutable, is_own, of_python, parts, same
 from .source import Source
-from .tokens import ATOMS, Known, digest, inner, is_mutable, is_own, of_python, parts, same
 
 Step = tuple[int, str, Any]
 """The number of the read that leads to the holder (-1: none), how it is asked, and for what."""
@@ -136,7 +136,7 @@ class Reads:
         outside = of_python(type(value)) or isinstance(
             value, (type, types.ModuleType, types.FunctionType)
         )
-        if not outside and (id(value) not in self._origins or tokens.known(value, False)):
+        if not outside and (id(value) not in self._origins or content_hashes.known(value, False)):
             return hasattr(value, name)  # what is there does not change, or the token tells
         return self._read(value, "has", name)
 
@@ -157,7 +157,7 @@ class Reads:
         paths = [id(x) in self._origins for x in pair]
         if left is right and id(left) not in self._twice:
             return True
-        if not tokens.has_content(left) and all(paths):
+        if not content_hashes.has_content(left) and all(paths):
             return left is right  # its token says which object it is
         if not all(paths) or left is right or kinds[0] in ATOMS:
             raise NotCompilable(
@@ -202,7 +202,7 @@ class Reads:
                 or of_python(type(value))
                 or isinstance(value, (type, types.FunctionType))
             )
-            if foreign and not tokens.known(value, inside):
+            if foreign and not content_hashes.known(value, inside):
                 what = (
                     getattr(value, "__qualname__", None)
                     or f"an object of {type(value).__qualname__}"
@@ -242,7 +242,11 @@ class Reads:
         if isinstance(owner, (types.ModuleType, types.FunctionType)):
             return self._read(owner, "attribute", name)
         if not isinstance(owner, Record) and not of_python(cls):
-            if id(owner) not in self._origins or is_own(owner) or tokens.known(owner, False):
+            if (
+                id(owner) not in self._origins
+                or is_own(owner)
+                or content_hashes.known(owner, False)
+            ):
                 return getattr(value, name)
             return self._read(owner, "attribute", name)
         if name == "__class__":
@@ -338,7 +342,7 @@ class Reads:
             else function
         )
         self._read(formula, "attribute", "__code__")
-        for name in tokens.names(formula.__code__):
+        for name in content_hashes.names(formula.__code__):
             if name in formula.__globals__:
                 self._glance(self.outer(formula, name), cls, seen)
             member = _member(cls, 0, name)
@@ -732,7 +736,7 @@ def _asked(holder: Any, how: str, name: Any) -> Any:
         case "defines":
             return _member(holder, 0, name) is not _MISSING
         case "plain":
-            return not tokens.has_operators(holder)
+            return not content_hashes.has_operators(holder)
         case "own":
             return name in vars(holder)
         case "argument":
