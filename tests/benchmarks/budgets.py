@@ -26,7 +26,7 @@ from typing import Any
 
 import harness
 import numpy as np
-from board_page import best, error, number, time_for
+from board_page import best, error, number, quickest
 
 import liemech as lm
 
@@ -291,7 +291,7 @@ def problems(board: Any) -> list[Row]:
             for target in (1e-6, 1e-9):
                 ours = best([c for c in race["curves"] if c["package"] == "liemech"], target)
                 times = [
-                    time_for(c["points"], target)
+                    quickest(c["points"], target)
                     for c in race["curves"]
                     if c["package"] == package and method in c["method"]
                 ]
