@@ -125,7 +125,7 @@ class Scene:
     def system(self) -> lm.System:
         """The library's."""
         return (
-            lm.HeavyTop(self.moments, self.weight, self.centre)
+            lm.models.HeavyTop(self.moments, self.weight, self.centre)
             if self.weight
             else lm.RigidBody(self.moments)
         )

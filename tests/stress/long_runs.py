@@ -46,7 +46,7 @@ def parts() -> Iterator[tuple[str, str, Callable[[], tuple[float, Part]]]]:
     """Group, name, and what makes the energy at the start and the run."""
     body = lm.RigidBody(J)
     still, turned = body.state(mu=MU), body.state(mu=MU, g=np.eye(3))
-    top = lm.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 0.8])
+    top = lm.models.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 0.8])
     spin = top.state(mu=[0.3, 0.2, 1.5], g=lm.SO3().exp(np.array([0.4, 0.1, 0.0])))
     sphere = lm.SphericalPendulum(gravity=1.0)
     swing = sphere.state([0.6, 0.0, -0.8], [0.0, 0.7, 0.0])
