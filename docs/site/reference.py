@@ -97,12 +97,8 @@ def constants(part: str) -> dict[str, str]:
 
 
 def row(full: str) -> list[str]:
-    """A name and the first sentence about it, whose full stop follows a letter or a sign, not a
-    space as in g . x.
-    """
-    about = " ".join((inspect.getdoc(_thing(full)) or "").split("\n\n")[0].split())
-    first = re.split(r"(?<=[^ .])\.(?= |$)", about)[0].rstrip(".:")
-    return [f"   * - :obj:`~{full}`", f"     - {escaped(first, None)}."]
+    """A name and the first sentence about it."""
+    return [f"   * - :obj:`~{full}`", f"     - {escaped(sentence(_thing(full)), None)}."]
 
 
 def page(part: str) -> str:
