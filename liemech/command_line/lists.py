@@ -62,7 +62,7 @@ def methods(arguments: Sequence[str]) -> int:
         lines.append(_row(columns, r["about"]))
     lines.append(
         "The order is that of the default; most take another as "
-        "order=...; docs/index.md says which to use."
+        "order=...; docs/methods.md says which to use."
     )
     print("\n".join(lines))
     return 0

@@ -501,7 +501,7 @@ def on_symmetric_matrices(generators: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.xfail(
-    strict=True, reason="g E_i g^-1 in the algebra is not enough; docs/verification.md"
+    strict=True, reason="g E_i g^-1 in the algebra is not enough; docs/proof/known_deficiencies.md"
 )
 @pytest.mark.parametrize("case", ["torus", "positive", "symmetric matrices"])
 def test_what_turns_the_algebra_and_is_no_element_is_refused(case: str) -> None:
