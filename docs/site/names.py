@@ -1,5 +1,5 @@
 """The page of all public names, from the stubs that list them: `python docs/site/names.py` writes
-it.  A name is explained on the page whose code has it most often, and in its first section there.
+it.  A name is explained on the page that is most about it, where a table or the text first has it.
 """
 
 from __future__ import annotations
@@ -7,6 +7,7 @@ from __future__ import annotations
 import ast
 import functools
 import inspect
+import itertools
 import re
 import sys
 from pathlib import Path
@@ -20,23 +21,35 @@ from contents import groups  # noqa: E402
 from liemech.formulas import annotations  # noqa: E402
 from liemech.names import everything, public, sentence  # noqa: E402
 
-APART = ("errors", "plots", "tableaus", "viewer")
+APART = ("errors", "formulas", "plots", "tableaus", "viewer")
 """Modules with a page, or a tree, of their own."""
 
-PASSED_OVER = ("Proof", "Reference")
+PASSED_OVER = ("Proof",)
 """Headings of the first page under which nothing is explained."""
 
-WORDS = ("gallery", "glossary", "notation")
+WORDS = ("equations", "gallery", "glossary", "notation")
 """Pages that mention what others explain."""
+
+EVERYWHERE = {
+    "CovariantVariational": "algorithm_1",
+    "GalerkinVariational": "galerkin",
+    "HamiltonianSystem": "classical_hamilton_jacobi",
+    "MoserVeselov": "algorithm_1",
+    "Retraction": "your_own_group",
+    "RigidBody": "tutorial",
+    "integrate": "options",
+}
+"""Names that many pages use, and the page about each."""
 
 INTRODUCTION = """# Names
 
 The public names, from A to Z: what each is, and where it is explained. `lm` is the library,
 `import liemech as lm`. At its top are what runs and checks, the base classes, groups, systems and
 methods. What is ready to be used with them is in modules by its kind, such as `lm.models` and
-`lm.joints`. A name that is asked for in another place gives an error that says where it is. Four
+`lm.joints`. A name that is asked for in another place gives an error that says where it is. Five
 modules have names of their own, which are not in this list: [lm.plots](plots.md),
-[lm.viewer](viewer.md), [lm.tableaus](tableaus.md), and `lm.errors`, whose docstring draws the tree.
+[lm.viewer](viewer.md), [lm.tableaus](tableaus.md), [lm.formulas](native.md), such as
+`lm.formulas.cos`, and `lm.errors`, whose docstring draws the tree.
 
 | name | what it is | more |
 | --- | --- | --- |
@@ -67,8 +80,10 @@ def constants() -> dict[str, str]:
     """The sentences under the names of annotations that are no classes."""
     tree = ast.parse(inspect.getsource(annotations)).body
     return {
-        one.target.id: inspect.cleandoc(ast.literal_eval(after.value)).partition(". ")[0].rstrip(".")
-        for one, after in zip(tree, tree[1:], strict=False)
+        one.target.id: inspect.cleandoc(ast.literal_eval(after.value))
+        .partition(". ")[0]
+        .rstrip(".")
+        for one, after in itertools.pairwise(tree)
         if isinstance(one, ast.AnnAssign)
         and isinstance(one.target, ast.Name)
         and isinstance(after, ast.Expr)
@@ -86,26 +101,36 @@ def texts() -> dict[str, str]:
 
 def link(name: str) -> str:
     """Where a name is explained, as a link to a section."""
-    found = {p: mentions(name, text) for p, text in texts().items()}
-    best = max(found, key=lambda p: len(found[p]))
-    if not found[best]:
+    page = EVERYWHERE.get(name) or max(texts(), key=lambda page: weight(name, texts()[page]))
+    place = re.search(rf"^\| `{name}\b", texts()[page], flags=re.MULTILINE)
+    before = texts()[page][
+        : place.start() if place else min(mentions(name, texts()[page]), default=0)
+    ]
+    if not before:
         raise LookupError(f"{name} is on no page that explains; write a line about it")
-    before = re.sub(r"```.*?```", "", texts()[best][: found[best][0]], flags=re.DOTALL)
-    before = before.partition("```")[0]
-    title = re.findall(r"^# (.+)$", before, flags=re.MULTILINE)[0]
-    section = re.findall(r"^##+ (.+)$", before, flags=re.MULTILINE)
-    anchor = re.sub(r"[^\w -]", "", section[-1].lower()).replace(" ", "-") if section else ""
-    return f"[{title}]({best}.md{'#' if anchor else ''}{anchor})"
+    before = re.sub(r"```.*?(```|$)", "", before, flags=re.DOTALL)
+    title, *sections = re.findall(r"^#+ (.+)$", before, flags=re.MULTILINE)
+    anchor = re.sub(r"[^\w -]", "", sections[-1].lower()).replace(" ", "-") if sections else ""
+    return f"[{title}]({page}.md{'#' if anchor else ''}{anchor})"
 
 
-def mentions(name: str, text: str) -> list[int]:
-    """The places of a name in the code of a page."""
+def weight(name: str, text: str) -> float:
+    """How much a page is about a name: it is in the title, begins rows of tables, stands in the text
+    or is used in programs.
+    """
+    title = bool(re.match(rf"# .*\b{name}\b", text))
+    rows = len(re.findall(rf"^\| `{name}\b", text, flags=re.MULTILINE))
+    return 100 * title + 10 * min(rows, 1) + sum(mentions(name, text).values())
+
+
+def mentions(name: str, text: str) -> dict[int, float]:
+    """The places of a name in the code of a page, and what each counts."""
     code = re.finditer(r"```.*?```|`[^`\n]+`", text, flags=re.DOTALL)
-    return [
-        block.start() + word.start()
+    return {
+        block.start() + word.start(): 0.5 if block[0].startswith("```") else 1.0
         for block in code
         for word in re.finditer(rf"\b{name}\b(?!=)", block[0])
-    ]
+    }
 
 
 if __name__ == "__main__":
