@@ -72,13 +72,13 @@ def test_a_namespace_shows_its_names_and_no_others() -> None:
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        ("lm.models.HeavyTop", "lm.models.HeavyTop is lm.models.HeavyTop"),
+        ("lm.HeavyTop", "lm.HeavyTop is lm.models.HeavyTop"),
         ("lm.models.RigidBody", "lm.models.RigidBody is lm.RigidBody"),
         ("lm.joints.HeavyTop", "lm.joints.HeavyTop is lm.models.HeavyTop"),
-        ("lm.tableaus.ButcherTableau", "lm.tableaus.ButcherTableau is lm.tableaus.ButcherTableau"),
+        ("lm.ButcherTableau", "lm.ButcherTableau is lm.tableaus.ButcherTableau"),
         ("lm.NoConvergence", "lm.NoConvergence is lm.errors.NoConvergence"),
         ("lm.FixedPoint", "lm.FixedPoint is lm.joints.BallJoint(body, None, at, point)"),
-        ("lm.parts.StraightLineFlow", "lm.parts.StraightLineFlow is lm.parts.StraightLineFlow"),
+        ("lm.Straight", "lm.Straight is lm.parts.StraightLineFlow"),
         ("lm.models.heavytop", "Did you mean lm.models.HeavyTop?"),
         ("lm.RigidBodi", "Did you mean lm.RigidBody?"),
     ],
