@@ -126,7 +126,7 @@ class Composition(Method):
         return memory.state
 
     def step(self, system: Any, t: float, memory: Substeps, h: float) -> Substeps:
-        """The substeps in turn; each has a past of its own, since steps of one length extrapolate
+        """The substeps in turn; each has a past of its own, since steps of the same length extrapolate
         best from their like.
         """
         state, kept = memory.state, []  # type: Any, list[Any]

@@ -108,7 +108,7 @@ class MultipleTimeSteps(Method):
                 raise InvalidType(f"MultipleTimeSteps: methods are Methods or None; got {method!r}")
             if method is not None and (method.fictive or not method.symmetric_on(None)):
                 raise InvalidInput(
-                    f"MultipleTimeSteps: {method!r} is not symmetric with steps of one length, and "
+                    f"MultipleTimeSteps: {method!r} is not symmetric with fixed steps, and "
                     "so the whole would not be. Splitting(order=2) is, and on R^n "
                     "RKMK(tableau=tableaus.gauss(1))"
                 )
