@@ -15,14 +15,10 @@ from .lie_algebra import LieAlgebra
 from .lie_group import LieGroup
 
 
-def _other(side: str) -> str:
-    return "left" if side == "right" else "right"
-
-
 @record
 class OppositeAlgebra(LieAlgebra):
-    """The same velocities with the opposite bracket, [xi, eta]' = -[xi, eta]: right and left change
-    places.
+    """The same velocities with the opposite bracket, [xi, eta]' = -[xi, eta]: a differential is that
+    of the algebra at -xi.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1 and
     13.1.
@@ -54,29 +50,25 @@ class OppositeAlgebra(LieAlgebra):
         """Ad*_exp(-xi) mu."""
         return self.algebra.exp_Ad_star(-xi, mu)
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The differential of exp on the algebra, trivialised on the other side."""
-        return self.algebra.dexp(xi, eta, _other(side))
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
+        """The differential of exp on the algebra, at -xi."""
+        return self.algebra.dexp(-xi, eta)
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual differential of exp on the algebra, trivialised on the other side."""
-        return self.algebra.dexp_dual(xi, mu, _other(side))
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """The dual differential of exp on the algebra, at -xi."""
+        return self.algebra.dexp_dual(-xi, mu)
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The inverse differential of exp on the algebra, trivialised on the other side."""
-        return self.algebra.dexp_inv(xi, eta, _other(side))
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """The inverse differential of exp on the algebra, at -xi."""
+        return self.algebra.dexp_inv(-xi, eta)
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse differential of exp on the algebra, trivialised on the other
-        side.
-        """
-        return self.algebra.dexp_inv_dual(xi, mu, _other(side))
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """The dual of the inverse differential of exp on the algebra, at -xi."""
+        return self.algebra.dexp_inv_dual(-xi, mu)
 
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """The series of the inverse differential of exp on the algebra, trivialised on the other
-        side.
-        """
-        return self.algebra.dexp_inv_series(xi, eta, terms, _other(side))
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
+        """The series of the inverse differential of exp on the algebra, at -xi."""
+        return self.algebra.dexp_inv_series(-xi, eta, terms)
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """The same chart."""
@@ -93,23 +85,21 @@ class OppositeAlgebra(LieAlgebra):
         """Ad*_cay(-xi) mu."""
         return self.algebra.cayley_Ad_star(-xi, mu)
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The differential of the Cayley map on the algebra, trivialised on the other side."""
-        return self.algebra.dcayley(xi, eta, _other(side))
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
+        """The differential of the Cayley map on the algebra, at -xi."""
+        return self.algebra.dcayley(-xi, eta)
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual differential of the Cayley map on the algebra, trivialised on the other side."""
-        return self.algebra.dcayley_dual(xi, mu, _other(side))
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """The dual differential of the Cayley map on the algebra, at -xi."""
+        return self.algebra.dcayley_dual(-xi, mu)
 
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The inverse differential of the Cayley map on the algebra, trivialised on the other side."""
-        return self.algebra.dcayley_inv(xi, eta, _other(side))
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """The inverse differential of the Cayley map on the algebra, at -xi."""
+        return self.algebra.dcayley_inv(-xi, eta)
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse differential of the Cayley map on the algebra, trivialised on the
-        other side.
-        """
-        return self.algebra.dcayley_inv_dual(xi, mu, _other(side))
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """The dual of the inverse differential of the Cayley map on the algebra, at -xi."""
+        return self.algebra.dcayley_inv_dual(-xi, mu)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """The residual of the Cayley map on the algebra, at -xi."""

@@ -55,28 +55,26 @@ class ProductAlgebra(LieAlgebra):
         """Ad*_exp(xi) of each factor."""
         return self._each(lambda f, x, m: f.exp_Ad_star(x, m), self.parts(xi), self.parts(mu))
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
         """dexp of each factor."""
-        return self._each(lambda f, x, y: f.dexp(x, y, side), self.parts(xi), self.parts(eta))
+        return self._each(lambda f, x, y: f.dexp(x, y), self.parts(xi), self.parts(eta))
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
         """dexp* of each factor."""
-        return self._each(lambda f, x, m: f.dexp_dual(x, m, side), self.parts(xi), self.parts(mu))
+        return self._each(lambda f, x, m: f.dexp_dual(x, m), self.parts(xi), self.parts(mu))
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
         """dexp^-1 of each factor."""
-        return self._each(lambda f, x, y: f.dexp_inv(x, y, side), self.parts(xi), self.parts(eta))
+        return self._each(lambda f, x, y: f.dexp_inv(x, y), self.parts(xi), self.parts(eta))
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """(dexp^-1)* of each factor."""
-        return self._each(
-            lambda f, x, m: f.dexp_inv_dual(x, m, side), self.parts(xi), self.parts(mu)
-        )
+        return self._each(lambda f, x, m: f.dexp_inv_dual(x, m), self.parts(xi), self.parts(mu))
 
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
         """The series of each factor."""
         return self._each(
-            lambda f, x, y: f.dexp_inv_series(x, y, terms, side), self.parts(xi), self.parts(eta)
+            lambda f, x, y: f.dexp_inv_series(x, y, terms), self.parts(xi), self.parts(eta)
         )
 
     def is_exp_chart(self, xi: Vec) -> bool:
@@ -95,27 +93,21 @@ class ProductAlgebra(LieAlgebra):
         """Ad*_cay(xi) of each factor."""
         return self._each(lambda f, x, m: f.cayley_Ad_star(x, m), self.parts(xi), self.parts(mu))
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
         """dcay of each factor."""
-        return self._each(lambda f, x, y: f.dcayley(x, y, side), self.parts(xi), self.parts(eta))
+        return self._each(lambda f, x, y: f.dcayley(x, y), self.parts(xi), self.parts(eta))
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
         """dcay* of each factor."""
-        return self._each(
-            lambda f, x, m: f.dcayley_dual(x, m, side), self.parts(xi), self.parts(mu)
-        )
+        return self._each(lambda f, x, m: f.dcayley_dual(x, m), self.parts(xi), self.parts(mu))
 
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
         """dcay^-1 of each factor."""
-        return self._each(
-            lambda f, x, y: f.dcayley_inv(x, y, side), self.parts(xi), self.parts(eta)
-        )
+        return self._each(lambda f, x, y: f.dcayley_inv(x, y), self.parts(xi), self.parts(eta))
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """(dcay^-1)* of each factor."""
-        return self._each(
-            lambda f, x, m: f.dcayley_inv_dual(x, m, side), self.parts(xi), self.parts(mu)
-        )
+        return self._each(lambda f, x, m: f.dcayley_inv_dual(x, m), self.parts(xi), self.parts(mu))
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
         """The equations of the factors, and block diagonal derivatives."""

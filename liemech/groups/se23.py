@@ -59,29 +59,29 @@ class SE23Algebra(LieAlgebra):
         """Ad*_exp(xi) of both rigid motions."""
         return _covector(SE3Algebra().exp_Ad_star, xi, mu)
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
         """The differential of exp of both rigid motions."""
-        return _vector(lambda x, y: SE3Algebra().dexp(x, y, side), xi, eta)
+        return _vector(SE3Algebra().dexp, xi, eta)
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual differential of exp of both rigid motions."""
-        return _covector(lambda x, m: SE3Algebra().dexp_dual(x, m, side), xi, mu)
+        return _covector(SE3Algebra().dexp_dual, xi, mu)
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
         """The inverse differential of exp of both rigid motions.  Raises OutsideChart unless
         |w| < 2 pi.
         """
-        return _vector(lambda x, y: SE3Algebra().dexp_inv(x, y, side), xi, eta)
+        return _vector(SE3Algebra().dexp_inv, xi, eta)
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of the inverse differential of exp of both rigid motions.  Raises OutsideChart
         unless |w| < 2 pi.
         """
-        return _covector(lambda x, m: SE3Algebra().dexp_inv_dual(x, m, side), xi, mu)
+        return _covector(SE3Algebra().dexp_inv_dual, xi, mu)
 
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
         """The series of the inverse differential of exp of both rigid motions."""
-        return _vector(lambda x, y: SE3Algebra().dexp_inv_series(x, y, terms, side), xi, eta)
+        return _vector(lambda x, y: SE3Algebra().dexp_inv_series(x, y, terms), xi, eta)
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """|w| < 2 pi: less than a whole turn."""
@@ -99,21 +99,21 @@ class SE23Algebra(LieAlgebra):
         """Ad*_cay(xi) of both rigid motions."""
         return _covector(SE3Algebra().cayley_Ad_star, xi, mu)
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
         """The differential of the Cayley map of both rigid motions."""
-        return _vector(lambda x, y: SE3Algebra().dcayley(x, y, side), xi, eta)
+        return _vector(SE3Algebra().dcayley, xi, eta)
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual differential of the Cayley map of both rigid motions."""
-        return _covector(lambda x, m: SE3Algebra().dcayley_dual(x, m, side), xi, mu)
+        return _covector(SE3Algebra().dcayley_dual, xi, mu)
 
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
         """The inverse differential of the Cayley map of both rigid motions."""
-        return _vector(lambda x, y: SE3Algebra().dcayley_inv(x, y, side), xi, eta)
+        return _vector(SE3Algebra().dcayley_inv, xi, eta)
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of the inverse differential of the Cayley map of both rigid motions."""
-        return _covector(lambda x, m: SE3Algebra().dcayley_inv_dual(x, m, side), xi, mu)
+        return _covector(SE3Algebra().dcayley_inv_dual, xi, mu)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """The residual of the Cayley map of both rigid motions."""
@@ -125,7 +125,7 @@ class SE23(LieGroup):
     """Extended poses: g = [[R, v, p], [0, 1, 0], [0, 0, 1]] with a rotation, a velocity and a
     position.
 
-    Velocities are (w, a, u), momenta (m, k, p), the angular part first.  With V = dexp_w on SO(3):
+    Velocities are (w, a, u), momenta (m, k, p), the angular part first.  With V the right-trivialised dexp_w of SO(3):
 
         exp(w, a, u) = (exp w, V a, V u),    Ad_g (w, a, u) = (R w, R a + v x R w, R u + p x R w).
 
@@ -201,21 +201,22 @@ class SE23(LieGroup):
     def exp(self, xi: Vec) -> Element:
         """(exp w, V a, V u)."""
         w, a, u = thirds(xi)
-        V = SO3Algebra().dexp
-        return extended(SO3().exp(w), V(w, a), V(w, u), 0.0)
+        V = SO3().dexp
+        return extended(SO3().exp(w), V(w, a, "right"), V(w, u, "right"), 0.0)
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """(R exp w, v + R V a, p + R V u): rounded by what the step adds, not by what is there."""
         (R, v, p, _), (w, a, u) = parts(g), thirds(xi)
-        V = SO3Algebra().dexp
-        return extended(SO3().compose_exp(R, w), v + R @ V(w, a), p + R @ V(w, u), 0.0)
+        V = SO3().dexp
+        moved, displaced = R @ V(w, a, "right"), R @ V(w, u, "right")
+        return extended(SO3().compose_exp(R, w), v + moved, p + displaced, 0.0)
 
     def log(self, g: Element) -> Vec:
         """(w, V^-1 v, V^-1 p) with the rotation vector w of R, of length at most pi."""
         R, v, p, _ = parts(g)
         w = SO3().log(R)
-        V_inv = SO3Algebra().dexp_inv
-        return vec(*w, *V_inv(w, v), *V_inv(w, p))
+        V_inv = SO3().dexp_inv
+        return vec(*w, *V_inv(w, v, "right"), *V_inv(w, p, "right"))
 
     # ---------------------------------------------------------------- Cayley map
 

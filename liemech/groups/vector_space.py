@@ -51,23 +51,23 @@ class AbelianAlgebra(LieAlgebra):
         """mu."""
         return mu
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
         """eta."""
         return eta
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
         """mu."""
         return mu
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
         """eta."""
         return eta
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """mu."""
         return mu
 
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
         """eta."""
         return eta
 
@@ -79,19 +79,19 @@ class AbelianAlgebra(LieAlgebra):
         """mu."""
         return mu
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
         """eta."""
         return eta
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
         """mu."""
         return mu
 
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
         """eta."""
         return eta
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """mu."""
         return mu
 
