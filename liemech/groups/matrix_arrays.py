@@ -66,8 +66,8 @@ def of_algebra(algebra: MatrixLieAlgebra, method: str, arguments: dict[str, Any]
     """
     basis, one = algebra.generated, np.eye(algebra.generated.n)
     given = list(arguments.values())
-    if arguments.get("side", "right") == "left":
-        given[0] = -given[0]
+    if method.startswith(("dexp", "dcayley")) and arguments.get("side") != "right":
+        given[0] = -given[0]  # below stand the right-trivialised ones
     match method, *given:
         case "hat", xi:
             return basis.hat(xi)

@@ -478,7 +478,7 @@ class ConstrainedBody(BoundBody):
                 [Vec.of(x[slice(*place)]) for place in self.places],
             )
             bent = [
-                [algebras[b].dexp_dual(pieces[b], part, "left") for part, (b, _) in zip(row, ties)]
+                [algebras[b].dexp_dual(pieces[b], part) for part, (b, _) in zip(row, ties)]
                 for row, ties in zip(self.rows(there), self.touches)
             ]
             G = self._matrix(bent)
