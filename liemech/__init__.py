@@ -20,7 +20,7 @@ from .formulas import (
     Mat,
     Record,
     Vec,
-    broadcasting,
+    batches,
     cross,
     derivative,
     dot,
@@ -365,7 +365,7 @@ uses.
 _HOMES = {name: module for module, names in _LATER.items() for name in names}
 
 
-def _evaluate_rows(batch: broadcasting.Batch) -> Any:
+def _evaluate_rows(batch: batches.Batch) -> Any:
     """Methods called with many rows may be compiled: formulas do not know the compiler, the package
     does.
     """
@@ -374,7 +374,7 @@ def _evaluate_rows(batch: broadcasting.Batch) -> Any:
     return evaluate_rows(batch)
 
 
-broadcasting.evaluate_rows = _evaluate_rows
+batches.evaluate_rows = _evaluate_rows
 
 
 def __getattr__(name: str) -> Any:

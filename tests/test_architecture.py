@@ -25,7 +25,6 @@ LAYERS = (
     "errors",
     "formulas",
     "compiler",
-    "native",  # the former name of formulas
     "groups",
     "solvers",  # Newton's method
     "retractions",

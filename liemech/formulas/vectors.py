@@ -324,8 +324,10 @@ def small(x: Any) -> Any:
     """
     if not isinstance(x, _VECTORS) or isinstance(x, Vec):
         return x
-    if isinstance(x, np.ndarray) and not x.ndim:
-        return x.item()
+    if isinstance(x, np.ndarray):
+        if not x.ndim:
+            return x.item()
+        x = x if x.dtype == bool else x.tolist()
     return Mat.of(x) if len(x) and isinstance(x[0], _VECTORS) else Vec.of(x)
 
 
