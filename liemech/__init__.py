@@ -33,14 +33,6 @@ from .formulas import (
     sum,
     vec,
 )
-from .groups.lie_algebra import LieAlgebra
-from .groups.lie_group import LieGroup
-from .integrators.method import Method
-from .retractions import Cayley, CayleyAdjoint, Exponential, Retraction
-from .simulation.integrate import integrate
-from .simulation.plan import Plan
-from .simulation.trajectory import Trajectory
-from .systems.system import State, System
 
 if TYPE_CHECKING:
     from . import plots as plots
@@ -66,6 +58,8 @@ if TYPE_CHECKING:
     from .groups.classical import GL, SL, SO, SU, Sp, U
     from .groups.coadjoint import CoadjointAction, coadjoint
     from .groups.heisenberg import Heisenberg
+    from .groups.lie_algebra import LieAlgebra
+    from .groups.lie_group import LieGroup
     from .groups.matrix_algebra import MatrixLieAlgebra
     from .groups.matrix_group import MatrixLieGroup
     from .groups.opposite import OppositeGroup
@@ -109,6 +103,7 @@ if TYPE_CHECKING:
     from .integrators.lie_verlet import LieVerlet
     from .integrators.lobatto_pair import LobattoPair
     from .integrators.magnus import Magnus
+    from .integrators.method import Method
     from .integrators.midpoint import ImplicitMidpoint, Isospectral, SphericalMidpoint
     from .integrators.moser_veselov import ExactMoserVeselov, MoserVeselov
     from .integrators.multiple_time_steps import MultipleTimeSteps
@@ -159,6 +154,10 @@ if TYPE_CHECKING:
     from .models.space_bodies import FallingBody, OrbitingBody
     from .models.surfaces import ParticleOnEllipsoid
     from .models.toda import TodaLattice
+    from .retractions import Cayley, CayleyAdjoint, Exponential, Retraction
+    from .simulation.integrate import integrate
+    from .simulation.plan import Plan
+    from .simulation.trajectory import Trajectory
     from .systems.canonical import CanonicalState, HamiltonianSystem
     from .systems.canonical_transformation import CanonicalTransformation
     from .systems.constrained import (
@@ -193,6 +192,7 @@ if TYPE_CHECKING:
     from .systems.potential import Force, NoPotential, Potential
     from .systems.separable import SeparableSystem
     from .systems.sundman import SundmanTransformed
+    from .systems.system import State, System
     from .systems.tabulated import PiecewisePolynomial
     from .systems.time_scales import DistancePower, EqualArc, EqualChange, EqualPath, TimeScale
     from .systems.time_transformed import LogarithmicHamiltonian, TimeTransformed
@@ -222,6 +222,8 @@ _LATER = {
     "groups.classical": ("GL", "SL", "SO", "SU", "Sp", "U"),
     "groups.coadjoint": ("CoadjointAction", "coadjoint"),
     "groups.heisenberg": ("Heisenberg",),
+    "groups.lie_algebra": ("LieAlgebra",),
+    "groups.lie_group": ("LieGroup",),
     "groups.matrix_algebra": ("MatrixLieAlgebra",),
     "groups.matrix_group": ("MatrixLieGroup",),
     "groups.opposite": ("OppositeGroup",),
@@ -265,6 +267,7 @@ _LATER = {
     "integrators.lie_verlet": ("LieVerlet",),
     "integrators.lobatto_pair": ("LobattoPair",),
     "integrators.magnus": ("Magnus",),
+    "integrators.method": ("Method",),
     "integrators.midpoint": ("ImplicitMidpoint", "Isospectral", "SphericalMidpoint"),
     "integrators.moser_veselov": ("ExactMoserVeselov", "MoserVeselov"),
     "integrators.multiple_time_steps": ("MultipleTimeSteps",),
@@ -316,6 +319,10 @@ _LATER = {
     "models.surfaces": ("ParticleOnEllipsoid",),
     "models.toda": ("TodaLattice",),
     "plots": ("plots",),
+    "retractions": ("Cayley", "CayleyAdjoint", "Exponential", "Retraction"),
+    "simulation.integrate": ("integrate",),
+    "simulation.plan": ("Plan",),
+    "simulation.trajectory": ("Trajectory",),
     "systems.canonical": ("CanonicalState", "HamiltonianSystem"),
     "systems.canonical_transformation": ("CanonicalTransformation",),
     "systems.constrained": (
@@ -350,6 +357,7 @@ _LATER = {
     "systems.potential": ("Force", "NoPotential", "Potential"),
     "systems.separable": ("SeparableSystem",),
     "systems.sundman": ("SundmanTransformed",),
+    "systems.system": ("State", "System"),
     "systems.tabulated": ("PiecewisePolynomial",),
     "systems.time_scales": ("DistancePower", "EqualArc", "EqualChange", "EqualPath", "TimeScale"),
     "systems.time_transformed": ("LogarithmicHamiltonian", "TimeTransformed"),

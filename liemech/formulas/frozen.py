@@ -65,11 +65,12 @@ def frozen(cls: T) -> T:
         elif name in ("__setattr__", "__delattr__"):
             raise TypeError(f"Cannot overwrite attribute {name} in class {made.__name__}")
     if "__match_args__" not in own:
-        made.__match_args__ = tuple([f.name for f in in_order])
+        made.__match_args__ = tuple([f.name for f in in_order])  # type: ignore[misc]
     if "__init__" not in own:
         made.__init__ = _WhenAsked(made, "__init__", _initialiser)
     if not made.__doc__:
         made.__doc__ = _WhenAsked(made, "__doc__", _documentation)
+    made.__replace__ = dataclasses.replace  # which `copy.replace` asks for
     abc.update_abstractmethods(made)
     return cls
 
@@ -176,7 +177,9 @@ class _WhenAsked:
 
 def _initialiser(cls: Any) -> Any:
     """The `__init__` that `dataclasses` writes for the fields of a class."""
-    base = type("_", (), {name: vars(cls)[name] for name in (_FIELDS, _PARAMS)})
+    marks = {name: vars(cls)[name] for name in (_FIELDS, _PARAMS)}
+    types = {name: field.type for name, field in marks[_FIELDS].items()}
+    base = type("_", (), {**marks, "__annotations__": types})
     space = {"__module__": cls.__module__, "__qualname__": cls.__qualname__, "__doc__": "of fields"}
     if hasattr(cls, "__post_init__"):
         space["__post_init__"] = cls.__post_init__
