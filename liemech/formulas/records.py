@@ -58,9 +58,8 @@ class Record(Broadcasting):
                 setattr(cls, name, _then_checked(vars(cls)[name]))
 
     def __new__(cls, *args: Any, **options: Any) -> Any:
-        try:
-            known = _complete[cls]
-        except KeyError:
+        known = _complete.get(cls)
+        if known is None:
             known = _completed(cls)
         if options and not known.issuperset(options):
             wanted = keywords(inspect.unwrap(cls.__init__))

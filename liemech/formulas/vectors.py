@@ -319,11 +319,11 @@ def _component(x: Any) -> Any:
 
 
 def small(x: Any) -> Any:
-    """A list, a tuple or an array as a `Vec` or `Mat` with its numbers; anything else is what it
-    is.
+    """A list, a tuple or an array as a `Vec` or `Mat` with its numbers, a float of NumPy's as one of
+    Python's; anything else is what it is.
     """
     if not isinstance(x, _VECTORS) or isinstance(x, Vec):
-        return x
+        return x.item() if isinstance(x, np.floating) else x
     if isinstance(x, np.ndarray):
         if not x.ndim:
             return x.item()

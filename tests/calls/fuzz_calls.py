@@ -409,6 +409,8 @@ def ending(method: Method, args: tuple[Any, ...], options: dict[str, Any]) -> st
         if isinstance(error, (lm.errors.InvalidInput, lm.errors.InvalidType)):
             somebody = re.search(r"\w(\(.*\))?\.\w+(:| has| gave) \w+", str(error)) is not None
             named = (somebody and f".{method.name}" in str(error)) or method.name in HOOKS
+            if "unexpected keyword" in str(error):  # which is none of its arguments
+                return "" if not counted and f"{method.name}()" in str(error) else "which keyword"
             return "" if named else f"unnamed: {type(error).__name__}: {error}"
         return "" if str(error) else "no message"
     except TypeError as error:
