@@ -26,7 +26,7 @@ def crossing(t, state):
 
 crossing.direction = 1  # from the southern hemisphere to the northern
 
-moment = Moment(lm.SphereAction(3))
+moment = Moment(lm.actions.SphereAction(3))
 for tolerance in 1e-4, 1e-7, 1e-10:
     run = lm.integrate(
         moment,

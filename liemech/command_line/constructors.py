@@ -22,6 +22,8 @@ import numpy as np
 
 import liemech as lm
 
+from ..names import everything
+
 LARGEST = 10**6
 """Sizes of systems beyond it would fill the memory before anything could be said of them."""
 
@@ -129,10 +131,9 @@ def imported(module: str, where: str) -> Any:
 
 def names(kind: type) -> list[str]:
     """The public classes of a kind."""
-    found = ((name, getattr(lm, name)) for name in lm.__all__)
     return [
         name
-        for name, thing in found
+        for name, thing in sorted(everything().items())
         if isinstance(thing, type) and issubclass(thing, kind) and thing is not kind
     ]
 
@@ -212,7 +213,7 @@ def _made(value: Any, where: str) -> Any:
 def _public(name: str, kind: type, where: str, modules: list[Any]) -> Any:
     """What modules of the user's have under a name, or a public class of the library."""
     mine = [vars(module)[name] for module in modules if name in vars(module)]
-    found = mine[0] if mine else getattr(lm, name) if name in lm.__all__ else None
+    found = mine[0] if mine else everything().get(name)
     if isinstance(found, type) and issubclass(found, (kind, lm.Vec, lm.Mat)):
         return found
     if mine and isinstance(found, kind):  # an object that the module has made

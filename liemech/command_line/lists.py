@@ -12,6 +12,7 @@ from typing import Any
 
 import liemech as lm
 
+from ..names import everything
 from .constructors import names
 from .options import Parser
 from .scenes import SCENES
@@ -61,7 +62,7 @@ def methods(arguments: Sequence[str]) -> int:
         lines.append(_row(columns, r["about"]))
     lines.append(
         "The order is that of the default; most take another as "
-        "order=...; docs/index.md says which to use."
+        "order=...; docs/methods.md says which to use."
     )
     print("\n".join(lines))
     return 0
@@ -75,7 +76,7 @@ def method_rows() -> list[dict[str, Any]]:
 
     rows = []
     for name in names(lm.Method):
-        cls = getattr(lm, name)
+        cls = everything()[name]
         needed = [p for p in inspect.signature(cls).parameters.values() if p.default is p.empty]
         if needed and name not in EXAMPLES:
             continue  # made from a body and a step, such as ExactMoserVeselov

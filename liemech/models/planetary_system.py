@@ -13,7 +13,7 @@ from ..errors import InvalidInput, NoConvergence
 from ..formulas import Vec, check_finite, dot, norm, plain, real_array, record, sqrt, vec, where
 from ..groups.poisson_structure import Canonical, PoissonStructure
 from ..systems.hamiltonian import Hamiltonian
-from ..systems.parts import Part, SplitHamiltonian, Straight
+from ..systems.parts import Part, SplitHamiltonian, StraightLineFlow
 from ..systems.poisson import PoissonState, PoissonSystem
 from .n_body import NBody
 from .pendulums import check_positive
@@ -250,7 +250,7 @@ class PlanetarySystem(PoissonSystem):
             Vec.of(reduced.tolist()),
             Vec.of(pulls.tolist()),
         )
-        rest = Straight(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
+        rest = StraightLineFlow(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
         object.__setattr__(self, "hamiltonian", SplitHamiltonian((kepler, rest)))
         super().__post_init__()
 

@@ -25,7 +25,7 @@ SOURCE = Path(__file__).with_name("time_transformations.c")
 KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.9)
 PERIODS = 1000
-POWER = lm.DistancePower(1.5)
+POWER = lm.time_scales.DistancePower(1.5)
 LOGARITHMIC, POWERS = lm.LogarithmicHamiltonian(KEPLER), lm.TimeTransformed(KEPLER, POWER)
 
 VERLET, EIGHT = STRANG.exchanged, SplittingTableau.of(KAHAN_LI8).exchanged

@@ -349,7 +349,7 @@ class Gyrostat(lm.Hamiltonian):
         return (mu - self.rotor) / self.inertia
 
 @lm.record
-class Boastful(lm.Pendulum):
+class Boastful(lm.models.Pendulum):
     def constants(self, states):
         return super().constants(states) | {"angle": states["q"][..., 0]}
 

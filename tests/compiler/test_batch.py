@@ -22,6 +22,7 @@ from liemech.errors import InvalidInput, NotCompiledWarning, OutsideChart
 from liemech.formulas import Complex, Mat, Record, Vec, batches, record, sqrt, vec
 from liemech.formulas.signatures import bare
 from liemech.formulas.vectors import Vec as SmallVec
+from liemech.groups.so3 import SO3Algebra
 
 pytestmark = pytest.mark.compiled
 
@@ -37,7 +38,7 @@ CALLS: dict[str, dict[str, Any]] = {
 METHODS = sorted(
     {
         name
-        for owner in (lm.SO3, lm.SO3Algebra)
+        for owner in (lm.SO3, SO3Algebra)
         for name in dir(owner)
         if not name.startswith("_")
         and hasattr(getattr(owner, name), "__formula__")

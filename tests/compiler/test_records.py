@@ -449,11 +449,11 @@ def test_a_record_without_its_decorator_is_refused() -> None:
 
 
 def test_a_method_that_a_field_would_hide_is_refused() -> None:
-    class Pushed(lm.HeavyTop):
+    class Pushed(lm.models.HeavyTop):
         def load(self, t: float, xi: Any, g: Any) -> Any:
             return lm.vec(0.1, 0.0, 0.0)
 
-    class Derived(lm.HeavyTop):
+    class Derived(lm.models.HeavyTop):
         @property
         def weight(self) -> float:
             return 2.0

@@ -114,7 +114,7 @@ def test_orbits_at_the_end_of_the_numbers() -> None:
 
 def test_poisson_structures_of_all_sizes() -> None:
     for n in (1, 2, 3):
-        structure = lm.Canonical(n)
+        structure = lm.structures.Canonical(n)
         assert structure.dim == structure.rank == 2 * n
         B = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
         y, a = np.random.default_rng(n).normal(size=(2, 2 * n))
@@ -123,14 +123,14 @@ def test_poisson_structures_of_all_sizes() -> None:
         for i in range(2 * n):
             assert np.allclose(structure.coordinate_flow(y, i, 0.3), y + 0.3 * B[:, i])
     with pytest.raises(lm.errors.InvalidInput, match="y"):
-        lm.Canonical(2).sharp(np.zeros(3), np.zeros(4))
-    assert lm.ConstantStructure([[0.0]]).rank == 0
+        lm.structures.Canonical(2).sharp(np.zeros(3), np.zeros(4))
+    assert lm.structures.ConstantStructure([[0.0]]).rank == 0
 
 
 @pytest.mark.parametrize("off", [1e-12, 0.5, 2.0])
 def test_matrices_that_are_not_skew_are_refused(off: float) -> None:
     with pytest.raises(lm.errors.InvalidInput, match=r"entries \(1, 2\) and \(2, 1\) are 1 and -"):
-        lm.ConstantStructure([[0.0, 1.0], [-1.0 - off, 0.0]])
+        lm.structures.ConstantStructure([[0.0, 1.0], [-1.0 - off, 0.0]])
 
 
 def test_null_vectors_in_any_units() -> None:

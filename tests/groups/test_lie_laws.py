@@ -21,6 +21,7 @@ from scipy.linalg import expm
 
 import liemech as lm
 from liemech.formulas import derivative, dot, vec
+from liemech.groups.so3 import SO3Algebra
 
 EPS = np.finfo(float).eps
 
@@ -39,10 +40,10 @@ class BareRotationAlgebra(lm.LieAlgebra):
 
     @property
     def structure_constants(self) -> tuple:
-        return lm.SO3Algebra().structure_constants
+        return SO3Algebra().structure_constants
 
     def dcayley_inv(self, xi: lm.Vec, eta: lm.Vec, side: str = "right") -> lm.Vec:
-        return lm.SO3Algebra().dcayley_inv(xi, eta, side)
+        return SO3Algebra().dcayley_inv(xi, eta, side)
 
 
 @lm.record
@@ -289,7 +290,7 @@ class Broken(lm.LieAlgebra):
 @pytest.mark.parametrize("scale", [1e-40, 1.0, 1e40])
 @pytest.mark.parametrize("what", ["antisymmetry", "Jacobi"])
 def test_check_finds_a_broken_algebra(what: str, scale: float) -> None:
-    c = scale * np.array(lm.SO3Algebra().structure_constants)
+    c = scale * np.array(SO3Algebra().structure_constants)
     if what == "antisymmetry":
         c[2, 0, 1] *= 1 + 1e-12
     else:  # [E1, E2] gets a part along E1: antisymmetric, but no Lie algebra

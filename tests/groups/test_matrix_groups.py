@@ -20,6 +20,7 @@ from liemech.groups.classical import SL, SO, SU, Sp
 from liemech.groups.heisenberg import Heisenberg
 from liemech.groups.matrix_basis import clean
 from liemech.groups.matrix_group import MatrixLieGroup
+from liemech.groups.so3 import SO3Algebra
 
 
 def of(group: lm.LieGroup, name: str) -> Callable[..., Any]:
@@ -283,12 +284,13 @@ def test_mismatches(group: MatrixLieGroup, size: float) -> None:
 
 def test_structure_constants_are_clean() -> None:
     """Integers and small fractions exactly, irrational numbers untouched."""
-    assert np.array_equal(
-        Rotations().algebra.structure_constants, lm.SO3Algebra().structure_constants
-    )
+    assert np.array_equal(Rotations().algebra.structure_constants, SO3Algebra().structure_constants)
     c = np.array(Scaled(2).algebra.structure_constants)
     assert np.allclose(
-        c, math.sqrt(0.5) * np.array(lm.SO3Algebra().structure_constants), rtol=4 * EPS, atol=0
+        c,
+        math.sqrt(0.5) * np.array(SO3Algebra().structure_constants),
+        rtol=4 * EPS,
+        atol=0,
     )
     values = np.array([1 - EPS / 2, 1 / 3 + EPS / 8, 1e-17, math.pi, math.sqrt(2) / 3, -0.5])
     assert np.array_equal(clean(values), [1.0, 1 / 3, 0.0, math.pi, math.sqrt(2) / 3, -0.5])
@@ -499,7 +501,7 @@ def on_symmetric_matrices(generators: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.xfail(
-    strict=True, reason="g E_i g^-1 in the algebra is not enough; docs/verification.md"
+    strict=True, reason="g E_i g^-1 in the algebra is not enough; docs/proof/known_deficiencies.md"
 )
 @pytest.mark.parametrize("case", ["torus", "positive", "symmetric matrices"])
 def test_what_turns_the_algebra_and_is_no_element_is_refused(case: str) -> None:

@@ -42,11 +42,11 @@ PRODUCTS = (
 )
 SEMIDIRECT = (
     RIGID,
-    lm.SemidirectProduct(SO3, lm.LinearAction(SO3)),
+    lm.SemidirectProduct(SO3, lm.actions.LinearAction(SO3)),
     lm.SemidirectProduct(Q),
     lm.SemidirectProduct(SL2),
     lm.SemidirectProduct(lm.Heisenberg()),
-    lm.SemidirectProduct(SO3, lm.CoadjointAction(SO3)),
+    lm.SemidirectProduct(SO3, lm.actions.CoadjointAction(SO3)),
     lm.SemidirectProduct(SL2, AdjointAction(SL2)),
 )
 
@@ -456,7 +456,7 @@ def test_wrong_semidirect_products() -> None:
     with pytest.raises(lm.errors.InvalidType, match="acting must be a LieGroup"):
         lm.SemidirectProduct(lm.SO3)
     with pytest.raises(lm.errors.InvalidType, match="action must be a Representation"):
-        lm.SemidirectProduct(SO3, lm.SphereAction(3))
+        lm.SemidirectProduct(SO3, lm.actions.SphereAction(3))
     with pytest.raises(lm.errors.InvalidInput, match="is no action of SO3"):
         lm.SemidirectProduct(SO3, RotationAction(Q))
     with pytest.raises(lm.errors.InvalidInput, match="complex, not real matrices"):

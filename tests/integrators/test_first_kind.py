@@ -72,13 +72,13 @@ class Quartic(lm.Hamiltonian):
 
 def fish() -> tuple[lm.LiePoissonSystem, lm.BodyState]:
     """A body in a fluid, on se(3)*."""
-    system = lm.KirchhoffBody.of_blocks([1.0, 1.6, 2.3], [2.0, 2.5, 3.1])
+    system = lm.models.KirchhoffBody.of_blocks([1.0, 1.6, 2.3], [2.0, 2.5, 3.1])
     return system, system.state([0.5, -0.3, 0.4, 0.2, 0.6, -0.4], np.eye(4))
 
 
 def top() -> tuple[lm.LiePoissonSystem, lm.BodyState]:
     """A heavy top on se(3)*, whose energy is linear in half of the momenta."""
-    system = lm.ReducedHeavyTop([1.0, 1.6, 2.3], 1.3, [0.1, 0.2, 1.0])
+    system = lm.models.ReducedHeavyTop([1.0, 1.6, 2.3], 1.3, [0.1, 0.2, 1.0])
     return system, system.state([0.4, -0.5, 0.7, 0.6, 0.0, 0.8], np.eye(4))
 
 

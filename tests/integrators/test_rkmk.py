@@ -121,7 +121,9 @@ class Pendulum(lm.GroupEquation):
         return vec(g[1] * cos(t), -sin(g[0]) + 0.1 * t)
 
 
-def runge_kutta(tableau: lm.ButcherTableau, t: float, y: np.ndarray, h: float) -> np.ndarray:
+def runge_kutta(
+    tableau: lm.tableaus.ButcherTableau, t: float, y: np.ndarray, h: float
+) -> np.ndarray:
     """A step of the ordinary method, with sums in the order of the tableau."""
     slopes: list[np.ndarray] = []
 
@@ -207,7 +209,7 @@ def compass() -> np.ndarray:
     ids=repr,
 )
 def test_points_stay_on_the_sphere(method: lm.RKMK) -> None:
-    system, counts = Compass(lm.SphereAction(3)), [2 * n for n in COUNTS[method.order]]
+    system, counts = Compass(lm.actions.SphereAction(3)), [2 * n for n in COUNTS[method.order]]
     error = []
     for n in counts:
         run = lm.integrate(system, method, system.state([0.6, 0.0, 0.8]), h=2.0 / n, steps=n)
@@ -355,7 +357,7 @@ class Powers(lm.LinearGroupEquation):
     ("tableau", "degree"), [(gauss(2), 3), (gauss(3), 5), (radau_iia(2), 2), (radau_iia(3), 4)]
 )
 def test_stages_of_implicit_methods_stand_at_their_times(
-    tableau: lm.ButcherTableau, degree: int
+    tableau: lm.tableaus.ButcherTableau, degree: int
 ) -> None:
     """Gauss' nodes integrate powers up to 2s - 1 exactly, those of Radau up to 2s - 2."""
     for power in range(degree + 2):

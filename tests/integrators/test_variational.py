@@ -29,6 +29,7 @@ import liemech as lm
 from liemech.formulas.double_double import is_long
 from liemech.formulas.pytree import double_double, rounded
 from liemech.integrators.variational import first_size, leading_power
+from liemech.names import everything
 
 REFERENCE = json.loads(
     (Path(__file__).parent.parent / "reference" / "integrator_steps_so3.json").read_text()
@@ -359,7 +360,7 @@ def test_the_map_of_momenta_needs_no_attitude() -> None:
 
 def test_face() -> None:
     assert repr(CAYLEY) == "CovariantVariational(retraction=Cayley())"
-    assert eval(repr(CAYLEY), vars(lm)) == CAYLEY
+    assert eval(repr(CAYLEY), everything()) == CAYLEY
     assert CAYLEY.name == "Algorithm 1 (Cayley)"
     assert lm.CovariantVariational() == EXP
     assert EXP.symmetric
