@@ -312,6 +312,11 @@ def constant(x: Any) -> Any:
     return constant(x[0]) if hasattr(x, "term") else x
 
 
+def is_series(x: Any) -> bool:
+    """Is it a power series, or does it carry derivatives of one?"""
+    return hasattr(value_of(x), "term")
+
+
 def size_of(x: Any) -> Any:
     """|x|, and of a number that carries a derivative that of both: zero only if both are."""
     return size_of(x.value) + size_of(x.slope) if isinstance(x, Dual) else abs(x)
