@@ -50,7 +50,10 @@ def _sum(words: Words, count: int, x: Any) -> Any:
     """The sum of a power series: of so many terms, of all of them for numbers of two doubles."""
     if is_long(constant(x)):
         return horner([DoubleDouble(value, low) for value, low in words], x)
-    return horner([value for value, _ in words[:count]], x)
+    values = [value for value, _ in words[:count]]
+    if is_series(x) and count > 20:  # no loop of native code carries one: two that are written out
+        return horner([*values[:20], horner(values[20:], x)], x)
+    return horner(values, x)
 
 
 def _quotient(
