@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from functools import reduce
 from importlib import import_module
+from importlib.machinery import PathFinder
 from inspect import getdoc, isclass
 from os.path import splitext
 from typing import Any
@@ -89,7 +90,9 @@ def lazily(namespace: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
 def _missing(namespace: str, name: str) -> str:
     """Why a namespace has no such name, and where it is or what is written alike."""
     said = f"module {namespace!r} has no attribute {name!r}"
-    if name.startswith("_"):  # asked for by tools, which want no answer
+    package = getattr(sys.modules[namespace], "__path__", None)
+    # asked for by tools, which want no answer, and by `from . import name` before it imports a file
+    if name.startswith("_") or (package and PathFinder.find_spec(f"{namespace}.{name}", package)):
         return said
     here, known = namespace.replace("liemech", "lm", 1), public()
     if place := known.get(name) or FORMER.get(name):
