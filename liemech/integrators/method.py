@@ -116,6 +116,52 @@ class Method(Record):
         return None
 
 
+@record
+class Wrapping(Method):
+    """A method that makes the steps of another one, under other conditions; abstract.
+
+    Its claims and its memory are those of the method inside, until a subclass says something else.
+    """
+
+    method: Method
+
+    @property
+    def name(self) -> str:
+        """That of the method."""
+        return self.method.name
+
+    @property
+    def order(self) -> Any:
+        """That of the method."""
+        return self.method.order  # type: ignore[attr-defined]
+
+    @property
+    def symmetric(self) -> bool:  # type: ignore[override]
+        """As the method."""
+        return self.method.symmetric
+
+    @property
+    def symplectic(self) -> bool:  # type: ignore[override]
+        """As the method."""
+        return self.method.symplectic
+
+    def start(self, system: Any, state: Any, h: float) -> Any:
+        """What the method carries along."""
+        return self.method.start(system, state, h)
+
+    def observe(self, memory: Any) -> Any:
+        """The state in it."""
+        return self.method.observe(memory)
+
+    def past(self, memory: Any) -> Any:
+        """What the method remembers beside the state."""
+        return self.method.past(memory)
+
+    def resume(self, system: Any, state: Any, past: Any, h: float) -> Any:
+        """What the method carries along, from a state and a past."""
+        return self.method.resume(system, state, past, h)
+
+
 def alternatives(system: Any, otherwise: str = System.alternatives) -> str:
     """What to use where a method does not accept a system.  otherwise : if its class says nothing
     of its own.

@@ -17,7 +17,8 @@ from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System
 from .discrete_lagrangian import DiscreteLagrangian
-from .implicit import Implicit, Memory, extrapolated
+from .implicit import Implicit
+from .memory import Memory, extrapolated
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
 
 LEAST, MOST = 2.0**-336, 2.0**339
@@ -92,14 +93,13 @@ class CovariantVariational(Implicit):
         """The displacement at the velocity of the start, h J^-1 mu."""
         return h * system.velocity(state.mu)
 
-    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for the displacement of the interval from the extrapolated one, then move momentum
         and attitude by it.
         """
-        last, last_1, last_2 = self.past(state)
-        guess = extrapolated(narrow(last), narrow(last_1), narrow(last_2))
-        x = self.displacement(system, h, plain(state.mu), guess)
-        return self.after(state, system.displaced(self.retraction, self.observe(state), x), x)
+        guess = extrapolated(*[narrow(x) for x in memory.past])
+        x = self.displacement(system, h, plain(memory.state.mu), guess)
+        return self.after(memory, system.displaced(self.retraction, memory.state, x), x)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The x = h xi whose momentum dl/dxi fits mu.
