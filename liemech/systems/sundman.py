@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, NotDefined
+from ..errors import IncompatibleSystem, NotDefined, OrderWarning, warn
 from ..formulas import Vec, record, vec
 from ..formulas.remembered import common
 from ..groups.lie_group import LieGroup
@@ -18,6 +18,7 @@ from ..groups.vector_space import VectorSpace
 from ..retractions import Retraction
 from .clocked import ClockedState, clocked
 from .system import State, System
+from .tabulated import inputs
 from .time_scales import TimeScale, time_scale
 
 
@@ -32,6 +33,16 @@ class InFictiveTime(System):
     fictive: ClassVar[bool] = True
 
     system: System
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if any(table.jumping > 0.0 for table in inputs(self.system)):
+            warn(
+                f"{type(self).__name__}: an input of {self.system!r} jumps; steps in fictive time "
+                "are not cut there and lose their order, for the physical time of a jump is no time "
+                "of theirs. ReversibleController(method, sigma) cuts its steps",
+                OrderWarning,
+            )
 
     def bound(self, start: Any) -> Any:
         """The system for the motion from a start."""
