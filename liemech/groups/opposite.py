@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from ..formulas import Ambient, Element, Mat, Vec, record
+from ..formulas import Ambient, Element, Mat, Vec, plain, record
 from .algebra_of_parts import AlgebraOfParts
 from .lie_group import LieGroup
 
@@ -102,6 +102,10 @@ class OppositeGroup(LieGroup):
         """exp(xi)."""
         return self.group.exp(xi)
 
+    def compose_exp(self, g: Element, xi: Vec) -> Element:
+        """exp(xi) g of the group, as g exp(Ad_g^-1 xi): rounded by what the step adds."""
+        return self.group.compose_exp(g, self.Ad(plain(g), xi))
+
     def Ad(self, g: Element, xi: Vec) -> Vec:
         """Ad of g^-1."""
         return self.group.Ad(self.group.inverse(g), xi)
@@ -127,6 +131,10 @@ class OppositeGroup(LieGroup):
     def cayley(self, xi: Vec) -> Element:
         """cay(xi)."""
         return self.group.cayley(xi)
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """cay(xi) g of the group, as g cay(Ad_g^-1 xi)."""
+        return self.group.compose_cayley(g, self.Ad(plain(g), xi))
 
     def cayley_inv(self, g: Element) -> Vec:
         """cay^-1 g."""
