@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable
 from functools import reduce
 from importlib import import_module
-from inspect import isclass
+from inspect import getdoc, isclass
 from os.path import splitext
 from typing import Any
 
@@ -47,6 +47,14 @@ def everything() -> dict[str, Any]:
     """What each public name stands for, by the name alone."""
     library = sys.modules["liemech"]
     return {n: reduce(getattr, full.split(".")[1:], library) for n, full in public().items()}
+
+
+def sentence(thing: Any) -> str:
+    """The first sentence of a docstring, in one line; its full stop follows a letter or a sign, not
+    a space as in g . x.
+    """
+    text = " ".join((getdoc(thing) or "").split("\n\n")[0].split())
+    return re.split(r"(?<=[^ .])\.(?= |$)", text)[0].rstrip(".:")
 
 
 def members(space: str) -> list[str]:

@@ -19,7 +19,7 @@ FRAMES = 600
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """A motion to follow, with steps of one length, or adaptively to `t_end`.
+    """A motion to follow, with fixed steps, or adaptively to `t_end`.
 
     title : one line.  system, method, start : as in `integrate`, as are h, steps, every, t_end,
     rtol, atol, t0.

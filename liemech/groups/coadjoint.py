@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Element, Vec, dot, record
-from ..formulas.broadcasting import check_finite, real_array
+from ..formulas.arrays import check_finite, real_array
 from . import orbits
 from .lie_group import LieGroup
 from .poisson_structure import LiePoissonStructure

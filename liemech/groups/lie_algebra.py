@@ -21,8 +21,8 @@ from ..formulas import (
     solve,
     vec,
 )
-from ..formulas.broadcasting import bare
 from ..formulas.dual import value_of
+from ..formulas.signatures import bare
 from .ad_series import bernoulli_series, exponential_series, mean
 from .bernoulli import TERMS
 from .matrix_functions import expm, phi1m

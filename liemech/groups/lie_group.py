@@ -24,8 +24,9 @@ from ..formulas import (
     sqrt,
     vec,
 )
-from ..formulas.broadcasting import MEMBERSHIP as MEMBERSHIP
-from ..formulas.broadcasting import check_finite, real_array, small
+from ..formulas.arrays import check_finite, real_array
+from ..formulas.batches import MEMBERSHIP as MEMBERSHIP
+from ..formulas.vectors import small
 from .lie_algebra import LieAlgebra, objection, sided
 
 OF_THE_ALGEBRA = {

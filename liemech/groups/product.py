@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Ambient, Complex, Element, Mat, Vec, mat, real_array, record, vec, vectors
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from .algebra_of_parts import AlgebraOfParts
 from .lie_group import LieGroup
 

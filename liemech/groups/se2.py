@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InvalidInput, OutsideChart
 from ..formulas import Ambient, Element, Mat, Vec, atan2, mat, outer, record, vec
-from ..formulas.broadcasting import MEMBERSHIP
+from ..formulas.batches import MEMBERSHIP
 from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup

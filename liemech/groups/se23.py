@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, record, vec
-from ..formulas.broadcasting import MEMBERSHIP
+from ..formulas.batches import MEMBERSHIP
 from .algebra_of_parts import AlgebraOfParts
 from .lie_group import LieGroup
 from .se3 import SE3Algebra, halves, join

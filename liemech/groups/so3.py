@@ -9,7 +9,8 @@ import numpy as np
 
 from ..errors import InvalidInput, OutsideChart
 from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
-from ..formulas.broadcasting import MEMBERSHIP, small
+from ..formulas.batches import MEMBERSHIP
+from ..formulas.vectors import small
 from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup

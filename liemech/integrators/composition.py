@@ -107,7 +107,7 @@ class Composition(Remembering):
         return tuple([base.past(start) for start in starts])
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
-        """The substeps in turn; each has a past of its own, since steps of one length extrapolate
+        """The substeps in turn; each has a past of its own, since steps of the same length extrapolate
         best from their like.
         """
         state, kept = memory.state, []  # type: Any, list[Any]

@@ -105,7 +105,7 @@ class EndingAtJumps(Wrapping):
     remains so.
 
     breaks : a Table of rising times.  count : how many there are, in case there are none.
-    anew : does the method remember what is of steps of one length, in one field?
+    anew : does the method remember what is of fixed steps, in one field?
     every : does it see an input as a power series, so that its steps must end at every knot?
     beyond : the part of a step by which its stages lie beyond the ends of the step, or None.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6,

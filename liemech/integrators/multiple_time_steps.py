@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Vec, gradient, jacobian, plain, record
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from ..systems.canonical import CanonicalState
 from ..systems.multirate import MultirateSystem
 from ..systems.vector_field import SplitField, has_flow, recognised_field
@@ -99,7 +99,7 @@ class MultipleTimeSteps(Remembering):
                 raise InvalidType(f"MultipleTimeSteps: methods are Methods or None; got {method!r}")
             if method is not None and (method.fictive or not method.symmetric_on(None)):
                 raise InvalidInput(
-                    f"MultipleTimeSteps: {method!r} is not symmetric with steps of one length, and "
+                    f"MultipleTimeSteps: {method!r} is not symmetric with fixed steps, and "
                     "so the whole would not be. Splitting(order=2) is, and on R^n "
                     "RKMK(tableau=tableaus.gauss(1))"
                 )

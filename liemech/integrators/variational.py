@@ -32,8 +32,8 @@ about 1e289; J up to which the square of its inverse is an ordinary float, about
 
 @record
 class CovariantVariational(Implicit):
-    """Algorithm 1: the discrete Euler-Poincare equations of the action sum l_d(xi_i) with
-    g_i+1 = g_i tau(h xi_i).
+    """Algorithm 1, a Lie group variational integrator: the discrete Euler-Poincare equations of the
+    action sum l_d(xi_i) with g_i+1 = g_i tau(h xi_i).
 
         (1/h) (dtau^-1_{h xi_i})* dl_d/dxi(xi_i) = mu_i  (right-trivialised),    solved for h xi_i by Newton's method
         mu_i+1 = Ad*_tau(h xi_i) mu_i,   g_i+1 = g_i tau(h xi_i)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence, NotDefined
 from ..formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 from .conditions import connections, joint, led, pulled, solved_sparse, speeds, times

@@ -75,7 +75,7 @@ class SundmanTransformed(InFictiveTime):
 
         y' = sigma(y) f(t, y),   t' = sigma(y)
 
-    The points of the motion are the same, equal steps of tau are steps of about sigma h in t.
+    The points of the motion are the same, fixed steps of tau are steps of about sigma h in t.
     system : any, on groups too, driven or not.  sigma : a TimeScale such as EqualArc(), or a
     function of parts of the state.
 
