@@ -17,7 +17,7 @@ from .lie_group import LieGroup
 
 @record
 class OppositeAlgebra(AlgebraOfParts):
-    """The same velocities with the opposite bracket, [xi, eta]' = -[xi, eta]: every map is that of
+    """The velocities of an algebra with the opposite bracket, [xi, eta]' = -[xi, eta]: every map is that of
     the algebra at -xi.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1 and
@@ -50,7 +50,7 @@ class OppositeAlgebra(AlgebraOfParts):
         return r, by_p, -by_xi
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """The same chart."""
+        """The chart of the algebra."""
         return self.algebra.is_exp_chart(xi)
 
 
@@ -83,7 +83,7 @@ class OppositeGroup(LieGroup):
 
     @cached_property
     def algebra(self) -> OppositeAlgebra:
-        """The same velocities with the opposite bracket."""
+        """The algebra of the group with the opposite bracket."""
         return OppositeAlgebra(self.group.algebra)
 
     def identity(self) -> Element:

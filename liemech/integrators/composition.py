@@ -97,11 +97,11 @@ class Composition(Remembering):
         self.base.require(system)
 
     def step_warning(self, system: Any, start: State, h: float) -> str | None:
-        """What the base says of the largest substep."""
+        """The warning of the base of the largest substep."""
         return self.base.step_warning(system, start, self.tableau.reach * h)
 
     def at_node(self, system: Any, state: State, h: float) -> tuple[Any, ...]:
-        """What the base remembers of each substep: no other past than the state."""
+        """The pasts of the substeps in the base: each begins with the state alone."""
         base = self.base
         starts = [base.start(system, state, share * h) for share in self.tableau.gamma]
         return tuple([base.past(start) for start in starts])

@@ -72,7 +72,7 @@ class GalerkinVariational(Implicit):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """It is symmetric with one node, which lies in the middle of the path exp(t x)."""
+        """Symmetric with one node, which lies in the middle of the path exp(t x)."""
         return self.order == 2 and isinstance(self.retraction, Exponential)
 
     @property
@@ -285,7 +285,7 @@ def _body(system: Any) -> Any:
 
 
 def _force(system: MechanicalSystem, t: float, xi: Vec, g: Any) -> Vec:
-    """What field and load do together."""
+    """The force of field and load together."""
     force = system.force(g)
     return force if system.load is None else force + system.load.covector(t, xi, g)
 

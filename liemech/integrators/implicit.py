@@ -1,4 +1,4 @@
-"""What methods share whose step is an equation."""
+"""Methods whose step is an equation."""
 
 from __future__ import annotations
 

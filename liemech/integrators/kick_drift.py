@@ -48,7 +48,7 @@ class FieldSplitting(Remembering):
         return system.force(state.g) if self.tableau.kicks[0] != 0.0 else None  # type: ignore[attr-defined]
 
     def beginning(self, system: Any, state: BodyState, h: float) -> tuple[Any, ...]:
-        """What the free motion remembers of each drift: no other past than the state."""
+        """The pasts of the drifts in the free motion: each begins with the state alone."""
         return tuple([self._begun(system, state, a * h) for a in self.tableau.drifts])  # type: ignore[attr-defined]
 
     def _begun(self, system: Any, state: BodyState, h: float) -> Any:
@@ -199,12 +199,12 @@ class KickDrift(FieldSplitting):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """It is symmetric if the method for the free motion is."""
+        """Is the method for the free motion symmetric?"""
         return self.free.symmetric
 
     @property
     def symplectic(self) -> bool:  # type: ignore[override]
-        """It is symplectic if the method for the free motion is."""
+        """Is the method for the free motion symplectic?"""
         return self.free.symplectic
 
     def require(self, system: Any) -> None:

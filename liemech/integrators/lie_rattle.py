@@ -184,7 +184,7 @@ class LieRATTLE(Remembering):
     def _correction(
         self, system: Any, h: float, mu: Vec, g: Element, memory: Memory, unknown: Vec
     ) -> tuple[Vec, bool]:
-        """What Newton's method subtracts, by Schur complement, block for block; and whether
+        """The correction of Newton's method, by Schur complement, block for block; and whether
         determinants have the sign of h = 0.
 
         With r the mismatch of Algorithm 1 in every block,  A dx + B dl = r,  C dx = c  gives  (C A^-1 B) dl = C A^-1 r - c.
@@ -288,7 +288,7 @@ class LieRATTLE(Remembering):
 
 
 def carried(retraction: Retraction, group: Any, x: Vec, by_p: float | Mat, row: Vec) -> Vec:
-    """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m),
+    """The share of a unit impulse along a row of G in the mismatch r = by_p (p - dtau_x* m),
     right-trivialised.
     """
     dual = retraction.dtau_dual(group, -x, row)

@@ -1,4 +1,4 @@
-"""What methods carry from step to step: the state, what they know there, and the unknowns of the last
+"""The memory of methods from step to step: the state, values known there, and the unknowns of the last
 steps, from which the next guess is extrapolated.
 """
 
@@ -12,10 +12,10 @@ from .method import Method
 
 @record
 class Memory(Record):
-    """What a method carries from one node to the next.
+    """The memory that a method carries from one node to the next.
 
     state : at the node.
-    node : what the next step needs of it, such as the force; None if nothing.
+    node : values there that the next step needs, such as the force; None if none.
     past : unknowns of the last steps; () if none.
     """
 
@@ -37,7 +37,7 @@ class Remembering(Method):
     """
 
     def at_node(self, system: Any, state: Any, h: float) -> Any:
-        """What a step of length h needs of the state that it begins with; nothing by default."""
+        """The values at a state that a step of length h begins with; None by default."""
         return None
 
     def beginning(self, system: Any, state: Any, h: float) -> Any:
@@ -45,7 +45,7 @@ class Remembering(Method):
         return ()
 
     def start(self, system: Any, state: Any, h: float) -> Memory:
-        """The state, what is known there, and the past of a beginning."""
+        """The state, the values there, and the past of a beginning."""
         return self.resume(system, state, self.beginning(system, state, h), h)
 
     def observe(self, memory: Memory) -> Any:

@@ -87,7 +87,7 @@ class MoserVeselov(Implicit):
 
 
 def _equation(inertia: Vec | Mat, algebra: Any, y: Vec, x: Vec) -> tuple[Vec, Mat, float]:
-    """The same for these moments."""
+    """The equation of a step for these moments."""
     s = 0.25 * dot(x, y)
     r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (
         y + (s * x - 0.5 * cross(x, y))

@@ -172,7 +172,7 @@ class MultipleTimeSteps(Remembering):
         return None
 
     def _caution(self, system: Any, q: Vec, p: Vec, h: float) -> str | None:
-        """The same of one body; None where the forces have no derivative."""
+        """The warning for one body; None where the forces have no derivative."""
         last = len(self.ratios)
         try:
             by_p = np.array(jacobian(lambda x: system.velocity(q, x), p))

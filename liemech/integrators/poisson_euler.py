@@ -15,7 +15,7 @@ from .memory import Memory, Remembering
 from .method import Method
 
 ROUNDING = 2.0**-40
-"""What is below this, relative to its terms, is zero up to rounding."""
+"""A sum below this, relative to its terms, is zero up to rounding."""
 
 PROBES = [
     (float(u), float(v))

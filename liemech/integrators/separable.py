@@ -44,7 +44,7 @@ class OfTableau(Method):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """It is symmetric if the tableau is."""
+        """Is the tableau symmetric?"""
         return self.tableau.symmetric  # type: ignore[attr-defined]
 
 

@@ -80,7 +80,7 @@ class CovariantVariational(Implicit):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """It is symmetric if the discrete Lagrangian is, as h l(xi)."""
+        """Is the discrete Lagrangian symmetric, as h l(xi) is?"""
         return self.lagrangian is None or self.lagrangian.symmetric
 
     @property
@@ -223,7 +223,7 @@ class CovariantVariational(Implicit):
         return limit / (most * math.sqrt(np.einsum("...i,...i", mu, mu).max()))
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
-        """What to tell before a run whose step is larger than the `largest_step`; None if it is
+        """The warning before a run whose step is larger than the `largest_step`; None if it is
         not.
 
         Raises InvalidInput for units in which Newton's method would leave the range of floats: it
@@ -299,7 +299,7 @@ def first_size(inertia: Vec | Mat) -> float:
 
 
 def weight(by_p: float | Mat) -> float:
-    """What the square of a mismatch is to be compared with, over that of the momentum: it may be a
+    """The scale of the square of a mismatch, over that of the momentum: it may be a
     multiple of r.
     """
     return 1.0 if isinstance(by_p, vectors.Mat) else by_p * by_p

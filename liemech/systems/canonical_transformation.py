@@ -180,7 +180,7 @@ class InNewVariables(DrivenHamiltonianSystem):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """Those of the system."""
+        """The degrees of freedom of the system."""
         return self.transformation.degrees
 
     def energy(self, t: float, q: Vec, p: Vec) -> float:

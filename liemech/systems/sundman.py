@@ -107,14 +107,14 @@ class SundmanTransformed(InFictiveTime):
         super().__post_init__()
 
     def bound(self, start: Any) -> SundmanTransformed:
-        """The same system with the sigma that belongs to a start."""
+        """This system with the sigma that belongs to a start."""
         return dataclasses.replace(self, sigma=self.sigma.bound(self.system, start))
 
     # ---------------------------------------------------------------- how it moves
 
     @property
     def side(self) -> str:  # type: ignore[override]
-        """That of the system."""
+        """The side of the system."""
         return self.system.side
 
     @property  # type: ignore[misc]
@@ -147,13 +147,13 @@ class SundmanTransformed(InFictiveTime):
         return type(state)(*parts, state.time + omega[n])
 
     def essential_part(self, state: Any) -> Any:
-        """What the motion depends on: time too."""
+        """The arguments of the motion: time too."""
         inner = self.system.essential_part(state.without_clock())
         return type(state)(*[getattr(inner, name) for name in state.names], state.time)
 
     @final
     def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
-        """That of the system, and of the time."""
+        """The variation of the system, and that of the time."""
         n = self.system.group.dim
         change, large = self.system.variation(
             state.without_clock(), vec(*[omega[i] for i in range(n)])
