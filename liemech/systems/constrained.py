@@ -154,7 +154,7 @@ class ConstrainedSystem(CanonicalSystem):
         return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
 
     def _terms(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
-        """What g(q) and G H_p are compared with, (m,) each: s, and the speeds."""
+        """The scales of g(q) and G H_p, (m,) each: s, and the speeds."""
         G, v, f = self.constraint_jacobian(q), self.velocity(q, p), self.force(q, p)
         sizes = vec(*[dot(abs(row), abs(q)) for row in G])
         gained = [sqrt(s * dot(abs(row), abs(f))) for s, row in zip(sizes, self.normals(q, p))]
@@ -584,7 +584,7 @@ class Constrained(ConstrainedSystem):
 
     @property
     def separable(self) -> bool:  # type: ignore[override]
-        """It is separable if the system is."""
+        """Is the system separable?"""
         return isinstance(self.system, SeparableSystem)
 
     def energy(self, q: Vec, p: Vec) -> float:
