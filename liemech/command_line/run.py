@@ -14,6 +14,7 @@ import numpy as np
 
 import liemech as lm
 
+from ..names import meant
 from ..simulation.arguments import chooses_steps
 from .constructors import read
 from .numbers import duration
@@ -125,7 +126,8 @@ def _scene(options: Any) -> Scene:
         scene = scene_file(Path(options.scene), options.trusted)
     else:
         raise lm.errors.InvalidInput(
-            f"{options.scene!r} is neither a scene nor a .toml file; there are {', '.join(SCENES)}"
+            f"{options.scene!r} is neither a scene nor a .toml file{meant(options.scene, SCENES)}; "
+            f"there are {', '.join(SCENES)}"
         )
     method = (
         None if options.method is None else read(options.method, lm.Method, "argument --method")

@@ -85,7 +85,7 @@ class Scene:
 
     def sampling(self, saved: bool) -> int:
         """Every how many steps a state is kept."""
-        if self.every is not None or self.steps is None:
+        if self.every is not None or self.steps is None or self.t_end is not None:
             return 1 if self.every is None else self.every
         return max(1, -(-self.steps // (SAMPLES if saved else 10 * FRAMES)))
 

@@ -489,6 +489,6 @@ METHODS = (
     _method("logarithmic", lm.LogarithmicHamiltonian(KEPLER), lm.StormerVerlet(first="drift"), orbits_of, 0.1),
     _method("transformed", lm.TimeTransformed(KEPLER, Widening()), lm.AdaptiveVerlet(), orbits_of, 0.1),
     _method("sundman", lm.SundmanTransformed(KEPLER, Widening()), lm.RKMK(order=4), orbits_of, 0.2),
-    _method("controlled variational", BODY, lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.time_scales.EqualArc()),
-            bodies_of, 0.2),
+    _method("controlled variational", BODY,
+            lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.time_scales.EqualArc()), bodies_of, 0.2),
 )  # fmt: skip
