@@ -15,11 +15,11 @@ The public names are listed in the stub beside this file, and in those of `model
 
 from typing import Any
 
-from .formulas import broadcasting
+from .formulas import batches
 from .names import lazily
 
 
-def _evaluate_rows(batch: broadcasting.Batch) -> Any:
+def _evaluate_rows(batch: batches.Batch) -> Any:
     """Methods called with many rows may be compiled: formulas do not know the compiler, the package
     does.
     """
@@ -28,7 +28,7 @@ def _evaluate_rows(batch: broadcasting.Batch) -> Any:
     return evaluate_rows(batch)
 
 
-broadcasting.evaluate_rows = _evaluate_rows
+batches.evaluate_rows = _evaluate_rows
 
 __version__ = "0.1.0"
 

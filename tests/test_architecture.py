@@ -26,7 +26,6 @@ LAYERS = (
     "errors",
     "formulas",
     "compiler",
-    "native",  # the former name of formulas
     "groups",
     "solvers",  # Newton's method
     "retractions",

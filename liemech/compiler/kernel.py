@@ -182,12 +182,14 @@ class Kernel:
 
     def on_memory(self, block: bytes, buffers: Sequence[guard.Buffer]) -> None:
         """Run on one block, which holds the addresses of these buffers."""
-        if guard.ON:
-            guard.checked(self, block, buffers)
-        else:
-            self.call(block)
-        if _raised[0] or _given_up[0]:
-            interrupts.stop_if_asked()
+        try:
+            if guard.ON:
+                guard.checked(self, block, buffers)
+            else:
+                self.call(block)
+        finally:
+            if _raised[3] or _stopped[0]:
+                interrupts.stop_if_asked()
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""
@@ -196,7 +198,7 @@ class Kernel:
         return llvm.assembly(_translated(self.entry, self.kinds, self.lanes)[1])
 
 
-_raised, _given_up = interrupts.come
+_raised, _stopped = interrupts.come
 _addressof, _byte_in = ctypes.addressof, ctypes.c_char.from_buffer
 
 

@@ -13,7 +13,6 @@ from typing import Any
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
 from ..formulas.taken_back import back
-from .asking import Look
 from .branches import Branches
 from .ir_numbers import Num, kind_of
 from .phi import (
@@ -42,6 +41,7 @@ from .scopes import (
     has,
     returns,
 )
+from .stop_checks import Look
 
 UNROLL = 32  # a static loop with more turns than this stays a loop
 

@@ -12,13 +12,13 @@ import numpy as np
 from ..errors import NotCompilable
 from .advice import instead_of_syntax
 from .arrays import Array
-from .asking import EVERY
 from .expressions import OPERATORS, Expressions, Later
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import UNROLL, forms
 from .phi import ACTIVE, NO_LANE, Open, Returns, Retype
 from .scopes import CHANGES, FOUND, HAS_FOUND, RETURN, Env, breaks, has
+from .stop_checks import EVERY
 
 
 class Statements(Expressions):

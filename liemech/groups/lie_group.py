@@ -24,9 +24,10 @@ from ..formulas import (
     sqrt,
     vec,
 )
-from ..formulas.broadcasting import MEMBERSHIP as MEMBERSHIP
-from ..formulas.broadcasting import check_finite, real_array, small
-from .lie_algebra import LieAlgebra, objection
+from ..formulas.arrays import check_finite, real_array
+from ..formulas.batches import MEMBERSHIP as MEMBERSHIP
+from ..formulas.vectors import small
+from .lie_algebra import LieAlgebra, objection, sided
 
 OF_THE_ALGEBRA = {
     *(
@@ -298,14 +299,18 @@ class LieGroup(Record):
         return self.algebra.exp_Ad_star(xi, mu)
 
     @final
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The trivialised differential of exp, sum_k ad_xi^k eta/(k + 1)!.  xi, eta : (dim,)."""
-        return self.algebra.dexp(xi, eta, side)
+    def dexp(self, xi: Vec, eta: Vec, side: str = "left") -> Vec:
+        """The trivialised differential of exp, d/de exp(xi + e eta) = exp(xi) (dexp_xi eta).
+
+        With side="right", the one of the book, d/de exp(xi + e eta) = (dexp_xi eta) exp(xi),
+        sum_k ad_xi^k eta/(k + 1)!, which is the left one at -xi.  xi, eta : (dim,).
+        """
+        return self.algebra.dexp(sided(xi, side), eta)
 
     @final
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """Its inverse, sum_k B_k/k! ad_xi^k eta.  xi, eta : (dim,)."""
-        return self.algebra.dexp_inv(xi, eta, side)
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "left") -> Vec:
+        """Its inverse; with side="right" sum_k B_k/k! ad_xi^k eta.  xi, eta : (dim,)."""
+        return self.algebra.dexp_inv(sided(xi, side), eta)
 
     @final
     def K(self, g: Element, mu: Vec) -> Vec:

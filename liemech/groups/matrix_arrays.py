@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas.broadcasting import MEMBERSHIP
+from ..formulas.batches import MEMBERSHIP
 from .matrix_basis import MatrixBasis
 from .matrix_invariants import objections
 
@@ -66,8 +66,8 @@ def of_algebra(algebra: MatrixLieAlgebra, method: str, arguments: dict[str, Any]
     """
     basis, one = algebra.generated, np.eye(algebra.generated.n)
     given = list(arguments.values())
-    if arguments.get("side", "right") == "left":
-        given[0] = -given[0]
+    if method.startswith(("dexp", "dcayley")) and arguments.get("side") != "right":
+        given[0] = -given[0]  # below stand the right-trivialised ones
     match method, *given:
         case "hat", xi:
             return basis.hat(xi)

@@ -186,7 +186,7 @@ class MatrixLieGroup(LieGroup):
             rest = plus(self.exp(-xi) @ g, -1.0)
             off2, turns = frobenius2(rest), 0.0
             while 1e-31 < off2 < 0.01 and turns < 6.0:
-                xi = xi + self.dexp_inv(xi, self.algebra.vee(log1pm(rest)), "left")
+                xi = xi + self.dexp_inv(xi, self.algebra.vee(log1pm(rest)))
                 rest = plus(self.exp(-xi) @ g, -1.0)
                 off2, turns = frobenius2(rest), turns + 1.0
             off2 = off2 if off2 < 1.0 else 1.0

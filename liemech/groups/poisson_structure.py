@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
 from ..formulas import Mat, Record, Vec, dot, exp, gradient, jacobian, log, mat, plain, record, vec
-from ..formulas.broadcasting import check_finite, real_array
+from ..formulas.arrays import check_finite, real_array
 from ..formulas.derived import derived
 from .lie_group import LieGroup
 from .matrix_group import whole_number

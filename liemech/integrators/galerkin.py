@@ -191,20 +191,20 @@ class GalerkinVariational(Implicit):
         )
         momenta, rates, misfits = [], [], []  # type: list[Vec], list[Vec], list[Vec]
         for i, (x, v) in enumerate(zip(places, velocities)):
-            xi = tau.dtau(group, x, v, "left")
+            xi = tau.dtau(group, x, v)
             p = body.lagrangian.momentum(xi)
             rate, size = group.ad_star(xi, p), size + one_norms(p, group.unit_blocks)
             if kick is not None:
                 force = _force(system, t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
                 rate, kick = rate + force, kick + (h * b[i]) * tau.tau_Ad_star(group, -x, force)
             P, F = tangent(
-                lambda y: tau.dtau_dual(group, _half(y, 0), _half(y, 1), "left"),
+                lambda y: tau.dtau_dual(group, _half(y, 0), _half(y, 1)),
                 vec(*x, *p),
                 vec(*v, *rate),
             )
             momenta, rates = [*momenta, P], [*rates, F]
-        end = tau.dtau_dual(
-            group, combination(b, velocities, h), start.mu if kick is None else start.mu + kick
+        end = tau.dtau_dual(  # right-trivialised
+            group, -combination(b, velocities, h), start.mu if kick is None else start.mu + kick
         )
         for x, p, row in zip(places, momenta, later):
             r = (p + combination(row, rates, h)) - end

@@ -46,7 +46,7 @@ class LiePoissonHamiltonJacobi(Implicit):
     """Steps whose generating function s(p), of the second kind, solves the Lie-Poisson
     Hamilton-Jacobi equation to an order in h.
 
-        s = h H + (h^3/6) s_3 + (h^5/120) s_5 + ...,   x = ds/dp,   (dtau^-1_x)* p = mu_i     solved for p by Newton's method
+        s = h H + (h^3/6) s_3 + (h^5/120) s_5 + ...,   x = ds/dp,   (dtau^-1_x)* p = mu_i  (right-trivialised)
         mu_i+1 = Ad*_tau(x) mu_i,   g_i+1 = g_i tau(x)
 
     The Hamilton-Jacobi equation ds/dt = H((dtau^-1_x)* p), left-trivialised, with s = 0 at t = 0

@@ -58,8 +58,8 @@ class LieRATTLE(Method):
         m = mu_i + (h/2) f(g_i) - G(g_i)* l,   (dtau^-1_x)* J x/h = m,   g_i+1 = g_i tau(x),   c(g_i+1) = 0       for x and l
         mu_i+1 = Ad*_tau(x) m + (h/2) f(g_i+1) - G(g_i+1)* l',   G(g_i+1) J^-1 mu_i+1 = 0                       for l'
 
-    These are the discrete Euler-Lagrange equations of the sum of h l(xi_i) - h
-    (V(g_i) + V(g_i+1))/2 under c(g_i) = 0.
+    dtau is the right-trivialised one.  These are the discrete Euler-Lagrange equations of the sum
+    of h l(xi_i) - h (V(g_i) + V(g_i+1))/2 under c(g_i) = 0.
     retraction : Exponential() is the more accurate one.
     Order 2, symmetric; both constraints hold to rounding at every step; the two-form on the
     constrained phase space is kept, and so are momenta of common symmetries of potential and
@@ -250,7 +250,7 @@ class LieRATTLE(Method):
         )
         bends = [
             [
-                self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i], "left")
+                self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i])
                 for i, (b, _) in enumerate(ties)
             ]
             for a, ties in enumerate(system.touches)
@@ -309,8 +309,10 @@ class LieRATTLE(Method):
 
 
 def carried(retraction: Retraction, group: Any, x: Vec, by_p: float | Mat, row: Vec) -> Vec:
-    """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m)."""
-    dual = retraction.dtau_dual(group, x, row)
+    """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m),
+    right-trivialised.
+    """
+    dual = retraction.dtau_dual(group, -x, row)
     return by_p @ dual if isinstance(by_p, vectors.Mat) else by_p * dual
 
 

@@ -140,7 +140,7 @@ def _added_to_velocity(group: LieGroup, retraction: Retraction, x: Vec, v: Vec, 
     nested.
     """
     if not isinstance(retraction, Exponential):
-        return _at(k, retraction.dtau_inv(group, x, v, "left")) - _at(k, v)
+        return _at(k, retraction.dtau_inv(group, x, v)) - _at(k, v)
     turning = vec(*[Series(None, *[a[j] - b[j + 1] for j in range(1, k)]) for a, b in zip(v, x)])
     return _at(k, _bernoulli(lambda y: group.ad(-x, y), group.ad(-x, turning), 1, k - 1))
 
@@ -154,7 +154,7 @@ def _added_to_momentum(
     ad*_x p is known from mu.
     """
     if not isinstance(retraction, Exponential):
-        return _at(k, retraction.dtau_inv_dual(group, x, p, "left"))
+        return _at(k, retraction.dtau_inv_dual(group, x, p))
     odd = vec(*[Series(None, *[-2.0 * c[j] if j % 2 else None for j in range(1, k)]) for c in mu])
     return _at(k, _bernoulli(lambda y: group.ad_star(-x, y), group.ad_star(-x, odd), 2, k))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Record, Vec, gradient, jacobian, plain, record
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from ..systems.canonical import CanonicalState
 from ..systems.multirate import MultirateSystem
 from ..systems.vector_field import SplitField, has_flow, recognised_field

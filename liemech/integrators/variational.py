@@ -34,7 +34,7 @@ class CovariantVariational(Implicit):
     """Algorithm 1, a Lie group variational integrator: the discrete Euler-Poincare equations of the
     action sum l_d(xi_i) with g_i+1 = g_i tau(h xi_i).
 
-        (1/h) (dtau^-1_{h xi_i})* dl_d/dxi(xi_i) = mu_i            solved for h xi_i by Newton's method
+        (1/h) (dtau^-1_{h xi_i})* dl_d/dxi(xi_i) = mu_i  (right-trivialised),    solved for h xi_i by Newton's method
         mu_i+1 = Ad*_tau(h xi_i) mu_i,   g_i+1 = g_i tau(h xi_i)
 
     lagrangian : a DiscreteLagrangian, the action l_d of one step; by default h l(xi), of the body's
@@ -169,11 +169,11 @@ class CovariantVariational(Implicit):
 
     def momentum(self, system: Any, xi: Vec, h: float) -> Vec:
         """The momentum at the node before a step of length h with velocity xi, (dtau^-1_{h xi})*
-        dl/dxi: to start from a velocity.
+        dl/dxi, right-trivialised: to start from a velocity.
 
         xi : (dim,), in 1/s.  h : in s.  Returns (dim,).
         """
-        return self.retraction.dtau_inv_dual(system.group, h * xi, self._momentum(system, xi, h))
+        return self.retraction.dtau_inv_dual(system.group, -(h * xi), self._momentum(system, xi, h))
 
     def velocity(self, system: Any, mu: Vec, h: float) -> Vec:
         """The velocity xi of the step of length h after a node with momentum mu; `momentum`

@@ -24,10 +24,10 @@ from ..formulas import (
     vec,
     where,
 )
-from ..formulas.broadcasting import small
 from ..formulas.derivatives import tangent
 from ..formulas.derived import derived
 from ..formulas.vectors import Vec as SmallVec
+from ..formulas.vectors import small
 from ..solvers import correction, newton
 from .canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
 from .separable import SeparableEnergy, SeparableSystem

@@ -9,12 +9,15 @@ import numpy as np
 
 from ..errors import InvalidInput, NotDefined
 from ..formulas import Complex, Record, Vec, check_finite, real_array, record, vec
-from ..formulas.broadcasting import MEMBERSHIP, at_a_glance, bare, small
+from ..formulas.arrays import at_a_glance
+from ..formulas.batches import MEMBERSHIP
 from ..formulas.double_double import DoubleDouble, is_long
 from ..formulas.fields import array_held, frozen_array
 from ..formulas.pytree import exact, fields_of, names_of
 from ..formulas.remembered import Remembered
+from ..formulas.signatures import bare
 from ..formulas.vectors import Vec as SmallVec
+from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 from .trial import require_results

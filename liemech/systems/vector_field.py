@@ -12,9 +12,9 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Mat, Vec, derivative, plain, record, vec
 from ..formulas.anything import looked_at
-from ..formulas.broadcasting import small
 from ..formulas.remembered import common
 from ..formulas.vectors import Vec as SmallVec
+from ..formulas.vectors import small
 from ..groups.matrix_functions import phi1m
 from ..groups.matrix_group import whole_number
 from ..groups.poisson_structure import require_formula

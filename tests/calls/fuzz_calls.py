@@ -24,7 +24,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
-from liemech.formulas.broadcasting import _class_text, bare
+from liemech.formulas.signatures import bare
+from liemech.formulas.signatures import class_text as _class_text
 
 PATIENCE = 2.0
 """Seconds of the processor that a call may take."""
@@ -412,6 +413,8 @@ def ending(method: Method, args: tuple[Any, ...], options: dict[str, Any]) -> st
         if isinstance(error, (lm.errors.InvalidInput, lm.errors.InvalidType)):
             somebody = re.search(r"\w(\(.*\))?\.\w+(:| has| gave) \w+", str(error)) is not None
             named = (somebody and f".{method.name}" in str(error)) or method.name in HOOKS
+            if "unexpected keyword" in str(error):  # which is none of its arguments
+                return "" if not counted and f"{method.name}()" in str(error) else "which keyword"
             return "" if named else f"unnamed: {type(error).__name__}: {error}"
         return "" if str(error) else "no message"
     except TypeError as error:

@@ -88,7 +88,7 @@ class Pulse(lm.Force):
     end: float
 
     def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
-        from liemech.native import where
+        from liemech.formulas import where
 
         return lm.vec(where(t > self.begin, where(t < self.end, 10.0, 0.0), 0.0), 0.0, 0.0)
 

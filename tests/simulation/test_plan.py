@@ -16,7 +16,7 @@ from scenes import CAYLEY, asymmetric_body, same_bits
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.errors import InvalidInput
-from liemech.native import where
+from liemech.formulas import where
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
