@@ -44,7 +44,7 @@ def public() -> dict[str, str]:
 
 
 def everything() -> dict[str, Any]:
-    """What each public name stands for, by the name alone."""
+    """The thing that each public name stands for, by the name alone."""
     library = sys.modules["liemech"]
     return {n: reduce(getattr, full.split(".")[1:], library) for n, full in public().items()}
 
@@ -109,6 +109,6 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
 
 
 def meant(name: str, known: Iterable[str]) -> str:
-    """What a refusal of a name adds: ` (did you mean steps?)`, or nothing."""
+    """The end of a refusal of a name: ` (did you mean steps?)`, or nothing."""
     near = nearest(name, known)
     return f" (did you mean {near}?)" if near else ""

@@ -210,7 +210,7 @@ def _made(value: Any, where: str) -> Any:
 
 
 def _public(name: str, kind: type, where: str, modules: list[Any]) -> Any:
-    """What modules of the user's have under a name, or a public class of the library."""
+    """The class or object of a name, in modules of the user's or in the library."""
     mine = [vars(module)[name] for module in modules if name in vars(module)]
     found = mine[0] if mine else everything().get(name)
     if isinstance(found, type) and issubclass(found, (kind, lm.Vec, lm.Mat)):
@@ -228,7 +228,7 @@ def _known(kind: type) -> str:
 
 
 def _instead(name: str, kind: type) -> str:
-    """What is written alike, and all of a kind."""
+    """The name that is written alike, and all of a kind."""
     known = names(kind)
     there = "" if kind is lm.Record else f"; there are {', '.join(known)}"
     return f"{meant(name, known)}{there}"

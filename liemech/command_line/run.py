@@ -69,7 +69,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
-    """What is computed and what is not, and why."""
+    """Lines that say what is computed and what is not, and why."""
     known = [name for name, x in scene.start.parts.items() if x is not None]
     essential = [
         name for name, x in scene.system.essential_part(scene.start).parts.items() if x is not None
@@ -168,7 +168,7 @@ def _files(scene: Scene, done: lm.Trajectory, options: Any) -> tuple[list[str], 
 
 
 def _report(scene: Scene, done: lm.Trajectory, spent: float) -> str:
-    """What was run, and how well the constants were kept."""
+    """Lines that say what was run, and how well the constants were kept."""
     how = "native code" if done.compiled else "plain Python"
     steps = f"{done.method!r}, {done.steps} steps to t = {done.t[-1]:g}, {how}, {duration(spent)}"
     lines = [f"{scene.title}: {scene.system!r}", steps]
@@ -180,7 +180,7 @@ def _report(scene: Scene, done: lm.Trajectory, spent: float) -> str:
 def _data(
     name: str, scene: Scene, done: lm.Trajectory, spent: float, files: list[str]
 ) -> dict[str, Any]:
-    """The same for programs."""
+    """The report as data, for programs."""
     kept = done.drift().kept if len(done) > 1 else ()
     return {
         "scene": name,

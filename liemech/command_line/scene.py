@@ -45,7 +45,7 @@ class Scene:
     view: tuple[str, ...] | None = None
 
     def changed(self, **changes: Any) -> Scene:
-        """The same scene with other options; None leaves an option as it is."""
+        """This scene with other options; None leaves an option as it is."""
         given = {name: value for name, value in changes.items() if value is not None}
         if self.t_end is not None and {"h", "steps"} & given.keys() and "t_end" not in given:
             given = {"t_end": None, "rtol": None, "atol": None} | given

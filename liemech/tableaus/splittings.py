@@ -95,7 +95,7 @@ class SplittingTableau(Coefficients):
 
     @property
     def exchanged(self) -> SplittingTableau:
-        """The same numbers with kicks and drifts exchanged: a step that began with a kick begins
+        """This splitting with kicks and drifts exchanged: a step that began with a kick begins
         with a drift.
 
         Raises InvalidInput if the order is that of quadratic kinetic energies only.

@@ -175,7 +175,7 @@ class ButcherTableau(Coefficients):
 
     @functools.cached_property
     def bare(self) -> ButcherTableau:
-        """The same step, without the stages that only its error estimate or interpolant uses."""
+        """This tableau without the stages that only its error estimate or interpolant uses."""
         needed: set[int] = set()
         ahead = {i for i, w in enumerate(self.b) if w}
         while ahead:
