@@ -23,7 +23,7 @@ LIMIT = 60
 
 
 def kepler_step(q: Vec, v: Vec, k: float, t: float) -> tuple[Vec, Vec]:
-    """What q and v gain in the time t under the attraction -k q/|q|^3: on ellipses, parabolas and
+    """The change of q and v in the time t under the attraction -k q/|q|^3: on ellipses, parabolas and
     hyperbolas.
 
         t = r_0 G_1 + e_0 G_2 + k G_3,  G_n = s^n c_n(b s^2),  b = 2k/r_0 - |v|^2,  e_0 = q . v
@@ -145,7 +145,7 @@ class KeplerMotions(Part):
 
 @record
 class Perturbation(Hamiltonian):
-    """What is left: the attraction between planets, and that of the sun less the one of Kepler's
+    """The rest of the energy: the attraction between planets, and that of the sun less the one of Kepler's
     orbits; a function of positions.
 
     masses : of all bodies, the sun first.  gravity : G.
