@@ -86,7 +86,7 @@ def answer(start: Any, control: str, options: dict[str, Any]) -> str:
 def test_the_table_has_every_option_once() -> None:
     named = [name for row in rows("option") for name in re.findall(r"`(\w+)`", row[0])]
     assert sorted(named) == sorted([*VALUES, "executor"])
-    assert all(len(row) == 6 for row in rows("option"))
+    assert all(len(row) == 5 for row in rows("option"))
 
 
 @pytest.mark.parametrize("control", CONTROLS)
@@ -94,7 +94,7 @@ def test_an_option_is_refused_where_its_cell_says_so(
     control: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    column = 3 + list(CONTROLS).index(control)
+    column = 2 + list(CONTROLS).index(control)
     for row in rows("option"):
         for name in set(re.findall(r"`(\w+)`", row[0])) - {"executor", "steps", "t_end"}:
             more = {"checkpoint": "run.npz"} if name == "checkpoint_every" else {}
