@@ -304,7 +304,7 @@ def test_every_function_is_called(everything: None, monkeypatch: pytest.MonkeyPa
     )
     names = re.findall(r"^define internal .*@\"?([^\"(]+)\"?\(", texts[-1], re.MULTILINE)
     assert names and all(
-        re.search(rf"call (fastcc|preserve_mostcc) .*@"?{re.escape(name)}"?\(", texts[-1])
+        re.search(rf'call (fastcc|preserve_mostcc) .*@"?{re.escape(name)}"?\(', texts[-1])
         for name in names
     )
 
