@@ -24,9 +24,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..errors import NotCompilable
-from ..formulas.broadcasting import bare
 from ..formulas.numbers import StandIn
 from ..formulas.records import Record
+from ..formulas.signatures import bare
 from . import content_hashes
 from .content_hashes import ATOMS, Known, digest, inner, is_mutable, is_own, of_python, parts, same
 from .source import Source

@@ -23,7 +23,6 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotCompilable
 from ..formulas import functions, products, series, sums, tables, vectors
-from ..formulas.broadcasting import bare
 from ..formulas.derivatives import axes, tangent
 from ..formulas.dual import Dual
 from ..formulas.fields import converters
@@ -46,6 +45,7 @@ from ..formulas.pytree import (
 )
 from ..formulas.records import Record
 from ..formulas.series import Series
+from ..formulas.signatures import bare
 from ..formulas.vectors import Mat, Vec
 from . import content_hashes, driver, memory_loops
 from .advice import instead_of, instead_of_syntax

@@ -158,7 +158,7 @@ def test_formulas(name: str, everything: None, tmp_path: Path) -> None:
 
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
-TOP = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
+TOP = lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
 MU = np.array([0.5, 0.1, 0.75**0.5])
 
 

@@ -46,7 +46,7 @@ def test_constants_that_formulas_make_are_told_by_their_content(
     """`group.algebra` is another object at each use, of the same content."""
     monkeypatch.setattr(inlining, "ALONE", 1)
     monkeypatch.setattr(state, "HUGE", 700)
-    system = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
+    system = lm.models.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
     start = system.state(mu=np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), g=np.eye(4))
     with pytest.raises(Seen):
         lm.Plan(system, lm.CovariantVariational(), h=0.05, compiled=True).run(start, steps=1)
@@ -59,7 +59,7 @@ def test_native_functions_know_the_constants_of_their_arguments(
     """The group of a heavy top is a constant of the system, which holds numbers of the run too."""
     monkeypatch.setattr(inlining, "ALONE", 1)
     monkeypatch.setattr(state, "HUGE", 300)
-    system = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
+    system = lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
     start = system.state(mu=np.array([0.5, 0.1, 0.8]), g=np.eye(3))
     with pytest.raises(Seen):
         lm.Plan(system, lm.RKMK(order=4), h=0.05, compiled=True).run(start, steps=1)

@@ -210,8 +210,8 @@ def test_what_is_no_field_is_not_shared() -> None:
     groups = [body.group for body in bodies]
     assert groups[0] is not groups[1]
     assert [body.group is group for body, group in zip(bodies, groups, strict=True)] == [True, True]
-    assert lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0]).group is (
-        lm.HeavyTop([1.0, 1.6, 2.0], 2.0, [0.0, 0.0, 1.0]).group
+    assert lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0]).group is (
+        lm.models.HeavyTop([1.0, 1.6, 2.0], 2.0, [0.0, 0.0, 1.0]).group
     )
 
 
