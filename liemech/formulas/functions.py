@@ -29,6 +29,11 @@ DOUBLE_DOUBLE: dict[str, Callable[..., Any]] = {}
 """What they do to numbers of two doubles; filled by `double_double`."""
 
 
+OF_MATH: dict[Any, Callable[..., Any]] = {}
+OF_ARRAYS: dict[Any, Callable[..., Any]] = {}
+"""Functions of Python's `math`, and of NumPy, and those here of the same meaning."""
+
+
 def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
     on_float = getattr(math, name)
     on_array = getattr(np, numpy_name or name)
@@ -49,6 +54,7 @@ def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
 
     function.__name__ = function.__qualname__ = name
     function.__doc__ = f"{name} of a float, an array, a symbol or a number in native code."
+    OF_MATH[on_float] = OF_ARRAYS[on_array] = function
     return function
 
 

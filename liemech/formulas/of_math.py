@@ -20,13 +20,14 @@ def _log(x: Any, *base: Any) -> Any:
     return functions.log(x) / functions.log(*base) if base else functions.log(x)
 
 
-_NAMES = (
-    "acos acosh asin asinh atan atan2 atanh cbrt copysign cos cosh degrees exp exp2 expm1 fabs hypot "
-    "log10 log1p log2 pow radians sin sinh sqrt tan tanh"
-)
 OF_MATH: dict[Any, Callable[..., Any]] = {
-    getattr(math, name): getattr(functions, name) for name in _NAMES.split() if hasattr(math, name)
-} | {math.log: _log}
+    **functions.OF_MATH,
+    **{
+        getattr(math, name): getattr(functions, name)
+        for name in ("degrees", "fabs", "hypot", "radians")
+    },
+    math.log: _log,
+}
 """Python's functions, and the formulas of the same meaning."""
 
 
