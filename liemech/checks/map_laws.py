@@ -102,7 +102,7 @@ class Map:
         return at.units.coordinates(slope(moved, STEP / at.units.length(eta)))
 
     def slips(self, at: At, side: str, dual: bool, inverse: bool) -> dict[str, Any]:
-        """What a differential, its inverse or a dual of them is mistaken for."""
+        """The maps for which a differential, its inverse or a dual of them is mistaken."""
         name = {"right": "left-trivialised", "left": "right-trivialised"}[side]
         right, left = (self.differential(at, s)[0] for s in ("right", "left"))
         here, there = (right, left) if side == "right" else (left, right)

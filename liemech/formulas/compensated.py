@@ -119,7 +119,7 @@ class Compensated(ByValue):
 
 
 def _rest(x: Compensated) -> Any:
-    """What x remembers, on whichever way it came here."""
+    """The rest that x remembers, on whichever way it came here."""
     rest = x.rest
     return rest.settled(_ON_ONE_WAY) if isinstance(rest, StandIn) else rest
 

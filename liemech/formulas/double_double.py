@@ -182,7 +182,7 @@ def two_sum(a: Any, b: Any) -> tuple[Any, Any]:
 
 
 def fast_two_sum(a: Any, b: Any) -> tuple[Any, Any]:
-    """The same where |a| is not less than |b|.  Source: Dekker, Numer. Math. 18 (1971), 224."""
+    """`two_sum` where |a| is not less than |b|.  Source: Dekker, Numer. Math. 18 (1971), 224."""
     total = a + b
     return total, b - (total - a)
 

@@ -264,9 +264,9 @@ def _over(slope: Any, k: Any) -> Any:
 
 
 def _by_exponent(base: Any, exponent: Any, value: Any, slope: Any) -> Any:
-    """What an exponent with this slope adds to the slope of value = base^exponent; at base 0
-    nothing, if the exponent is above the order of the derivatives that are still to be taken by the
-    base: x^(y - k) log x, which they lead to, is infinite there for y <= k.
+    """The part of the slope of value = base^exponent that an exponent with this slope adds; at base
+    0 nothing, if the exponent is above the order of the derivatives that are still to be taken by
+    the base: x^(y - k) log x, which they lead to, is infinite there for y <= k.
     """
     if type(slope) is int:
         return slope
@@ -383,7 +383,7 @@ def _rule(
     factor: Callable[[Any, Any], Any],
     combine: Callable[[Any, Any], Any],
 ) -> Callable[[Any], Dual]:
-    """What a function does to a number that carries a derivative."""
+    """An elementary function of a number that carries a derivative."""
 
     def value_and_slope(x: Any) -> Dual:
         y = function(x.value)

@@ -137,8 +137,8 @@ OF_VECTORS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...], tuple[str, ...]
 OF_NUMBERS = {
     np.where: functions.where, np.clip: clip, np.interp: r.interpolated, np.searchsorted: r.place,
 }  # fmt: skip
-"""What NumPy has no function of floats for that native code could ask, and gives the bits of the
-formula.
+"""Functions of numbers for which native code has the formula alone: NumPy has none of floats with
+its bits.
 """
 
 
@@ -147,8 +147,8 @@ Found = tuple[Callable[..., Any], list[Any], dict[str, Any]]
 
 
 def formula_of(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Found | None:
-    """The formula of the same meaning as NumPy's function of x, x as it takes them, and the options;
-    None if there is none.
+    """The formula of the same meaning as NumPy's function of x, x as it takes them, and the
+    options; None if there is none.
     """
     if function in OF_VECTORS:
         return _of_vectors(function, x, options)
@@ -186,7 +186,7 @@ def inside(x: Any) -> list[Any]:
 
 
 def _operand(x: Any) -> Any:
-    """What a formula takes for an array, a list or a number of NumPy's."""
+    """An array, a list or a number of NumPy's as a formula takes it."""
     return _number(x) if isinstance(x, _OF_NUMPY) and x.ndim == 0 else small(x)
 
 
