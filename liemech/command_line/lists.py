@@ -12,7 +12,7 @@ from typing import Any
 
 import liemech as lm
 
-from ..names import everything
+from ..names import everything, sentence
 from .constructors import names
 from .options import Parser
 from .scenes import SCENES
@@ -22,7 +22,7 @@ EXAMPLES = {
     "IndexReduction": "IndexReduction(RKMK(order=4))",
     "ReversibleController": "ReversibleController(StormerVerlet(), EqualArc())",
 }
-"""What stands for methods that need another one."""
+"""Examples of methods that need another one."""
 
 
 def scenes(arguments: Sequence[str]) -> int:
@@ -33,7 +33,7 @@ def scenes(arguments: Sequence[str]) -> int:
         scene = function()
         row = {
             "scene": name,
-            "about": _sentence(function),
+            "about": sentence(function),
             "system": type(scene.system).__name__,
             "method": repr(scene.method),
         }
@@ -89,15 +89,9 @@ def method_rows() -> list[dict[str, Any]]:
                 "symmetric": bool(method.symmetric),
                 "symplectic": bool(method.symplectic),
             }
-            | {"about": _sentence(cls)}
+            | {"about": sentence(cls)}
         )
     return rows
-
-
-def _sentence(thing: Any) -> str:
-    """The first sentence of a docstring, in one line."""
-    text = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
-    return text.partition(". ")[0].rstrip(".:")
 
 
 def _row(columns: str, about: str) -> str:

@@ -42,7 +42,7 @@ def fixed(
     race: Race, name: str, at: Start, method: Any, settings: tuple[float, ...], outputs: Callable[..., np.ndarray],
     parts: tuple[str, ...] = ("mu", "g"), closed: bool = False,
 ) -> Entry:  # fmt: skip
-    """Steps of one length, so many between two outputs, and down to an eighth as many."""
+    """Fixed steps, so many between two outputs, and down to an eighth as many."""
     fewest = max(1, round(settings[0]) // 8)
     settings = (*[n for n in doubled(1, 20) if fewest <= n < settings[0]], *settings)
 

@@ -492,7 +492,22 @@ def test_a_closed_form_in_the_wrong_class() -> None:
     with pytest.raises(lm.errors.InvalidType, match=r"Misplaced\.dexp.*class of the algebra"):
 
         class Misplaced(lm.SO3):
-            def dexp(self, xi: lm.Vec, eta: lm.Vec, side: str = "right") -> lm.Vec:  # type: ignore[misc]
+            def dexp(self, xi: lm.Vec, eta: lm.Vec) -> lm.Vec:  # type: ignore[misc]
+                return eta
+
+
+def test_a_differential_with_a_side_is_refused() -> None:
+    """Formulas are left-trivialised; one with a side stems from a time when they were not."""
+    with pytest.raises(lm.errors.InvalidType, match=r"Sided\.dexp_inv takes `side`.*at -xi"):
+
+        class Sided(type(lm.SO3().algebra)):  # type: ignore[misc]
+            def dexp_inv(self, xi, eta, side="right"):  # type: ignore[no-untyped-def]
+                return eta
+
+    with pytest.raises(lm.errors.InvalidType, match=r"Sided\.dtau takes `side`"):
+
+        class Sided(lm.Retraction):  # type: ignore[no-redef]
+            def dtau(self, group, xi, eta, side="right"):  # type: ignore[no-untyped-def]
                 return eta
 
 

@@ -158,7 +158,9 @@ def test_steps_in_the_chart_stay_on_the_sphere() -> None:
 
     def step(x: np.ndarray, h: float) -> np.ndarray:
         def rate(omega: np.ndarray) -> np.ndarray:
-            return np.asarray(group.dexp_inv(omega, velocity(action.exp_act(omega, x))))
+            return np.asarray(
+                group.dexp_inv(omega, velocity(action.exp_act(omega, x)), side="right")
+            )
 
         k1 = rate(np.zeros(3))
         k2 = rate(h / 2 * k1)

@@ -162,7 +162,7 @@ def test_the_action_is_stationary(method: GalerkinVariational) -> None:
     def action(V: np.ndarray) -> float:
         total = 0.0
         for X, v, weight in zip(h * A @ V, V, b):
-            xi, g = tau.dtau(group, X, v, "left"), group.compose(start.g, tau.tau(group, X))
+            xi, g = tau.dtau(group, X, v), group.compose(start.g, tau.tau(group, X))
             total += weight * (
                 0.5 * np.sum(np.array(top.inertia) * xi**2) - top.potential.energy(g)
             )

@@ -265,7 +265,7 @@ def test_second_term_is_the_second_time_derivative_of_the_energy(
 
     def energy(p: np.ndarray, t: float) -> float:
         v = np.array(system.velocity(p))
-        return float(system.energy(retraction.dtau_inv_dual(group, t * v, p, "left")))
+        return float(system.energy(retraction.dtau_inv_dual(group, t * v, p)))
 
     def third(p: np.ndarray) -> float:
         differences = [

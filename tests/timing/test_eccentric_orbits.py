@@ -112,7 +112,7 @@ def test_table_of_equal_steps() -> None:
 @pytest.mark.compiled
 @pytest.mark.parametrize("e", [0.99, 0.999])
 def test_steps_for_each_revolution_do_not_grow_with_the_eccentricity(e: float) -> None:
-    """120 steps of order 8: equal steps of Stormer and Verlet need about 120 for each (1 - e)^(3/2)
+    """120 steps of order 8: fixed steps of Stormer and Verlet need about 120 for each (1 - e)^(3/2)
     of a period.
     """
     start = KEPLER.pericentre(e)

@@ -45,7 +45,7 @@ def slopes(error: Callable[[float], float], h: float, count: int = 3) -> list[fl
 
 @lm.record
 class Constant(lm.TimeScale):
-    """Steps of one length, in another unit."""
+    """Fixed steps, in another unit."""
 
     unit: float
 
@@ -280,7 +280,7 @@ def test_a_member_of_an_ensemble_moves_as_it_does_alone() -> None:
 def test_what_is_refused() -> None:
     with pytest.raises(InvalidInput, match="not symmetric"):
         lm.ReversibleController(lm.SymplecticEuler(), lm.time_scales.EqualArc())
-    with pytest.raises(InvalidInput, match="steps of one length"):
+    with pytest.raises(InvalidInput, match="fixed steps"):
         lm.ReversibleController(verlet(), lm.time_scales.EqualArc())
     with pytest.raises(InvalidType, match="sigma is a TimeScale"):
         lm.ReversibleController(lm.StormerVerlet(), 3.0)  # type: ignore[arg-type]

@@ -61,7 +61,7 @@ def end(run: lm.Trajectory, parts: tuple[str, ...]) -> np.ndarray:
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("order", [2, 4])
 def test_order_at_a_physical_time(scene: str, order: int) -> None:
-    """Beside the equation itself, by steps of equal length."""
+    """Beside the equation itself, by fixed steps."""
     system, sigma, start, parts = SCENES[scene]
     exact = end(
         lm.integrate(

@@ -35,7 +35,7 @@ def slopes(error: Callable[[float], float], h: float) -> list[float]:
 
 @lm.record
 class Constant(lm.TimeScale):
-    """Steps of one length, in another unit."""
+    """Fixed steps, in another unit."""
 
     parts: ClassVar[tuple[str, ...] | None] = ("q",)
 
