@@ -1,6 +1,6 @@
-"""Where laws are checked: at the neutral element, 1e-8 beside it, at random, with coordinates of
-mixed sizes, along each axis, and on both sides of where `dexp` is singular.  The size of a velocity is that
-of ad_xi: in radians, for rotations.
+"""The points at which laws are checked: at the neutral element, 1e-8 beside it, at random, with
+coordinates of mixed sizes, along each axis, and on both sides of where `dexp` is singular.  The
+size of a velocity is that of ad_xi: in radians, for rotations.
 """
 
 from __future__ import annotations
@@ -96,8 +96,8 @@ def turning(a: np.ndarray) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Units:
-    """What is natural on a group: the constants of its bracket, a unit of velocity, the weight of
-    its elements.
+    """The natural scales of a group: the constants of its bracket, a unit of velocity, the weight
+    of its elements.
     """
 
     group: LieGroup
