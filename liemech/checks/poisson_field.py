@@ -17,7 +17,7 @@ from ..groups.poisson_structure import PoissonStructure
 from ..groups.skew_matrices import null_vectors
 from ..systems.vector_field import VectorField
 from .law import Law, Same, axiom, verdicts
-from .report import Report
+from .report import Report, shown
 from .sample_points import flat
 
 PLACES = 6
@@ -60,7 +60,7 @@ class AtPoint:
         return flat(self.pair.f(self.y))
 
     def __str__(self) -> str:
-        return f"{self.name}, y = ({', '.join(f'{c:.3g}' for c in self.y[:8])})"
+        return f"{self.name}, {shown('y', self.y[:8])}"
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from ..groups.poisson_structure import PoissonStructure
 from ..groups.skew_matrices import like_sizes
 from .casimir_laws import independence
 from .law import Law, Same, axiom, verdicts
-from .report import Finding, Report
+from .report import Finding, Report, shown
 from .sample_points import flat
 from .sample_states import SIZES, components, named
 from .seeds import generator
@@ -102,7 +102,7 @@ class AtPoint:
         return 0.25 / fastest if fastest > 0.0 else 0.25
 
     def __str__(self) -> str:
-        return f"{self.name}, y = ({', '.join(f'{c:.3g}' for c in self.y[:8])})"
+        return f"{self.name}, {shown('y', self.y[:8])}"
 
 
 @dataclass(frozen=True)
