@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterable
 from functools import reduce
 from importlib import import_module
+from importlib.machinery import PathFinder
 from inspect import getdoc, isclass
 from os.path import splitext
 from typing import Any
@@ -95,7 +96,9 @@ def _missing(namespace: str, name: str) -> tuple[str, bool]:
     another place?
     """
     said = f"module {namespace!r} has no attribute {name!r}"
-    if name.startswith("_"):  # asked for by tools, which want no answer
+    package = getattr(sys.modules[namespace], "__path__", None)
+    # asked for by tools, which want no answer, and by `from . import name` before it imports a file
+    if name.startswith("_") or (package and PathFinder.find_spec(f"{namespace}.{name}", package)):
         return said, False
     here, known = namespace.replace("liemech", "lm", 1), public()
     if place := known.get(name) or FORMER.get(name):

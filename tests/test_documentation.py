@@ -56,7 +56,7 @@ COMPILED = {
 """Pages and examples about native code, or too long without it."""
 
 QUICK = {
-    *("README", "conventions", "notation", "tableaus", "options"),
+    *("README", "conventions", "notation", "tableaus"),
     *("changelog", "verification", "tennis_racket"),
 }
 """Pages and examples that run whenever the tests run; the others are slow, and `.ci/run` runs a
