@@ -96,7 +96,7 @@ def _missing(namespace: str, name: str) -> tuple[str, bool]:
     another place?
     """
     said = f"module {namespace!r} has no attribute {name!r}"
-    package = getattr(sys.modules[namespace], "__path__", None)
+    package = vars(sys.modules[namespace]).get("__path__")
     # asked for by tools, which want no answer, and by `from . import name` before it imports a file
     if name.startswith("_") or (package and PathFinder.find_spec(f"{namespace}.{name}", package)):
         return said, False
