@@ -18,6 +18,7 @@ from ..formulas import Vec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from .like_units import GroupInUnits
+from .report import shown
 from .seeds import generator
 
 STEP = 0.01
@@ -286,6 +287,7 @@ class At:
         group, xi = self.group, self.xi
         given = group.units * xi if isinstance(group, GroupInUnits) else xi
         return f"{self.name}, xi = ({', '.join(f'{x:.3g}' for x in given)})"
+        return f"{self.name}, {shown('xi', self.xi)}"
 
 
 def sample_points(group: LieGroup, seed: int) -> list[At]:
