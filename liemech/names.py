@@ -5,9 +5,10 @@ imported when it is first asked for.
 
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import reduce
 from importlib import import_module
+from importlib.machinery import PathFinder
 from inspect import getdoc, isclass
 from os.path import splitext
 from typing import Any
@@ -44,7 +45,7 @@ def public() -> dict[str, str]:
 
 
 def everything() -> dict[str, Any]:
-    """What each public name stands for, by the name alone."""
+    """The thing that each public name stands for, by the name alone."""
     library = sys.modules["liemech"]
     return {n: reduce(getattr, full.split(".")[1:], library) for n, full in public().items()}
 
@@ -89,13 +90,28 @@ def lazily(namespace: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
 def _missing(namespace: str, name: str) -> str:
     """Why a namespace has no such name, and where it is or what is written alike."""
     said = f"module {namespace!r} has no attribute {name!r}"
-    if name.startswith("_"):  # asked for by tools, which want no answer
+    package = getattr(sys.modules[namespace], "__path__", None)
+    # asked for by tools, which want no answer, and by `from . import name` before it imports a file
+    if name.startswith("_") or (package and PathFinder.find_spec(f"{namespace}.{name}", package)):
         return said
     here, known = namespace.replace("liemech", "lm", 1), public()
     if place := known.get(name) or FORMER.get(name):
         return f"{said}: {here}.{name} is {place}"
+    near = nearest(name, known)
+    return f"{said}. Did you mean {known[near]}?" if near else said
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """The one of some names that is written most like another, whatever the case; None if none is."""
     from difflib import get_close_matches
 
-    alike = {known.lower(): full for known, full in known.items()}
-    near = get_close_matches(name.lower().replace("_", ""), alike, 1)
-    return f"{said}. Did you mean {alike[near[0]]}?" if near else said
+    alike = {one.lower().replace("_", ""): one for one in known}
+    return next(
+        (alike[n] for n in get_close_matches(name.lower().replace("_", ""), alike, 1)), None
+    )
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """The end of a refusal of a name: ` (did you mean steps?)`, or nothing."""
+    near = nearest(name, known)
+    return f" (did you mean {near}?)" if near else ""

@@ -20,6 +20,7 @@ from .formulas import (
     identity_matrix,
     jacobian,
     mat,
+    plain,
     record,
     solve,
     sqrt,
@@ -91,6 +92,10 @@ class Retraction(Record):
     def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
         """g tau(xi).  g : an element, xi : (dim,)."""
         return group.compose(g, self.tau(group, xi))
+
+    def tau_compose(self, group: LieGroup, xi: Vec, g: Element) -> Element:
+        """tau(xi) g.  xi : (dim,), g : an element."""
+        return group.compose(self.tau(group, xi), g)
 
     def tau_act(self, action: GroupAction, xi: Vec, x: Vec) -> Vec:
         """tau(xi) . x, a point moved by the group.  xi : (dim,), x : a point."""
@@ -174,6 +179,10 @@ class Exponential(Retraction):
         """g exp(xi)."""
         return group.compose_exp(g, xi)
 
+    def tau_compose(self, group: LieGroup, xi: Vec, g: Element) -> Element:
+        """g exp(Ad_g^-1 xi): rounded by what the step adds, not by what is there."""
+        return group.compose_exp(g, group.Ad(group.inverse(plain(g)), xi))
+
     def tau_act(self, action: GroupAction, xi: Vec, x: Vec) -> Vec:
         """exp(xi) . x."""
         return action.exp_act(xi, x)
@@ -238,6 +247,10 @@ class Cayley(Retraction):
     def compose_tau(self, group: LieGroup, g: Element, xi: Vec) -> Element:
         """g cay(xi)."""
         return self._on(group).compose_cayley(g, xi)
+
+    def tau_compose(self, group: LieGroup, xi: Vec, g: Element) -> Element:
+        """g cay(Ad_g^-1 xi): rounded by what the step adds, not by what is there."""
+        return self._on(group).compose_cayley(g, group.Ad(group.inverse(plain(g)), xi))
 
     def dtau(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
         """(1 + xi/2)^-1 eta (1 - xi/2)^-1."""

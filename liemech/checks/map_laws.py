@@ -65,6 +65,8 @@ class Map:
         """Is the method the author's own?  What a retraction leaves out is made by differentiating
         tau: his own too.
         """
+        if name == "tau_compose":
+            return replaced(self.retraction, Retraction, name)
         if isinstance(self.retraction, Exponential | Cayley):
             word = self.words.get(name, name)
             if hasattr(LieAlgebra, word):
@@ -193,7 +195,14 @@ def coadjoint_shortcut(tau: Map, at: At) -> Iterator[Same]:
     yield Same(tau.tau_Ad_star(at.xi, at.mu), group.Ad_star(g, at.mu), scale, lambda: slips)
 
 
-@axiom(MAPS, "{compose_tau}", "{compose_tau}(g, xi) = g {tau}(xi)", "compose_tau", optional=True)
+@axiom(
+    MAPS,
+    "{compose_tau}",
+    "{compose_tau}(g, xi) = g {tau}(xi), and so from the other side",
+    "compose_tau",
+    "tau_compose",
+    optional=True,
+)
 def composition_shortcut(tau: Map, at: At) -> Iterator[Same]:
     group, g = tau.group, tau.tau(at.xi)
     slips = {
@@ -202,6 +211,9 @@ def composition_shortcut(tau: Map, at: At) -> Iterator[Same]:
     }
     scale = at.elements(at.h, g) * (1.0 + at.length)
     yield Same(tau.compose_tau(at.h, at.xi), group.compose(at.h, g), scale, lambda: slips)
+    back = group.inverse(at.h)
+    scale = scale * at.share(at.h, back)  # of Ad
+    yield Same(tau.tau_compose(at.xi, at.h), group.compose(g, at.h), scale)
 
 
 @axiom(

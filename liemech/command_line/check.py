@@ -56,7 +56,7 @@ def check(arguments: Sequence[str]) -> int:
 
 
 def _reports(thing: Any) -> list[Any]:
-    """What there is to say of an object."""
+    """The reports of the checks that fit an object."""
     if isinstance(thing, lm.LieGroup):
         return [lm.check_group(thing, raises=False)]
     if isinstance(thing, lm.Retraction):

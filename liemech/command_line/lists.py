@@ -22,7 +22,7 @@ EXAMPLES = {
     "IndexReduction": "IndexReduction(RKMK(order=4))",
     "ReversibleController": "ReversibleController(StormerVerlet(), EqualArc())",
 }
-"""What stands for methods that need another one."""
+"""Examples of methods that need another one."""
 
 
 def scenes(arguments: Sequence[str]) -> int:

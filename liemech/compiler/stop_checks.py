@@ -10,7 +10,7 @@ from llvmlite import ir
 
 from .interrupts import THREAD
 from .ir_numbers import I1, I32
-from .phi import Open
+from .joins import Open
 
 EVERY = 2**14
 """Turns of a loop between two checks: a turn takes up to some 10 us, a check 0.1 us."""

@@ -295,9 +295,11 @@ class LieAlgebra(Record):
         """
         from .matrix_invariants import null_space  # which builds on algebras of matrices
 
-        ad, n = self._ad_matrices, self.dim
-        killing = self.killing_form
-        if _nondegenerate(killing):
+        n, killing, given = self.dim, self.killing_form, self._ad_matrices
+        units = _like_units(given)
+        # of the generators in these units
+        ad = given * units[:, None, None] * units / units[:, None]
+        if _nondegenerate(np.einsum("iab,jba->ij", ad, ad)):
             return -killing / np.abs(killing).max()
         pairs = [(i, j) for i in range(n) for j in range(i, n)]
         forms = np.zeros((len(pairs), n, n))
@@ -312,12 +314,12 @@ class LieAlgebra(Record):
         for weights in null_space(equations.reshape(len(pairs), -1).T):
             form = np.einsum("p,pab->ab", weights, forms)
             if _nondegenerate(form):
-                return form / np.abs(form).max()
+                return _in_units(form, units)
         for weights in np.random.default_rng(1).normal(size=(4 if len(kernel) else 0, len(kernel))):
             # a generic member of the family: degenerate only if all are
             form = np.einsum("k,kab->ab", weights, kernel)
             if _nondegenerate(form):
-                return form / np.abs(form).max()
+                return _in_units(form, units)
         return None
 
     @property
@@ -407,6 +409,26 @@ def _has_side(formula: Any) -> bool:
 def _columns(formula: Callable[[Vec, Vec], Vec], xi: Vec) -> Mat:
     """The matrix of a formula that is linear in its second argument."""
     return mat(*[formula(xi, unit) for unit in identity_matrix(len(xi))]).T
+
+
+def _like_units(ad: np.ndarray) -> np.ndarray:
+    """Powers of two u for which the generators u_i E_i have structure constants of like sizes.
+    ad : (dim, dim, dim), the matrices of ad E_i;  returns (dim,)
+
+    log |c^k_ij| + log u_i + log u_j - log u_k is made small by least squares.
+    """
+    i, k, j = np.nonzero(ad)
+    ways = np.zeros((len(i), len(ad)))
+    for column, sign in ((i, 1.0), (j, 1.0), (k, -1.0)):
+        np.add.at(ways, (np.arange(len(i)), column), sign)
+    exponents = np.linalg.lstsq(ways, -np.log2(np.abs(ad[i, k, j])), rcond=None)[0]
+    return np.exp2(np.round(exponents))
+
+
+def _in_units(form: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """A form of the generators u_i E_i as one of the E_i, with 1 as its largest entry."""
+    form = form / np.outer(units, units)
+    return form / np.abs(form).max()
 
 
 def _nondegenerate(form: np.ndarray) -> bool:

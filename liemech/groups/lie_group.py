@@ -51,7 +51,7 @@ OF_THE_ALGEBRA = {
     ),
     *("dcayley_dual", "dcayley_inv", "dcayley_inv_dual", "cayley_residual"),
 }
-"""What depends on velocities and momenta alone: closed forms stand in the class of the algebra."""
+"""Maps of velocities and momenta alone: closed forms stand in the class of the algebra."""
 
 
 def _of_one_momentum(formula: Callable[..., Any]) -> Callable[..., Any]:
@@ -213,7 +213,7 @@ class LieGroup(Record):
 
     @_of_one_momentum
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
-        """What tells the coadjoint orbit through mu from others of its dimension with the same
+        """Numbers that tell the coadjoint orbit through mu from others of its dimension with the same
         Casimirs; () if there are none.
 
         None, the default: the group does not know.  mu : (dim,).
@@ -362,7 +362,7 @@ class LieGroup(Record):
 
     @cached_property
     def _coframe(self) -> Mat:
-        """What takes a rate of an element at the identity to the velocity: (d exp at 0)^-1."""
+        """The linear map from rates of an element at the identity to velocities, (d exp at 0)^-1."""
         zero = vec(*[0.0 for _ in range(self.dim)])
         units = identity_matrix(self.dim)
         frame = [_flat(derivative(self.exp, zero, unit)) for unit in units]

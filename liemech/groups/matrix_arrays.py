@@ -165,7 +165,7 @@ def _phi_inverse(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _phi_inverse_series(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The same for a matrix without a basis of eigenvectors, by the solution of phi_1(ad_x) z = y
+    """`_phi_inverse` of a matrix without a basis of eigenvectors, by the solution of phi_1(ad_x) z = y
     from z = y on.
     """
     z = y

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from ..formulas import Ambient, Element, Mat, Vec, record
+from ..formulas import Ambient, Element, Mat, Vec, plain, record
 from .algebra_of_parts import AlgebraOfParts
 from .lie_group import LieGroup
 
 
 @record
 class OppositeAlgebra(AlgebraOfParts):
-    """The same velocities with the opposite bracket, [xi, eta]' = -[xi, eta]: every map is that of
+    """The velocities of an algebra with the opposite bracket, [xi, eta]' = -[xi, eta]: every map is that of
     the algebra at -xi.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1 and
@@ -50,7 +50,7 @@ class OppositeAlgebra(AlgebraOfParts):
         return r, by_p, -by_xi
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """The same chart."""
+        """The chart of the algebra."""
         return self.algebra.is_exp_chart(xi)
 
 
@@ -83,7 +83,7 @@ class OppositeGroup(LieGroup):
 
     @cached_property
     def algebra(self) -> OppositeAlgebra:
-        """The same velocities with the opposite bracket."""
+        """The algebra of the group with the opposite bracket."""
         return OppositeAlgebra(self.group.algebra)
 
     def identity(self) -> Element:
@@ -101,6 +101,10 @@ class OppositeGroup(LieGroup):
     def exp(self, xi: Vec) -> Element:
         """exp(xi)."""
         return self.group.exp(xi)
+
+    def compose_exp(self, g: Element, xi: Vec) -> Element:
+        """exp(xi) g of the group, as g exp(Ad_g^-1 xi): rounded by what the step adds."""
+        return self.group.compose_exp(g, self.Ad(plain(g), xi))
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
         """Ad of g^-1."""
@@ -127,6 +131,10 @@ class OppositeGroup(LieGroup):
     def cayley(self, xi: Vec) -> Element:
         """cay(xi)."""
         return self.group.cayley(xi)
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """cay(xi) g of the group, as g cay(Ad_g^-1 xi)."""
+        return self.group.compose_cayley(g, self.Ad(plain(g), xi))
 
     def cayley_inv(self, g: Element) -> Vec:
         """cay^-1 g."""

@@ -228,7 +228,7 @@ class ProductGroup(LieGroup):
         return worst
 
     def objection(self, g: np.ndarray) -> str | None:
-        """What a factor has to object."""
+        """The objection of the first factor that has one."""
         for number, (factor, a) in enumerate(
             zip(self.factors, self._elements(small(g)), strict=True), 1
         ):

@@ -231,7 +231,7 @@ def half_inverse(w: Vec, v: Vec) -> Vec:
 
 
 def defect(g: Any) -> float:
-    """That of the rotation, and what the last rows are away from 0 0 0 1 t and 0 0 0 0 1."""
+    """The defect of the rotation, and the distance of the last rows from 0 0 0 1 t and 0 0 0 0 1."""
     (a, b, c, _, _), (d, e, f, _, _), (p, q, r, _, _), (x, y, z, one, _), (x2, y2, z2, z3, one2) = g
     rows = max(abs(x), abs(y), abs(z), abs(one - 1.0), abs(x2), abs(y2), abs(z2), abs(z3))
     return max(rotation_defect(a, b, c, d, e, f, p, q, r), rows, abs(one2 - 1.0))

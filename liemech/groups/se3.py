@@ -518,7 +518,7 @@ def _half_inverse(w: Vec, v: Vec) -> Vec:
 
 
 def _screw(xi: Vec) -> tuple[Mat, Vec]:
-    """What the exponential adds: exp(w) - 1 and V v."""
+    """The increment of the exponential: exp(w) - 1 and V v."""
     w, v = halves(xi)
     a, b, c, _, _, _ = all_coefficients(dot(w, w), w)
     y = cross(w, v)

@@ -318,7 +318,7 @@ class SemidirectProduct(LieGroup):
         return self._pairs.defect(g)
 
     def objection(self, g: np.ndarray) -> str | None:
-        """What the group has to object to its part."""
+        """The objection of the group to its part."""
         width = self._pairs.places[0][1]
         numbers = g[:width].view(complex) if self.acting.is_complex else g[:width]
         reason = self.acting.objection(numbers.reshape(self.acting.element_shape))

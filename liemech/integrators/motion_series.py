@@ -99,7 +99,7 @@ def motion(system: Any, h: float, m: Vec, pace: float, time: float = 0.0) -> tup
 
 
 def settle(m: Vec, terms: list[Vec]) -> None:
-    """Let the unknown series m be m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend
+    """Set the unknown series m to m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend
     on m.
     """
     for component, rest in zip(m, collected(terms)):
@@ -134,7 +134,7 @@ def _at(k: int, x: Vec) -> Vec:
 
 
 def _added_to_velocity(group: LieGroup, retraction: Retraction, x: Vec, v: Vec, k: int) -> Vec:
-    """What dtau^-1_x adds to v at t^k, left-trivialised.
+    """The change of v by dtau^-1_x at t^k, left-trivialised.
 
     The exponential: ad_x v = ad_x (v - x/t), where v - x/t begins with t: two brackets less to be
     nested.
@@ -148,7 +148,7 @@ def _added_to_velocity(group: LieGroup, retraction: Retraction, x: Vec, v: Vec, 
 def _added_to_momentum(
     group: LieGroup, retraction: Retraction, x: Vec, p: Vec, mu: Vec, k: int
 ) -> Vec:
-    """What (dtau^-1_x)* adds to p at t^k, left-trivialised, where p itself has no term yet.
+    """The change of p by (dtau^-1_x)* at t^k, left-trivialised, where p itself has no term yet.
 
     The exponential: what is odd in t comes from -ad*_x p/2 alone, with -x in the place of x, and so
     ad*_x p is known from mu.

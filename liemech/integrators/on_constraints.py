@@ -1,4 +1,4 @@
-"""What symplectic methods on the constraints share: which systems they take, and which steps they
+"""Symplectic methods on the constraints: which systems they take, and which steps they
 refuse.
 """
 

@@ -16,7 +16,7 @@ from .moser_veselov import ExactMoserVeselov
 
 @record
 class Controlled(Record):
-    """What the controller carries along: what its method does, physical time, z, and the growth
+    """The memory of the controller: that of its method, physical time, z, and the growth
     rate of sigma there.
 
     kind : of the states that show it.
@@ -99,7 +99,7 @@ class ReversibleController(Method):
             )
 
     def step_warning(self, system: Any, start: Any, h: float) -> str | None:
-        """What the method says of the first step."""
+        """The warning of the method of the first step."""
         return self.method.step_warning(system.system, system.without(start), h / start.z)
 
     def start(self, system: Any, state: Any, h: float) -> Controlled:

@@ -104,7 +104,7 @@ class RKMK(Method):
             )
 
     def symmetric_on(self, system: Any) -> bool:
-        """It is where everything commutes, on vector spaces, if the tableau is; the midpoint rule
+        """Where everything commutes, on vector spaces, if the tableau is symmetric; the midpoint rule
         is everywhere.
         """
         if not self.tableau.symmetric:

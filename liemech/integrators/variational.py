@@ -17,7 +17,8 @@ from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System
 from .discrete_lagrangian import DiscreteLagrangian
-from .implicit import Implicit, Memory, extrapolated
+from .implicit import Implicit
+from .memory import Memory, extrapolated
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
 
 LEAST, MOST = 2.0**-336, 2.0**339
@@ -79,7 +80,7 @@ class CovariantVariational(Implicit):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """It is symmetric if the discrete Lagrangian is, as h l(xi)."""
+        """Is the discrete Lagrangian symmetric, as h l(xi) is?"""
         return self.lagrangian is None or self.lagrangian.symmetric
 
     @property
@@ -92,14 +93,13 @@ class CovariantVariational(Implicit):
         """The displacement at the velocity of the start, h J^-1 mu."""
         return h * system.velocity(state.mu)
 
-    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for the displacement of the interval from the extrapolated one, then move momentum
         and attitude by it.
         """
-        last, last_1, last_2 = self.past(state)
-        guess = extrapolated(narrow(last), narrow(last_1), narrow(last_2))
-        x = self.displacement(system, h, plain(state.mu), guess)
-        return self.after(state, system.displaced(self.retraction, self.observe(state), x), x)
+        guess = extrapolated(*[narrow(x) for x in memory.past])
+        x = self.displacement(system, h, plain(memory.state.mu), guess)
+        return self.after(memory, system.displaced(self.retraction, memory.state, x), x)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The x = h xi whose momentum dl/dxi fits mu.
@@ -223,7 +223,7 @@ class CovariantVariational(Implicit):
         return limit / (most * math.sqrt(np.einsum("...i,...i", mu, mu).max()))
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
-        """What to tell before a run whose step is larger than the `largest_step`; None if it is
+        """The warning before a run whose step is larger than the `largest_step`; None if it is
         not.
 
         Raises InvalidInput for units in which Newton's method would leave the range of floats: it
@@ -299,7 +299,7 @@ def first_size(inertia: Vec | Mat) -> float:
 
 
 def weight(by_p: float | Mat) -> float:
-    """What the square of a mismatch is to be compared with, over that of the momentum: it may be a
+    """The scale of the square of a mismatch, over that of the momentum: it may be a
     multiple of r.
     """
     return 1.0 if isinstance(by_p, vectors.Mat) else by_p * by_p

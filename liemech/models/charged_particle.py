@@ -66,7 +66,7 @@ class MagneticField(Record):
 
 @record
 class UniformField(MagneticField):
-    """The same field everywhere.
+    """A uniform field, B constant.
 
     strength : B, (3,).  Source: Landau and Lifshitz, The Classical Theory of Fields, section 21.
     """

@@ -28,7 +28,7 @@ REST = vec(0.0, 0.0, 0.0)
 
 @record
 class Joint(Record):
-    """What holds two rigid bodies together; abstract.
+    """A joint, which holds two rigid bodies together; abstract.
 
     first : the number of a body.  second : that of another one, or None for the ground.
     Points and axes are given in the axes of the body that they belong to, points from its centre of

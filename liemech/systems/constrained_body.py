@@ -93,7 +93,7 @@ class BoundBody(System):
         raise NotDefined(f"{type(self).__name__} must define `_count`")
 
     def _connect(self, conditions: int) -> None:
-        """Who depends on whom, for sums that leave out what is known to be zero: `connections`.
+        """The blocks and conditions that depend on each other, for sums that leave out what is known to be zero: `connections`.
 
         A block is what the inertia leaves to itself.  places : of each block where its coordinates
         begin and end.

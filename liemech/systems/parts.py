@@ -17,7 +17,7 @@ from .hamiltonian import Hamiltonian
 from .system import System
 
 ROUNDING = 2.0**-44
-"""What is below this, relative to its terms, is zero up to rounding."""
+"""A sum below this, relative to its terms, is zero up to rounding."""
 
 LEAST = 3
 """A motion is recognised only if the part has a velocity at this many points or more."""

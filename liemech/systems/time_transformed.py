@@ -113,7 +113,7 @@ class TimeTransformed(ExtendedSystem):
         super().__post_init__()
 
     def bound(self, start: CanonicalState) -> TimeTransformed:
-        """The same system with the sigma that belongs to a start."""
+        """This system with the sigma that belongs to a start."""
         return dataclasses.replace(self, sigma=self.sigma.bound(self.system, start))
 
     def scale(self, q: Vec, p: Vec) -> float:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .system import System
 
 TRIED = "energy", "kinetic", "potential", "constraint", "velocity", "force"
-"""What a system has of formulas that users write."""
+"""The formulas of a system that users write."""
 
 LARGEST = 64
 """Of more components nothing is tried."""

@@ -208,7 +208,7 @@ class SplitField(OfParts, VectorField):
 
     @property
     def dim(self) -> int:
-        """That of the parts."""
+        """The dimension of the parts."""
         return self.parts[0].dim
 
     def velocity(self, y: Vec) -> Vec:
@@ -255,11 +255,11 @@ class RecognisedField(VectorField):
 
     @property
     def dim(self) -> int:
-        """That of the field."""
+        """The dimension of the field."""
         return self.field.dim
 
     def velocity(self, y: Vec) -> Vec:
-        """That of the field.  y : (n,)."""
+        """The velocity of the field.  y : (n,)."""
         return self.field.velocity(y)
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -591,7 +592,7 @@ class Damped(lm.LieRATTLE):
         new = super().step(system, t, memory, h)
         mu = (1.0 - 1e-3 * h * h * h) * new.state.mu
         state = lm.BodyState(mu, new.state.g)
-        return type(new)(state, new.force, new.rows, new.last, new.last_1, new.last_2)
+        return replace(new, state=state)
 
 
 @lm.record

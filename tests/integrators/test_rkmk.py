@@ -182,6 +182,37 @@ def test_a_motion_and_its_inverse(method: lm.RKMK) -> None:
 
 
 @lm.record
+class Even(lm.GroupEquation):
+    """A constant velocity, in the body or in space."""
+
+    def velocity(self, t: float, g: lm.Element) -> lm.Vec:
+        return vec(0.3, -0.2, 0.5)
+
+
+@lm.record
+class EvenFromSpace(Even):
+    side = "right"
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("compensated", [False, True])
+@pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
+def test_steps_from_either_side_lose_equally_little(
+    retraction: lm.Retraction, compensated: bool
+) -> None:
+    """A step adds an increment to g.  The product of a rounded tau(omega) and g would lose the same
+    half of a rounding in each of equal steps: 1000 in these.
+    """
+    for system in Even(lm.SO3()), EvenFromSpace(lm.SO3()), EvenFromSpace(lm.UnitQuaternions()):
+        method = lm.RKMK(order=4, retraction=retraction)
+        start = system.state(system.group.identity())
+        run = lm.integrate(
+            system, method, start, h=0.05, steps=8000, every=8000, compensated=compensated
+        )
+        assert system.group.defect(run.g[-1]) < 150 * 2.0**-52
+
+
+@lm.record
 class Compass(lm.HomogeneousEquation):
     """A unit vector in a field that depends on time and on where it points."""
 

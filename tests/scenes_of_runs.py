@@ -1,4 +1,6 @@
-"""The bodies, methods and observers of the net: numbers that need no library, few kernels."""
+"""What runs are tested with: bodies, methods and observers, of numbers that need no library, and few
+kernels.
+"""
 
 from __future__ import annotations
 

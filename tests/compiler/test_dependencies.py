@@ -17,7 +17,7 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import kernel, tokens
+from liemech.compiler import content_hashes, kernel
 from liemech.errors import NotCompilable
 from liemech.groups.product import ProductAlgebra
 from liemech.groups.so3 import SO3Algebra
@@ -493,9 +493,9 @@ def test_tokens_tell_apart_what_looks_alike() -> None:
         {"a": 1}, {"a": 1.0}, {"b": 1}, {"a": 1, "b": 2}, lm.vec(1.0, 2.0), lm.mat((1.0, 2.0)), abs, len, np.sin, np.cos,
         int, float, Mode, worlds, lambda x: x + 1, lambda x: x + 1.0, lambda x: (lambda y: y + 1), lambda x: (lambda y: y + 2),
     ]  # fmt: skip
-    found = [tokens.digest(x) for x in things]
+    found = [content_hashes.digest(x) for x in things]
     assert len(set(found)) == len(things)
-    assert found == [tokens.digest(x) for x in things]
+    assert found == [content_hashes.digest(x) for x in things]
 
 
 class Slower(SO3Algebra):

@@ -19,7 +19,7 @@ _before = gc.get_threshold()
 
 
 @contextlib.contextmanager
-def uncollected() -> Iterator[None]:
+def gc_paused() -> Iterator[None]:
     """The first to enter takes away the threshold, the last to leave puts it back.  A threshold
     that somebody else has set meanwhile stays, and so does what `gc.disable` and `gc.enable` say.
     """

@@ -17,7 +17,7 @@ pytest.importorskip("llvmlite")
 import worlds
 
 import liemech as lm
-from liemech.compiler import cache, kernel, large, llvm, outlined
+from liemech.compiler import cache, inlining, kernel, llvm, memory_loops
 from liemech.errors import NotCompilable
 from liemech.simulation import execution
 
@@ -109,13 +109,13 @@ def everything(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) 
     """
     no_kernels(monkeypatch)
     for name in ("LONG", "WORTH", "LARGE"):
-        monkeypatch.setattr(outlined, name, 0)
-    monkeypatch.setattr(outlined.Outliner, "enter", _at_once)
-    monkeypatch.setattr(large, "LARGE", 0)
-    monkeypatch.setattr(large, "TERMS", 0)
+        monkeypatch.setattr(inlining, name, 0)
+    monkeypatch.setattr(inlining.Outliner, "enter", _at_once)
+    monkeypatch.setattr(memory_loops, "LARGE", 0)
+    monkeypatch.setattr(memory_loops, "TERMS", 0)
     if request.param == "general":
-        monkeypatch.setattr(outlined, "RETURNED", 0)
-        monkeypatch.setattr(outlined.Outliner, "_chosen", lambda self, call: (call.general, True))
+        monkeypatch.setattr(inlining, "RETURNED", 0)
+        monkeypatch.setattr(inlining.Outliner, "_chosen", lambda self, call: (call.general, True))
 
 
 def _at_once(self: Any, frame: Any) -> Any:
@@ -123,7 +123,7 @@ def _at_once(self: Any, frame: Any) -> Any:
     return _enter(self, frame)
 
 
-_enter = outlined.Outliner.enter
+_enter = inlining.Outliner.enter
 
 ROWS = [
     (0.3, 1.7),
@@ -162,11 +162,11 @@ def small(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """What is large is small; the builders of all kernels."""
     no_kernels(monkeypatch)
     for name, value in {"HUGE": 40, "ALONE": 1, "WHOLE": 1, "WORTH": 10, "RETURNED": 0}.items():
-        monkeypatch.setattr(outlined, name, value)
+        monkeypatch.setattr(inlining, name, value)
     builders: list[Any] = []
-    made = outlined.Builder.__init__
+    made = inlining.Builder.__init__
     monkeypatch.setattr(
-        outlined.Builder,
+        inlining.Builder,
         "__init__",
         lambda self, *args: (builders.append(self), made(self, *args))[1],
     )
@@ -272,7 +272,7 @@ def test_what_is_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """And the run goes on in plain Python."""
     no_kernels(monkeypatch)
     monkeypatch.setattr(execution, "WAIT", 0.0)
-    monkeypatch.setattr(outlined, "LIMIT", 300)
+    monkeypatch.setattr(inlining, "LIMIT", 300)
     start = BODY.state(mu=MU)
     with pytest.raises(NotCompilable, match=r"more than 300 instructions.*fewer stages"):
         lm.integrate(BODY, lm.RKMK(order=4), start, h=0.1, steps=10, compiled=True)
@@ -283,7 +283,7 @@ def test_what_is_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_wide_state_is_refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before anything of the method is translated."""
     no_kernels(monkeypatch)
-    monkeypatch.setattr(outlined, "WIDEST", 2)
+    monkeypatch.setattr(inlining, "WIDEST", 2)
     with pytest.raises(NotCompilable, match="a state of 3 numbers, more than 2"):
         lm.integrate(BODY, lm.RKMK(order=4), BODY.state(mu=MU), h=0.1, steps=10, compiled=True)
 
@@ -302,9 +302,9 @@ def test_every_function_is_called(everything: None, monkeypatch: pytest.MonkeyPa
         steps=1,
         compiled=True,
     )
-    names = re.findall(r"^define internal .*@(\S+)\(", texts[-1], re.MULTILINE)
+    names = re.findall(r"^define internal .*@\"?([^\"(]+)\"?\(", texts[-1], re.MULTILINE)
     assert names and all(
-        re.search(rf"call (fastcc|preserve_allcc) .*@{re.escape(name)}\(", texts[-1])
+        re.search(rf'call (fastcc|preserve_mostcc) .*@"?{re.escape(name)}"?\(', texts[-1])
         for name in names
     )
 

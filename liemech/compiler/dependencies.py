@@ -27,9 +27,9 @@ from ..errors import NotCompilable
 from ..formulas.numbers import StandIn
 from ..formulas.records import Record
 from ..formulas.signatures import bare
-from . import tokens
+from . import content_hashes
+from .content_hashes import ATOMS, Known, digest, inner, is_mutable, is_own, of_python, parts, same
 from .source import Source
-from .tokens import ATOMS, Known, digest, is_mutable, is_own, of_python, parts, same
 
 Step = tuple[int, str, Any]
 """The number of the read that leads to the holder (-1: none), how it is asked, and for what."""
@@ -136,7 +136,7 @@ class Reads:
         outside = of_python(type(value)) or isinstance(
             value, (type, types.ModuleType, types.FunctionType)
         )
-        if not outside and (id(value) not in self._origins or tokens.known(value, False)):
+        if not outside and (id(value) not in self._origins or content_hashes.known(value, False)):
             return hasattr(value, name)  # what is there does not change, or the token tells
         return self._read(value, "has", name)
 
@@ -157,7 +157,7 @@ class Reads:
         paths = [id(x) in self._origins for x in pair]
         if left is right and id(left) not in self._twice:
             return True
-        if not tokens.has_content(left) and all(paths):
+        if not content_hashes.has_content(left) and all(paths):
             return left is right  # its token says which object it is
         if not all(paths) or left is right or kinds[0] in ATOMS:
             raise NotCompilable(
@@ -202,7 +202,7 @@ class Reads:
                 or of_python(type(value))
                 or isinstance(value, (type, types.FunctionType))
             )
-            if foreign and not tokens.known(value, inside):
+            if foreign and not content_hashes.known(value, inside):
                 what = (
                     getattr(value, "__qualname__", None)
                     or f"an object of {type(value).__qualname__}"
@@ -221,7 +221,7 @@ class Reads:
         if of_python(cls) and id(cls) in self._origins:
             self._read(cls, "plain", "")
         if inside and cls not in ATOMS:
-            for *_, part in tokens.parts(value):
+            for *_, part in inner(value):
                 self._unwritten(part, inside)
 
     def attribute(self, value: Any, name: str, call: Callable[..., Any]) -> Any:
@@ -242,7 +242,11 @@ class Reads:
         if isinstance(owner, (types.ModuleType, types.FunctionType)):
             return self._read(owner, "attribute", name)
         if not isinstance(owner, Record) and not of_python(cls):
-            if id(owner) not in self._origins or is_own(owner) or tokens.known(owner, False):
+            if (
+                id(owner) not in self._origins
+                or is_own(owner)
+                or content_hashes.known(owner, False)
+            ):
                 return getattr(value, name)
             return self._read(owner, "attribute", name)
         if name == "__class__":
@@ -338,7 +342,7 @@ class Reads:
             else function
         )
         self._read(formula, "attribute", "__code__")
-        for name in tokens.names(formula.__code__):
+        for name in content_hashes.names(formula.__code__):
             if name in formula.__globals__:
                 self._glance(self.outer(formula, name), cls, seen)
             member = _member(cls, 0, name)
@@ -403,8 +407,12 @@ class Reads:
                 self._twice.add(id(copy))
             return
         self._origins[id(copy)] = holder, how, name
-        for (way, key, part), (_, _, actual) in zip(parts(copy), parts(value), strict=True):
-            self._admit(part, actual, copy, way, key)
+        if copy is value:
+            for way, key, part in inner(value):
+                self._admit(part, part, value, way, key)
+        else:
+            for (way, key, part), (_, _, actual) in zip(parts(copy), parts(value), strict=True):
+                self._admit(part, actual, copy, way, key)
         cls = type(copy)
         if of_python(cls) and id(cls) not in self._origins:
             self._admit(cls, cls, copy, "class", "")
@@ -686,7 +694,7 @@ _OF_ONE_NAME = (
 
 def varies(value: Any) -> bool:
     """Is a number of the run in it, in a field of a record too?"""
-    return isinstance(value, StandIn) or any(varies(x) for *_, x in parts(value))
+    return isinstance(value, StandIn) or any(varies(x) for *_, x in inner(value))
 
 
 def _member(cls: type, after: int, name: str) -> Any:
@@ -728,7 +736,7 @@ def _asked(holder: Any, how: str, name: Any) -> Any:
         case "defines":
             return _member(holder, 0, name) is not _MISSING
         case "plain":
-            return not tokens.has_operators(holder)
+            return not content_hashes.has_operators(holder)
         case "own":
             return name in vars(holder)
         case "argument":

@@ -17,10 +17,10 @@ from .iterators import Stream
 from .scopes import RETURN, Closure, Env, Frame
 
 if TYPE_CHECKING:
-    from .reads import Reads
+    from .dependencies import Reads
 
 
-class Sharing:
+class Aliases:
     """Which lists may have several names; `frames` are the calls that are being inlined."""
 
     def __init__(self, frames: list[Frame], reads: Reads) -> None:

@@ -21,11 +21,11 @@ from ..formulas.complex_numbers import Complex
 from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves, paired
 from ..formulas.taken_back import back
 from ..formulas.vectors import Mat, Vec
+from .aliases import Aliases
+from .dependencies import Reads
 from .ir_numbers import Emitter, Num, Values
 from .iterators import Region, Stream
-from .reads import Reads
 from .scopes import RETURN, Env, Frame, Undefined, has
-from .sharing import Sharing
 
 # lanes still running at this point, where some have left (absent: all for which the code was
 # entered)
@@ -83,7 +83,7 @@ class Promote(Exception):
         self.variables = variables  # as they are at the end of a turn
 
 
-class Phis:
+class Joins:
     """The state of a translation, and where branches meet; what statements mean is the business of
     those who build on it.
     """
@@ -100,7 +100,7 @@ class Phis:
         # of more than two operands, those after the first
         self.others: dict[ast.BoolOp, ast.expr] = {}
         self.frames: list[Frame] = []
-        self.sharing = Sharing(self.frames, reads)
+        self.aliases = Aliases(self.frames, reads)
         self.base: Any = None  # lanes for which the present code was entered (None: all)
         self.depth = 0  # enclosing conditions of the present call that differ between lanes
         self.escapes: list[list[Open]] = []  # where control goes when a formula raises
@@ -130,7 +130,7 @@ class Phis:
         """
         result = self.blend(mask, new[0], old[0])
         if not isinstance(mask, bool):
-            self.sharing.meet(name, result, (new, old))
+            self.aliases.meet(name, result, (new, old))
         return result
 
     def blank(self, value: Any) -> Any:
@@ -246,7 +246,7 @@ class Phis:
             merged[name] = self._together(into, blocks, there)
             if any(v is not merged[name] for v in there):
                 ways = [(o.env[name], o.env) for o in opens if name in o.env]
-                self.sharing.meet(name, merged[name], ways)
+                self.aliases.meet(name, merged[name], ways)
             if not all(c is True for c in certain):
                 merged[has(name)] = self._together(into, blocks, certain)
         for o in opens:

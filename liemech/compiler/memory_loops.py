@@ -306,28 +306,42 @@ def picked(e: Emitter, entries: Any, index: Num) -> Any:
     count = len(entries)
     if count < LONG:
         return None
-    layouts = {carried_layout(x) for x in entries}
-    if len(layouts) > 1:
+    found = _columns(entries)
+    if found is None:
         return None
-    layout = layouts.pop()
-    if "list" in _kinds(layout) or layout.kind == "record" or not layout.width:
-        return None
-    rows = [leaves(x, layout) for x in entries]
-    types = [{type(row[k]) for row in rows} for k in range(layout.width)]
+    layout, columns = found
+    types = [{*map(type, column)} for column in columns]
     if not all(len(t) == 1 and t <= {bool, int, float} for t in types):
         return None
-    integers = [x for row in rows for x in row if type(x) is int]
-    if not all(-HUGE <= x < HUGE for x in integers):
+    if not all(min(c) >= -HUGE and max(c) < HUGE for c, t in zip(columns, types) if t == {int}):
         return None
     place = e.select(index < 0, index + count, index)
     place = e.select(e.logic("and_", place >= 0, place < count), place, 0)
     numbers = []
-    for k, of in enumerate(types):
+    for column, of in zip(columns, types):
         kind = {bool: "b", int: "i", float: "f"}[of.pop()]
-        pointer = _constants(e, [row[k] for row in rows], kind)
+        pointer = _constants(e, column, kind)
         x = _loaded(e, functools.partial(_same, pointer), 0.0, place, "f" if kind == "f" else "i")
         numbers.append(x != 0 if kind == "b" else x)
     return build(layout, iter(numbers))
+
+
+def _columns(entries: Any) -> tuple[Layout, list[Any]] | None:
+    """The layout that all entries have, and for each number of it those of all entries; None if
+    they have several, or one that is not for a table.
+    """
+    kinds = {*map(type, entries)}
+    if len(kinds) == 1 and kinds <= {bool, int, float}:
+        return carried_layout(entries[0]), [entries]
+    flat = len(kinds) == 1 and kinds <= {tuple, Vec} and len({*map(len, entries)}) == 1
+    columns = [*zip(*entries)] if flat else []
+    if columns and all({*map(type, c)} in ({bool}, {int}, {float}) for c in columns):
+        return carried_layout(entries[0]), columns
+    layouts = {carried_layout(x) for x in entries}
+    layout = layouts.pop()
+    if layouts or "list" in _kinds(layout) or layout.kind == "record" or not layout.width:
+        return None
+    return layout, [*zip(*[leaves(x, layout) for x in entries])]
 
 
 def _same(pointer: ir.Value, at: ir.Value) -> ir.Value:

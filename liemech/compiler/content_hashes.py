@@ -15,10 +15,12 @@ import fractions
 import functools
 import hashlib
 import inspect
+import itertools
 import struct
 import sys
 import types
-from collections.abc import Iterator
+from array import array
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -84,6 +86,12 @@ def parts(value: Any) -> Iterator[Part]:
                     yield "attribute", name, getattr(value, name)
 
 
+def inner(value: Any) -> Iterable[Part]:
+    """The parts of a value, none if they are numbers and texts only."""
+    plain = isinstance(value, (tuple, list)) and ATOMS.issuperset(map(type, value))
+    return () if plain else parts(value)
+
+
 _ATTRIBUTES: dict[type, tuple[str, ...]] = {
     Layout: ("kind", "detail", "parts"),
     Mat: ("rows",),
@@ -107,7 +115,7 @@ def is_mutable(value: Any) -> bool:
     return (
         type(value) not in ATOMS
         and not isinstance(value, Layout)
-        and any(is_mutable(x) for *_, x in parts(value))
+        and any(is_mutable(x) for *_, x in inner(value))
     )
 
 
@@ -131,7 +139,7 @@ def known(value: Any, inside: bool = True) -> bool:
         or (isinstance(value, type) and of_python(value))
     ):
         return False
-    return not inside or all(known(x) for *_, x in parts(value))
+    return not inside or all(known(x) for *_, x in inner(value))
 
 
 MADE: set[type] = set()
@@ -210,7 +218,7 @@ def looks_itself(value: Any) -> bool:
         for c in type(value).__mro__ if of_python(c)
         for name in _TEXTS
     )  # fmt: skip
-    return own or any(looks_itself(x) for *_, x in parts(value))
+    return own or any(looks_itself(x) for *_, x in inner(value))
 
 
 def is_own(value: Any) -> bool:
@@ -238,7 +246,35 @@ def _token(value: Any, known: Known) -> Any:
         return "object", _one_of(("object", _named(type(value), known)), value, known)
     if type(value) in ATOMS:
         return head
+    together = _together(value) if type(value) in (tuple, list) else None
+    if together is not None:
+        return *head, together
     return *head, *[_token(x, known) for *_, x in parts(value)]
+
+
+def _together(value: Any) -> str | None:
+    """A hash of all entries of a tuple or list at once: of floats their bits; of numbers, texts and
+    tuples and lists of these, as far as it tells them apart, their text.
+    """
+    if {*map(type, value)} == {float}:
+        content = array("d", value).tobytes()
+    else:
+        entries, depth = value, 0
+        while not ATOMS.issuperset(kinds := {*map(type, entries)}):
+            depth += 1
+            if not kinds <= _NESTED or depth > 8:
+                return None
+            entries = [
+                *itertools.chain.from_iterable(x for x in entries if type(x) in (tuple, list))
+            ]
+        text = repr(value)
+        if "nan" in text:  # one of many
+            return None
+        content = text.encode(errors="surrogatepass")
+    return hashlib.sha256(content).hexdigest()
+
+
+_NESTED = ATOMS | {tuple, list}
 
 
 def _head(value: Any, known: Known) -> tuple[Any, ...] | None:

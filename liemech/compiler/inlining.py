@@ -26,10 +26,10 @@ from ..formulas.records import Record
 from ..formulas.tables import Table
 from ..formulas.taken_back import back
 from ..formulas.vectors import Mat, Vec
+from .aliases import lists
 from .ir_numbers import F64, I32, I64, TYPES, Num
-from .phi import Open
+from .joins import Open
 from .scopes import Frame
-from .sharing import lists
 
 LONG = 2500
 """Instructions up to which everything is written out, in each native function."""
@@ -665,7 +665,7 @@ class Outliner:
             parts[place] = _of_parts(x, [seen(y, inside) for y in _parts(x)])
             self.t.reads.copied(parts[place], x)
             if isinstance(x, list):  # the caller has it too
-                self.t.sharing.share([parts[place]])
+                self.t.aliases.share([parts[place]])
             return parts[place]
 
         return {name: seen(x, False) for name, x in [*given.items(), ("<mask>", active)]}, parts
@@ -819,8 +819,8 @@ class Outliner:
                 case "structure":
                     whole = _of_parts(x[0], [restored(y) for y in x[1]])
                     t.reads.made_again(whole, x[0])
-                    if id(x[0]) in t.sharing.shared:
-                        t.sharing.share([whole, *lists(call.parts)])
+                    if id(x[0]) in t.aliases.shared:
+                        t.aliases.share([whole, *lists(call.parts)])
                     return whole
                 case "parameter":
                     return self._loaded(x)
