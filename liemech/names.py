@@ -90,7 +90,7 @@ def lazily(namespace: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
 def _missing(namespace: str, name: str) -> str:
     """Why a namespace has no such name, and where it is or what is written alike."""
     said = f"module {namespace!r} has no attribute {name!r}"
-    package = getattr(sys.modules[namespace], "__path__", None)
+    package = vars(sys.modules[namespace]).get("__path__")  # which a single file has not
     # asked for by tools, which want no answer, and by `from . import name` before it imports a file
     if name.startswith("_") or (package and PathFinder.find_spec(f"{namespace}.{name}", package)):
         return said
