@@ -13,7 +13,7 @@ from ..errors import InvalidInput, NoConvergence
 from ..formulas import Vec, check_finite, dot, norm, plain, real_array, record, vec, where
 from ..groups.poisson_structure import Canonical, PoissonStructure
 from ..systems.hamiltonian import Hamiltonian
-from ..systems.parts import Part, SplitHamiltonian, Straight
+from ..systems.parts import Part, SplitHamiltonian, StraightLineFlow
 from ..systems.poisson import PoissonState, PoissonSystem
 from .n_body import NBody
 from .pendulums import check_positive
@@ -21,7 +21,7 @@ from .universal_variables import solved
 
 
 def kepler_step(q: Vec, v: Vec, k: float, t: float) -> tuple[Vec, Vec]:
-    """What q and v gain in the time t under the attraction -k q/|q|^3: on ellipses, parabolas and
+    """The change of q and v in the time t under the attraction -k q/|q|^3: on ellipses, parabolas and
     hyperbolas.
 
     The search for s begins with its series in powers of t, for short times correct to t^4.
@@ -99,7 +99,7 @@ class KeplerMotions(Part):
 
 @record
 class Perturbation(Hamiltonian):
-    """What is left: the attraction between planets, and that of the sun less the one of Kepler's
+    """The rest of the energy: the attraction between planets, and that of the sun less the one of Kepler's
     orbits; a function of positions.
 
     masses : of all bodies, the sun first.  gravity : G.
@@ -204,7 +204,7 @@ class PlanetarySystem(PoissonSystem):
             Vec.of(reduced.tolist()),
             Vec.of(pulls.tolist()),
         )
-        rest = Straight(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
+        rest = StraightLineFlow(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
         object.__setattr__(self, "hamiltonian", SplitHamiltonian((kepler, rest)))
         super().__post_init__()
 

@@ -24,12 +24,12 @@ from ..formulas import (
     vec,
     where,
 )
-from ..formulas.broadcasting import small
 from ..formulas.derivatives import tangent
 from ..formulas.derived import derived
 from ..formulas.numbers import Pair
 from ..formulas.series import Series
 from ..formulas.vectors import Vec as SmallVec
+from ..formulas.vectors import small
 from ..solvers import correction, newton
 from .canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
 from .separable import SeparableEnergy, SeparableSystem
@@ -156,7 +156,7 @@ class ConstrainedSystem(CanonicalSystem):
         return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
 
     def _terms(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
-        """What g(q) and G H_p are compared with, (m,) each: s, and the speeds."""
+        """The scales of g(q) and G H_p, (m,) each: s, and the speeds."""
         G, v, f = self.constraint_jacobian(q), self.velocity(q, p), self.force(q, p)
         sizes = vec(*[dot(abs(row), abs(q)) for row in G])
         gained = [sqrt(s * dot(abs(row), abs(f))) for s, row in zip(sizes, self.normals(q, p))]
@@ -586,7 +586,7 @@ class Constrained(ConstrainedSystem):
 
     @property
     def separable(self) -> bool:  # type: ignore[override]
-        """It is separable if the system is."""
+        """Is the system separable?"""
         return isinstance(self.system, SeparableSystem)
 
     def energy(self, q: Vec, p: Vec) -> float:

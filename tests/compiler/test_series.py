@@ -325,7 +325,7 @@ def test_terms_that_are_first_wanted_in_a_part_that_is_taken_back() -> None:
     invalid.
     """
     a = np.random.default_rng(0).normal(size=(6, 6))
-    body = lm.KirchhoffBody(a @ a.T + 6.0 * np.eye(6))
+    body = lm.models.KirchhoffBody(a @ a.T + 6.0 * np.eye(6))
     start = body.state(mu=[0.5, 0.1, 0.8, 0.1, 0.2, 0.3])
     method = lm.LiePoissonHamiltonJacobi(order=8)
     runs = [
