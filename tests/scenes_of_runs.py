@@ -448,7 +448,7 @@ class Height(lm.Potential):
         return self.weight * g[2]
 
 
-TOP = lm.HeavyTop([1.0, 1.25, 0.75], 0.5, [0.125, 0.25, 0.5])
+TOP = lm.models.HeavyTop([1.0, 1.25, 0.75], 0.5, [0.125, 0.25, 0.5])
 POINT = lm.ConstrainedBody(
     lm.MechanicalSystem(
         lm.LiePoissonSystem(lm.VectorSpace(3), lm.KineticEnergy([1.0, 1.0, 1.0])), Height(1.0)
@@ -491,6 +491,6 @@ METHODS = (
     _method("logarithmic", lm.LogarithmicHamiltonian(KEPLER), lm.StormerVerlet(first="drift"), orbits_of, 0.1),
     _method("transformed", lm.TimeTransformed(KEPLER, Widening()), lm.AdaptiveVerlet(), orbits_of, 0.1),
     _method("sundman", lm.SundmanTransformed(KEPLER, Widening()), lm.RKMK(order=4), orbits_of, 0.2),
-    _method("controlled variational", BODY, lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.EqualArc()),
-            bodies_of, 0.2),
+    _method("controlled variational", BODY,
+            lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.time_scales.EqualArc()), bodies_of, 0.2),
 )  # fmt: skip

@@ -12,7 +12,8 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import check_finite
-from ..formulas.broadcasting import real_array, small
+from ..formulas.arrays import real_array
+from ..formulas.vectors import small
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from ..integrators.method import Method

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, LiemechError
-from ..formulas.broadcasting import bare
+from ..formulas.signatures import bare
 from .report import ROUNDING, Finding
 from .sample_points import flat
 

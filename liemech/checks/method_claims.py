@@ -18,7 +18,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..errors import IntegrationFailure, InvalidInput
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from ..integrators.rkmk import RKMK
 from ..simulation.integrate import integrate
 from ..systems.constrained import ConstrainedSystem

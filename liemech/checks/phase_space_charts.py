@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import jacobian, vec
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from ..systems.canonical import HamiltonianSystem, PhaseSpace
 from ..systems.constrained_body import BoundBody
 from ..systems.driven import DrivenHamiltonianSystem

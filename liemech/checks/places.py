@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import LiemechError
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from ..integrators.rkmk import RKMK
 from ..simulation.fictive import Origin
 from ..simulation.integrate import integrate

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Vec, derivative, jacobian, real_array
-from ..formulas.broadcasting import check_finite
+from ..formulas.arrays import check_finite
 from ..groups.poisson_structure import PoissonStructure
 from ..groups.skew_matrices import null_vectors
 from ..systems.vector_field import VectorField

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Vec, derivative, dot, gradient, jacobian, real_array
-from ..formulas.broadcasting import check_finite
+from ..formulas.arrays import check_finite
 from ..groups.poisson_structure import PoissonStructure
 from ..groups.skew_matrices import like_sizes
 from .casimir_laws import independence

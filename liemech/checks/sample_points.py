@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Vec
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from .seeds import generator
 

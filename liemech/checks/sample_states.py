@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InconsistentState, InvalidInput, LiemechError, NoConvergence
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from ..retractions import Exponential
 from ..systems.canonical import CanonicalState, CanonicalSystem, PhaseSpace
 from ..systems.constrained import ConstrainedSystem

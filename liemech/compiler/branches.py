@@ -12,13 +12,13 @@ from collections.abc import Callable
 from llvmlite import ir
 
 from .ir_numbers import Num
-from .phi import ACTIVE, LEFT, NO_LANE, Open, Phis, replace
+from .joins import ACTIVE, LEFT, NO_LANE, Joins, Open, replace
 from .scopes import Env, has
 
 RARE = 1000000  # how much rarer than the other a rare branch is
 
 
-class Branches(Phis):
+class Branches(Joins):
     """`if` on run-time numbers."""
 
     def branch(self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env) -> bool:

@@ -17,16 +17,16 @@ from ..formulas.numbers import ByValue
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
 from ..formulas.vectors import Entries, Equal, Mat, Unequal, Vec
-from . import arrays, large
+from . import arrays, memory_loops
 from .advice import instead_of_syntax
 from .arrays import Array
+from .content_hashes import looks_itself
+from .dependencies import varies
+from .inlining import TooLong
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import Loops
-from .outlined import TooLong
-from .reads import varies
 from .scopes import Closure, Env, Frame, Function, Undefined
-from .tokens import looks_itself
 
 OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -232,7 +232,9 @@ class Expressions(Loops):
             self.textual(operands[1])
         try:
             found = arrays.computed(self.emitter, operator_, operands)
-            return large.matmul(self.emitter, operator_, operands) if found is None else found
+            return (
+                memory_loops.matmul(self.emitter, operator_, operands) if found is None else found
+            )
         except NotCompilable:
             raise
         except TypeError as error:
@@ -445,7 +447,7 @@ class Expressions(Loops):
         self.fail_if(
             self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count))
         )
-        result = large.picked(self.emitter, entries, index)
+        result = memory_loops.picked(self.emitter, entries, index)
         if result is not None:
             return result
         result, *others = entries  # pick by comparison

@@ -13,10 +13,9 @@ from typing import Any
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
 from ..formulas.taken_back import back
-from .asking import Look
 from .branches import Branches
 from .ir_numbers import Num, kind_of
-from .phi import (
+from .joins import (
     ACTIVE,
     BROKEN,
     CONTINUED,
@@ -42,6 +41,7 @@ from .scopes import (
     has,
     returns,
 )
+from .stop_checks import Look
 
 UNROLL = 32  # a static loop with more turns than this stays a loop
 
@@ -240,7 +240,7 @@ class Loops(Branches):
                 layouts[name],
                 iter([entering(x, name in counters) for x in leaves(env[name], layouts[name])]),
             )
-            self.sharing.meet(name, at_head[name], [(env[name], env)])
+            self.aliases.meet(name, at_head[name], [(env[name], env)])
         active: Any = None
         if masked:
             active = entering(e.constant(True, "b", True) if here is None else here)
@@ -289,7 +289,7 @@ class Loops(Branches):
                     continue
                 # the variables of a turn alone have no value in the next one
                 kept = {n: v for n, v in inside.items() if n in at_head}
-                if self.sharing.meet(name, old, [(new, kept)]) and changes_lists(body, inside):
+                if self.aliases.meet(name, old, [(new, kept)]) and changes_lists(body, inside):
                     raise NotCompilable(
                         f"`{name}` has another name at the end of a turn of a loop that changes "
                         f"lists in place: let it be a copy{f', `[*{name}]`' if isinstance(new, list) else ' of these lists'}"

@@ -12,13 +12,13 @@ import numpy as np
 from ..errors import NotCompilable
 from .advice import instead_of_syntax
 from .arrays import Array
-from .asking import EVERY
 from .expressions import OPERATORS, Expressions, Later
 from .ir_numbers import Num
 from .iterators import Stream
+from .joins import ACTIVE, NO_LANE, Open, Returns, Retype
 from .loops import UNROLL, forms
-from .phi import ACTIVE, NO_LANE, Open, Returns, Retype
 from .scopes import CHANGES, FOUND, HAS_FOUND, RETURN, Env, breaks, has
+from .stop_checks import EVERY
 
 
 class Statements(Expressions):
@@ -69,7 +69,7 @@ class Statements(Expressions):
             case ast.Expr(ast.Call(ast.Attribute(ast.Name(id=name), method), [item], [])) if (
                 method in CHANGES and isinstance(env.get(name), list)
             ):
-                self.sharing.require_own(env[name], ast.Name(name), env)
+                self.aliases.require_own(env[name], ast.Name(name), env)
                 items = self.expression(item, env)
                 self.assign(
                     ast.Name(name),
@@ -117,7 +117,7 @@ class Statements(Expressions):
             target = ast.Subscript(target.value, Later(lambda: index), ast.Store())
         old = self.expression(target, env)
         if isinstance(old, list):
-            self.sharing.require_own(old, target, env)
+            self.aliases.require_own(old, target, env)
         elif _changes_in_place(np.ndarray if isinstance(old, Array) else type(old), node.op):
             kind = "ndarray" if isinstance(old, Array) else type(old).__name__
             raise NotCompilable(
@@ -147,10 +147,10 @@ class Statements(Expressions):
                 for t, v in zip(targets, items, strict=True):
                     self.assign(t, v, env)
             case ast.Subscript(value=ast.Name(id=name)) if type(env.get(name)) is dict:
-                self.sharing.require_own(env[name], target.value, env)
+                self.aliases.require_own(env[name], target.value, env)
                 self.assign(target.value, {**env[name], self.key(target.slice, env): value}, env)
             case ast.Subscript(value=ast.Name(id=name)) if isinstance(env.get(name), list):
-                self.sharing.require_own(env[name], target.value, env)
+                self.aliases.require_own(env[name], target.value, env)
                 changed, index = list(env[name]), self.expression(target.slice, env)
                 if isinstance(index, Num) and index.kind != "f":
                     places = range(len(changed))

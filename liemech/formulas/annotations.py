@@ -154,7 +154,7 @@ _WRAPPERS = {id(x) for x in (typing.Optional, typing.Union, Annotated, typing.Fi
 
 
 def kind_of(annotation: Any, names: Mapping[str, Any]) -> str | None:
-    """Which of `broadcasting.KINDS` the annotation of an argument is, None apart; every class pays
+    """Which of `signatures.KINDS` the annotation of an argument is, None apart; every class pays
     for it on import.
     """
     if type(annotation) is str:

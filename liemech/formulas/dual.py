@@ -155,7 +155,7 @@ class Dual(ByValue):
         rise = exponent * self.value ** (exponent - some)  # x^0 = 1 at x = 0 too
         return Dual(
             value,
-            _sum(_scaled(rise, self.slope), _by_exponent(self.value, value, by_exponent)),
+            _sum(_scaled(rise, self.slope), _by_exponent(self.value, exponent, value, by_exponent)),
             self.level,
         )
 
@@ -163,7 +163,7 @@ class Dual(ByValue):
         if outranks(base):
             return NotImplemented
         value = base**self.value
-        return Dual(value, _by_exponent(base, value, self.slope), self.level)
+        return Dual(value, _by_exponent(base, self.value, value, self.slope), self.level)
 
     def __mod__(self, other: Any) -> Any:
         if isinstance(other, Dual) and other.level >= self.level:
@@ -261,13 +261,33 @@ def _over(slope: Any, k: Any) -> Any:
     return slope if type(slope) is int else slope / k
 
 
-def _by_exponent(base: Any, value: Any, slope: Any) -> Any:
+def _by_exponent(base: Any, exponent: Any, value: Any, slope: Any) -> Any:
     """What an exponent with this slope adds to the slope of value = base^exponent; at base 0
-    nothing.
+    nothing, if the exponent is above the order of the derivatives that are still to be taken by the
+    base: x^(y - k) log x, which they lead to, is infinite there for y <= k.
     """
-    return (
-        slope if type(slope) is int else value * f.log(base + 1.0 * (constant(base) == 0.0)) * slope
-    )
+    if type(slope) is int:
+        return slope
+    zero = constant(base) == 0.0
+    infinite = zero & (constant(exponent) <= _order(base)) & (constant(slope) != 0.0)
+    raise_if(infinite, _NO_SLOPE)
+    # in native code, which does not raise here, no number
+    return value * f.log(base + (1.0 * zero - 1.0 * infinite)) * slope
+
+
+_NO_SLOPE = (
+    "x**y of x = 0 with an exponent that carries a derivative: this derivative is infinite there; where "
+    "the exponent is a constant give it as one, else write the gradient or force yourself"
+)
+
+
+def _order(x: Any) -> float:
+    """How many derivatives a number carries, one inside the other; those of a power series are
+    endless.
+    """
+    if isinstance(x, Dual):
+        return _order(x.value) + (type(x.slope) is not int)
+    return math.inf if hasattr(x, "term") else 0
 
 
 def _rests(x: Any) -> Any:
@@ -310,6 +330,11 @@ def constant(x: Any) -> Any:
     if isinstance(x, Dual):
         return constant(x.value)
     return constant(x[0]) if hasattr(x, "term") else x
+
+
+def is_series(x: Any) -> bool:
+    """Is it a power series, or does it carry derivatives of one?"""
+    return hasattr(value_of(x), "term")
 
 
 def size_of(x: Any) -> Any:

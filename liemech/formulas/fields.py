@@ -27,14 +27,15 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from .annotations import UNKNOWN, members, own_annotations
-from .broadcasting import AXES, Broadcasting, real_array
+from .arrays import real_array
+from .batches import AXES
+from .broadcasting import Broadcasting
+from .frozen import MISSING
 from .numbers import Pair, StandIn, of_an_int
 from .vectors import Mat, Vec
 
 Convert = Callable[[Any, str, Any], Any]  # of the record, the name of a field and its value
 Places = tuple[Mapping[str, Any], ...]  # where the names in an annotation are looked for
-
-MISSING = dataclasses.MISSING
 
 
 class FrozenDict(dict[Any, Any]):

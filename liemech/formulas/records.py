@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import types
 import weakref
 from collections.abc import Callable
@@ -21,13 +22,16 @@ from typing import Any, TypeVar, cast, dataclass_transform
 
 from ..errors import InvalidType, LiemechError
 from .annotations import own_annotations
-from .broadcasting import Broadcasting, bare
-from .fields import MISSING, converters, immutable
+from .broadcasting import Broadcasting
+from .fields import converters, immutable
+from .frozen import MISSING, frozen
 from .overriding import require_signatures
+from .signatures import bare, keywords, misspelt
 
 T = TypeVar("T", bound=type)
 
-_complete: set[type] = set()  # classes known to be frozen dataclasses
+_complete: dict[type, frozenset[str]] = {}
+"""Classes known to be frozen dataclasses, and the keywords that they take."""
 
 _known: weakref.WeakValueDictionary[tuple[str, str], type] = weakref.WeakValueDictionary()
 
@@ -54,12 +58,13 @@ class Record(Broadcasting):
                 setattr(cls, name, _then_checked(vars(cls)[name]))
 
     def __new__(cls, *args: Any, **options: Any) -> Any:
-        if cls not in _complete:
-            _require_dataclass(cls)
-            _require_methods_in_sight(cls)
-            require_signatures(cls, bare)
-            _require_final_methods(cls)
-            _complete.add(cls)
+        known = _complete.get(cls)
+        if known is None:
+            known = _completed(cls)
+        if options and not known.issuperset(options):
+            wanted = keywords(inspect.unwrap(cls.__init__))
+            if wanted is not None:
+                raise misspelt(cls.__qualname__, wanted, options)
         return super().__new__(cls)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -144,6 +149,16 @@ def _blame(self: Any, error: Exception) -> None:
                 continue
 
 
+def _completed(cls: Any) -> frozenset[str]:
+    """The keywords that a class takes, once it has been looked at."""
+    _require_dataclass(cls)
+    _require_methods_in_sight(cls)
+    require_signatures(cls, bare)
+    _require_final_methods(cls)
+    _complete[cls] = frozenset(keywords(inspect.unwrap(cls.__init__)) or ())
+    return _complete[cls]
+
+
 def _require_dataclass(cls: Any) -> None:
     params = vars(cls).get("__dataclass_params__")
     if params is None:
@@ -206,5 +221,4 @@ def record(cls: T) -> T:
             "@record is for subclasses of Record, such as "
             f"liemech.Hamiltonian; {cls.__name__} is not one"
         )
-    made: Any = dataclasses.dataclass(frozen=True)(cls)
-    return made
+    return frozen(cls)

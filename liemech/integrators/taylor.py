@@ -10,6 +10,7 @@ from ..formulas import Vec, derivative, exp, log, plain, record, vec, where
 from ..formulas.products import Products
 from ..formulas.series import Series
 from ..groups.bernoulli import TERMS
+from ..groups.lie_algebra import sided
 from ..retractions import Cayley, Exponential, Retraction
 from ..systems.system import System
 from .method import Method
@@ -108,9 +109,10 @@ class Taylor(Method):
         """dtau^-1_Omega xi; for the exponential its series, of which later terms have no part in
         the order.
         """
+        place = sided(omega, system.side)
         if isinstance(self.retraction, Exponential):
-            return system.group.algebra.dexp_inv_series(omega, xi, self.order - 2, system.side)
-        return self.retraction.dtau_inv(system.group, omega, xi, system.side)
+            return system.group.algebra.dexp_inv_series(place, xi, self.order - 2)
+        return self.retraction.dtau_inv(system.group, place, xi)
 
     # ---------------------------------------------------------------- adaptive steps
 

@@ -31,6 +31,9 @@ import numpy as np
 
 import liemech as lm
 from liemech.compiler import kernel
+from liemech.models.gravity import FixedPointGravity
+from liemech.models.heavy_top import HeavyTop
+from liemech.systems.time_scales import DistancePower
 
 Call = Callable[[], Any]
 
@@ -63,13 +66,13 @@ class Entry:
 
 BODY, RKMK4, RKMK5 = lm.RigidBody([1.0, 1.5, 2.0]), lm.RKMK(order=4), lm.RKMK(order=5)
 START = BODY.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
-TOP = lm.HeavyTop([1.0, 1.2, 0.6], 1.0, [0.0, 0.0, 0.5])
+TOP = HeavyTop([1.0, 1.2, 0.6], 1.0, [0.0, 0.0, 0.5])
 SPUN = TOP.state(mu=[0.1, 0.2, 3.0], g=np.eye(3))
 PENDULUM = lm.SphericalPendulum()
 SWING = PENDULUM.state([1.0, 0.0, 0.0], [0.0, 0.5, 0.3])
 ORBIT = lm.Kepler()
 FALL = ORBIT.state([0.1, 0.0], [0.0, 19.0**0.5])
-CONTROLLED = lm.ReversibleController(lm.Splitting(order=8), lm.DistancePower(1.5))
+CONTROLLED = lm.ReversibleController(lm.Splitting(order=8), DistancePower(1.5))
 TIMES = np.linspace(0.0, 20.0, 201)
 
 
@@ -108,7 +111,7 @@ def gyrostats(count: int) -> list[lm.MechanicalSystem]:
             lm.LiePoissonSystem(
                 lm.SO3(), Gyrostat([1.0, 1.5, 2.0 + 1e-4 * i], [0.1, 0.2, 0.7 + 1e-4 * i])
             ),
-            lm.FixedPointGravity(1.0, [0.0, 0.0, 0.5]),
+            FixedPointGravity(1.0, [0.0, 0.0, 0.5]),
         )
         for i in range(count)
     ]

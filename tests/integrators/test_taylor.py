@@ -94,7 +94,7 @@ def moving(name: str) -> tuple[lm.System, Any, lm.Retraction]:
     volume = lm.LiePoissonSystem(
         lm.SL(3), lm.KineticEnergy([1.0, 1.5, 2.0, 1.2, 1.4, 1.7, 1.1, 1.9])
     )
-    ball, plain = OnSphere(lm.SphereAction(3)), Plain(lm.VectorSpace(9))
+    ball, plain = OnSphere(lm.actions.SphereAction(3)), Plain(lm.VectorSpace(9))
     return {
         "body": (asymmetric_body()[0], asymmetric_body()[1], cayley),
         "body, exponential": (asymmetric_body()[0], asymmetric_body()[1], exponential),
