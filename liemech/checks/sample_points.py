@@ -286,8 +286,7 @@ class At:
     def __str__(self) -> str:
         group, xi = self.group, self.xi
         given = group.units * xi if isinstance(group, GroupInUnits) else xi
-        return f"{self.name}, xi = ({', '.join(f'{x:.3g}' for x in given)})"
-        return f"{self.name}, {shown('xi', self.xi)}"
+        return f"{self.name}, {shown('xi', given)}"
 
 
 def sample_points(group: LieGroup, seed: int) -> list[At]:
