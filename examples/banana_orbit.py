@@ -7,10 +7,10 @@ import numpy as np
 
 import liemech as lm
 
-particle = lm.ChargedParticle(lm.TokamakField())
+particle = lm.models.ChargedParticle(lm.models.TokamakField())
 start = particle.state([1.05, 0.0, 0.0, 0.0, 4.816e-4, -2.059e-3])
 h, steps = np.pi / 10, 400_000  # twenty steps in a gyration
-centre, begin = lm.GuidingCentre.of_particle(particle, start.y)
+centre, begin = lm.models.GuidingCentre.of_particle(particle, start.y)
 guide = lm.integrate(centre, lm.RKMK(order=6), centre.state(begin), h=50.0, steps=900)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import liemech as lm
 
 links = 4
-chain = lm.ChainPendulum(masses=[0.2] * links, lengths=[0.25] * links)
+chain = lm.models.ChainPendulum(masses=[0.2] * links, lengths=[0.25] * links)
 slope = np.array([np.cos(0.3), 0.0, np.sin(-0.3)])
 q = chain.hanging(np.tile(slope, links))
 start = chain.consistent(q, 0.02 * np.cross([0.0, 0.0, 1.0], np.reshape(q, (-1, 3))).ravel())

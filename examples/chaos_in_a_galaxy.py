@@ -6,7 +6,7 @@ import numpy as np
 
 import liemech as lm
 
-galaxy = lm.HenonHeiles()
+galaxy = lm.models.HenonHeiles()
 energy, y = 1 / 8, np.array([0.0, 0.1, 0.2, 0.3, -0.1, -0.2])
 # all of them start at x = 0 with this energy
 push = np.sqrt(2.0 * energy - y**2 + 2.0 / 3.0 * y**3)

@@ -4,7 +4,7 @@ import numpy as np
 
 import liemech as lm
 
-pendulum = lm.DoublePendulum(masses=[1.0, 0.5], lengths=[1.0, 0.8])
+pendulum = lm.models.DoublePendulum(masses=[1.0, 0.5], lengths=[1.0, 0.8])
 angles = np.radians([50.0, -25.0])
 start = pendulum.state(q=angles, p=pendulum.momentum(angles, [0.0, 0.0]))
 

@@ -10,8 +10,8 @@ import liemech as lm
 planets = lm.Kepler()
 start = planets.pericentre(eccentricity=0.9)
 choices = {
-    "3: as much change in each step": (lm.EqualChange(), 15.25),
-    "4: as much way in each step": (lm.EqualPath(), 3.314),
+    "3: as much change in each step": (lm.time_scales.EqualChange(), 15.25),
+    "4: as much way in each step": (lm.time_scales.EqualPath(), 3.314),
 }
 
 figure, axes = plt.subplots(2, 3, figsize=(11, 5.2), gridspec_kw={"width_ratios": [1.4, 1, 1]})

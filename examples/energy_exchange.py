@@ -7,7 +7,7 @@ import numpy as np
 
 import liemech as lm
 
-chain = lm.FermiPastaUlam(particles=32, alpha=0.25)
+chain = lm.models.FermiPastaUlam(particles=32, alpha=0.25)
 start = chain.mode(1, amplitude=4.0)
 period = np.pi / np.sin(np.pi / 66)  # of the first mode
 run = lm.integrate(

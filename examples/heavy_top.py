@@ -6,7 +6,7 @@ import numpy as np
 
 import liemech as lm
 
-top = lm.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
+top = lm.models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
 start = top.state(mu=[0.3, 0.6, 1.1], g=lm.SO3().exp([0.4, -0.3, 0.5]))
 
 runs = {}

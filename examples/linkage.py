@@ -9,13 +9,13 @@ import liemech as lm
 lengths, turn = np.array([0.3, 0.9, 0.7]), np.array([0.0, 1.0, 0.0])
 ends = np.array([[0.0, 0.0, 0.0], [0.15, 0.0, 0.26], [0.94, 0.0, 0.70], [1.0, 0.0, 0.0]])
 low, high = np.outer(lengths, [0.0, 0.0, -0.5]), np.outer(lengths, [0.0, 0.0, 0.5])  # along e3
-linkage = lm.Linkage(
-    [lm.Link.rod(mass=length, length=length, radius=0.02) for length in lengths],
+linkage = lm.joints.Linkage(
+    [lm.joints.Link.rod(mass=length, length=length, radius=0.02) for length in lengths],
     [
-        lm.RevoluteJoint(0, None, low[0], ends[0], turn, turn),
-        lm.BallJoint(0, 1, high[0], low[1]),
-        lm.UniversalJoint(1, 2, high[1], low[2], [1.0, 0.0, 0.0], turn),
-        lm.RevoluteJoint(2, None, high[2], ends[3], turn, turn),
+        lm.joints.RevoluteJoint(0, None, low[0], ends[0], turn, turn),
+        lm.joints.BallJoint(0, 1, high[0], low[1]),
+        lm.joints.UniversalJoint(1, 2, high[1], low[2], [1.0, 0.0, 0.0], turn),
+        lm.joints.RevoluteJoint(2, None, high[2], ends[3], turn, turn),
     ],
 )
 poses = np.tile(np.eye(4), (3, 1, 1))

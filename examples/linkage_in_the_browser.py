@@ -6,7 +6,7 @@ import numpy as np
 
 import liemech as lm
 
-rods = lm.chain(2)
+rods = lm.joints.chain(2)
 poses, top = np.tile(np.eye(4), (2, 1, 1)), np.zeros(3)
 for pose, turn in zip(poses, ([1.2, 0.0, 0.0], [0.4, 0.9, 0.0])):
     pose[:3, :3] = lm.SO3().exp(turn)

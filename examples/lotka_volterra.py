@@ -9,7 +9,7 @@ import numpy as np
 
 import liemech as lm
 
-species = lm.LotkaVolterra()  # u' = u (v - 2), v' = v (1 - u), H = u - ln u + v - 2 ln v
+species = lm.models.LotkaVolterra()  # u' = u (v - 2), v' = v (1 - u), H = u - ln u + v - 2 ln v
 start = species.state([1.5, 1.0])
 outwards, inwards = lm.RKMK(order=1), lm.RKMK(tableau=lm.tableaus.IMPLICIT_EULER)
 methods = {

@@ -26,22 +26,13 @@ def crossing(t, state):
 
 crossing.direction = 1  # from the southern hemisphere to the northern
 
-moment = Moment(lm.SphereAction(3))
-for tolerance in 1e-4, 1e-7, 1e-10:
-    run = lm.integrate(
-        moment,
-        lm.RKMK(order=5),
-        moment.state([0.6, 0.0, -0.8]),
-        t_end=60.0,
-        rtol=tolerance,
-        atol=tolerance,
-        events=crossing,
-    )
-    (times, points), step = run.events[0], np.diff(run.t)
+moment = Moment(lm.actions.SphereAction(3))
+start = moment.state([0.6, 0.0, -0.8])
+print("tolerance, steps, their lengths in s; the time over the equator, and the largest |x| - 1")
+for rtol in 1e-4, 1e-7, 1e-10:
+    plan = lm.Plan(moment, lm.RKMK(order=5), rtol=rtol, atol=rtol, events=crossing)
+    run = plan.run(start, t_end=60.0)
+    (zeros, points), step = run.events[0], np.diff(run.t)
     off = np.abs(np.linalg.norm(run.at(np.linspace(0.0, 60.0, 601)).x, axis=1) - 1.0).max()
-    print(
-        f"tolerance {tolerance:.0e}: {len(step):4} steps of {step.min():.3f} to {step.max():.3f} s, ",
-        end="",
-    )
-    print(f"over the equator at t = {times[0]:.9f} s, |x| - 1 < {off:.0e} all the way")
+    print(f"{rtol:.0e}: {len(step)}, {min(step):.3f} to {max(step):.3f}; {zeros[0]:.9f}, {off:.0e}")
 lm.plots.save(run.plot().figure, "magnetic_moment.png", dpi=110)

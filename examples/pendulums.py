@@ -6,7 +6,7 @@ import numpy as np
 
 import liemech as lm
 
-pendulum = lm.Pendulum(length=1.0)
+pendulum = lm.models.Pendulum(length=1.0)
 starts = pendulum.state(q=np.zeros((12, 1)), p=np.linspace(0.5, 9.0, 12)[:, None])
 run = lm.integrate(pendulum, lm.StormerVerlet(), starts, h=0.02, steps=150)
 

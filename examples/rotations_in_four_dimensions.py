@@ -6,12 +6,9 @@ import numpy as np
 
 import liemech as lm
 
-planes = list(
-    itertools.combinations(range(4), 2)
-)  # a rotation turns a plane: 12, 13, 14, 23, 24, 34
-moment = np.array(
-    [1.0, 1.5, 2.2, 3.0]
-)  # second moments of mass along the axes; the inertia of a plane is the sum of two
+# a rotation turns a plane, 12, 13, 14, 23, 24 or 34, whose inertia is the sum of two second moments of mass
+planes = list(itertools.combinations(range(4), 2))
+moment = np.array([1.0, 1.5, 2.2, 3.0])
 body = lm.LiePoissonSystem(lm.SO(4), lm.KineticEnergy([moment[i] + moment[j] for i, j in planes]))
 
 start = body.state(mu=[0.6, -0.3, 0.5, 0.4, 0.2, -0.7], g=np.eye(4))
@@ -30,12 +27,7 @@ for name, value in (
 
 left_and_right = np.stack([a + f, b - e, c + d]), np.stack([a - f, b + e, c - d])
 lengths = [np.linalg.norm(three, axis=0) for three in left_and_right]
-print(
-    "so(4) is so(3) twice; the lengths of its halves:",
-    *[f"{x[0]:.6f} +- {np.ptp(x):.0e}" for x in lengths],
-)
-lm.plots.save(
-    lm.plots.invariants(run, title="a body in four dimensions").figure,
-    "rotations_in_four_dimensions.png",
-    dpi=110,
-)
+halves = ", ".join(f"{x[0]:.6f} +- {np.ptp(x):.0e}" for x in lengths)
+print("so(4) is so(3) twice; the lengths of its halves:", halves)
+axes = lm.plots.invariants(run, title="a body in four dimensions")
+lm.plots.save(axes.figure, "rotations_in_four_dimensions.png", dpi=110)

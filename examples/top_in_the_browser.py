@@ -6,7 +6,7 @@ import numpy as np
 
 import liemech as lm
 
-top = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.6, length=0.8)
+top = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.6, length=0.8)
 tilted = lm.SO3().exp([0.6, 0.0, 0.0])
 scene = lm.viewer.Scene(title="Nutation of a heavy top")
 

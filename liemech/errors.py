@@ -84,7 +84,9 @@ class InertiaWarning(UserWarning):
 
 
 class OrderWarning(UserWarning):
-    """A method was told to be of lower order than its coefficients are."""
+    """A method is of lower order than its coefficients are: as it was told to be, or at jumps of an
+    input.
+    """
 
 
 class StepWarning(UserWarning):

@@ -1,7 +1,5 @@
 """Retractions: maps from the algebra to the group that replace the exponential, and their
-trivialised differentials.
-
-    right:  d/de tau(xi + e eta) = (dtau_xi eta) tau(xi)          left:  d/de tau(xi + e eta) = tau(xi) (dtau_xi eta)
+left-trivialised differentials, d/de tau(xi + e eta) = tau(xi) (dtau_xi eta).
 
 Source: Bou-Rabee and Marsden, Hamilton-Pontryagin integrators on Lie groups, Found. Comput. Math. 9
 (2009), section 4.
@@ -22,11 +20,13 @@ from .formulas import (
     identity_matrix,
     jacobian,
     mat,
+    plain,
     record,
     solve,
     sqrt,
     vec,
 )
+from .groups.lie_algebra import refuse_sides
 from .groups.lie_group import LieGroup
 from .solvers import LIMIT, TOLERANCE
 
@@ -43,8 +43,15 @@ class Retraction(Record):
     2. It may add closed forms for everything else.  What it leaves out follows from tau by
     differentiation.
 
+    Differentials are left-trivialised.  The right-trivialised one, d/de tau(xi + e eta) = (dtau_xi
+    eta) tau(xi), is the one at -xi: `dtau(group, -xi, eta)`, and so are its inverse and its duals.
+
     Source: Bou-Rabee and Marsden (2009), definition 4.1.
     """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        refuse_sides(cls, Retraction)
 
     # ---------------------------------------------------------------- 1. a subclass writes
 
@@ -68,7 +75,7 @@ class Retraction(Record):
         size = rest = dot(xi, xi)
         for _ in range(LIMIT):
             error = group.log(group.compose(group.inverse(self.tau(group, xi)), g))
-            xi = xi + self.dtau_inv(group, xi, error, "left")
+            xi = xi + self.dtau_inv(group, xi, error)
             rest = dot(error, error)
             if not rest > TOLERANCE * TOLERANCE * size:
                 break
@@ -86,35 +93,34 @@ class Retraction(Record):
         """g tau(xi).  g : an element, xi : (dim,)."""
         return group.compose(g, self.tau(group, xi))
 
+    def tau_compose(self, group: LieGroup, xi: Vec, g: Element) -> Element:
+        """tau(xi) g.  xi : (dim,), g : an element."""
+        return group.compose(self.tau(group, xi), g)
+
     def tau_act(self, action: GroupAction, xi: Vec, x: Vec) -> Vec:
         """tau(xi) . x, a point moved by the group.  xi : (dim,), x : a point."""
         return action.act(self.tau(action.group, xi), x)
 
-    def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The trivialised differential.  xi, eta : (dim,)."""
-        g = self.tau(group, xi)
-        body = group.body_velocity(g, derivative(lambda x: self.tau(group, x), xi, eta))
-        return body if side == "left" else group.Ad(g, body)
+    def dtau(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
+        """The differential, tau(xi)^-1 d/de tau(xi + e eta).  xi, eta : (dim,)."""
+        rate = derivative(lambda x: self.tau(group, x), xi, eta)
+        return group.body_velocity(self.tau(group, xi), rate)
 
-    def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """Its dual, <dtau_dual_xi mu, eta> = <mu, dtau_xi eta>.  xi, mu : (dim,)."""
-        return vec(
-            *[dot(mu, self.dtau(group, xi, unit, side)) for unit in identity_matrix(group.dim)]
-        )
+        return vec(*[dot(mu, self.dtau(group, xi, unit)) for unit in identity_matrix(group.dim)])
 
-    def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
         """Its inverse.  xi, eta : (dim,)."""
         return solve(
-            mat(*[self.dtau(group, xi, unit, side) for unit in identity_matrix(group.dim)]).T, eta
+            mat(*[self.dtau(group, xi, unit) for unit in identity_matrix(group.dim)]).T, eta
         )
 
-    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """The dual of the inverse, <dtau_inv_dual_xi mu, eta> = <mu, dtau_inv_xi eta>.  xi,
         mu : (dim,).
         """
-        return solve(
-            mat(*[self.dtau(group, xi, unit, side) for unit in identity_matrix(group.dim)]), mu
-        )
+        return solve(mat(*[self.dtau(group, xi, unit) for unit in identity_matrix(group.dim)]), mu)
 
     def is_chart(self, group: LieGroup, xi: Vec) -> bool:
         """Is xi in the neighbourhood of zero on which dtau can be inverted?  xi : (dim,)."""
@@ -122,16 +128,16 @@ class Retraction(Record):
 
     def residual(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """How far p = dl/dxi is from fitting the momentum mu at the start of a step tau(xi):
-        r = p - (dtau_xi)* mu, or a multiple.
+        r = p - (dtau_xi)* mu, right-trivialised, or a multiple.
 
         r = 0 is the discrete Legendre transform (dtau_xi^-1)* p = mu, freed of the inverse.
         Returns r, dr/dp (a number or a matrix) and dr/dxi (a matrix), for Newton's method.  xi, p,
         mu : (dim,).
         """
         return (
-            p - self.dtau_dual(group, xi, mu),
+            p - self.dtau_dual(group, -xi, mu),
             1.0,
-            jacobian(lambda x: -self.dtau_dual(group, x, mu), xi),
+            jacobian(lambda x: -self.dtau_dual(group, -x, mu), xi),
         )
 
     # ---------------------------------------------------------------- 3. what follows
@@ -173,32 +179,36 @@ class Exponential(Retraction):
         """g exp(xi)."""
         return group.compose_exp(g, xi)
 
+    def tau_compose(self, group: LieGroup, xi: Vec, g: Element) -> Element:
+        """g exp(Ad_g^-1 xi): rounded by what the step adds, not by what is there."""
+        return group.compose_exp(g, group.Ad(group.inverse(plain(g)), xi))
+
     def tau_act(self, action: GroupAction, xi: Vec, x: Vec) -> Vec:
         """exp(xi) . x."""
         return action.exp_act(xi, x)
 
-    def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """dexp_xi eta = sum_k ad_xi^k eta/(k + 1)! (right)."""
-        return group.algebra.dexp(xi, eta, side)
+    def dtau(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
+        """dexp_xi eta = sum_k (-ad_xi)^k eta/(k + 1)!."""
+        return group.algebra.dexp(xi, eta)
 
-    def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """dexp_xi^-1 eta = sum_k B_k/k! ad_xi^k eta (right)."""
-        return group.algebra.dexp_inv(xi, eta, side)
+    def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
+        """dexp_xi^-1 eta = sum_k B_k/k! (-ad_xi)^k eta."""
+        return group.algebra.dexp_inv(xi, eta)
 
-    def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """(dexp_xi)* mu."""
-        return group.algebra.dexp_dual(xi, mu, side)
+        return group.algebra.dexp_dual(xi, mu)
 
-    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
         """(dexp_xi^-1)* mu."""
-        return group.algebra.dexp_inv_dual(xi, mu, side)
+        return group.algebra.dexp_inv_dual(xi, mu)
 
     def is_chart(self, group: LieGroup, xi: Vec) -> bool:
         """Before the first turn is complete."""
         return group.algebra.is_exp_chart(xi)
 
     def residual(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """p - (dexp_xi)* mu."""
+        """p - (dexp_xi)* mu, right-trivialised."""
         return group.algebra.exp_residual(xi, p, mu)
 
 
@@ -238,24 +248,28 @@ class Cayley(Retraction):
         """g cay(xi)."""
         return self._on(group).compose_cayley(g, xi)
 
-    def dtau(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(1 - xi/2)^-1 eta (1 + xi/2)^-1 (right)."""
-        return self._on(group).algebra.dcayley(xi, eta, side)
+    def tau_compose(self, group: LieGroup, xi: Vec, g: Element) -> Element:
+        """g cay(Ad_g^-1 xi): rounded by what the step adds, not by what is there."""
+        return self._on(group).compose_cayley(g, group.Ad(group.inverse(plain(g)), xi))
 
-    def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(1 - xi/2) eta (1 + xi/2) (right)."""
-        return self._on(group).algebra.dcayley_inv(xi, eta, side)
+    def dtau(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
+        """(1 + xi/2)^-1 eta (1 - xi/2)^-1."""
+        return self._on(group).algebra.dcayley(xi, eta)
 
-    def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of (1 - xi/2)^-1 eta (1 + xi/2)^-1."""
-        return self._on(group).algebra.dcayley_dual(xi, mu, side)
+    def dtau_inv(self, group: LieGroup, xi: Vec, eta: Vec) -> Vec:
+        """(1 + xi/2) eta (1 - xi/2)."""
+        return self._on(group).algebra.dcayley_inv(xi, eta)
 
-    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of (1 - xi/2) eta (1 + xi/2)."""
-        return self._on(group).algebra.dcayley_inv_dual(xi, mu, side)
+    def dtau_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
+        """The dual of (1 + xi/2)^-1 eta (1 - xi/2)^-1."""
+        return self._on(group).algebra.dcayley_dual(xi, mu)
+
+    def dtau_inv_dual(self, group: LieGroup, xi: Vec, mu: Vec) -> Vec:
+        """The dual of (1 + xi/2) eta (1 - xi/2)."""
+        return self._on(group).algebra.dcayley_inv_dual(xi, mu)
 
     def residual(self, group: LieGroup, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """A multiple of p - (dcay_xi)* mu without its division."""
+        """A multiple of p - (dcay_xi)* mu, right-trivialised, without its division."""
         return self._on(group).algebra.cayley_residual(xi, p, mu)
 
 

@@ -31,8 +31,8 @@ Rounding of the largest of the data may be large beside the smallest one.
 """
 
 STALLED = 5
-"""So many sweeps without a smaller change, and what changes in one unit is what cancelled there but
-for rounding.
+"""After this many sweeps without a smaller change, what still changes in one unit is the rounding of
+what cancelled there.
 """
 
 LIMIT = 50
@@ -109,7 +109,7 @@ def iterated(
     goal: float,
     solved: Callable[[Mat, Vec], Vec] | None = None,
 ) -> Vec:
-    """The same by a derivative that is not exact, with which each correction gains a few digits
+    """A solution by a derivative that is not exact, with which each correction gains a few digits
     only.
 
     goal : what w^-1 |r|^2 has to reach before the last correction; the others are as for `newton`.
@@ -137,7 +137,7 @@ def _asked(solved: Callable[[Mat, Vec], Vec] | None, jacobian: Mat, r: Vec) -> V
 def fixed_point(
     sweep: Callable[[Any], tuple[Any, float | Vec, float | Vec]], guess: Any, method: Any, h: float
 ) -> Any:
-    """What sweeps leave as it is: they are repeated until they change no more than rounding does.
+    """A fixed point of sweeps: they are repeated until they change no more than rounding does.
 
     sweep : gives of an unknown a better one, how much they differ and how large the data are; for
     data in several units both of each, which are compared apart and added up relative to their
@@ -207,7 +207,7 @@ def _added_up(x: Any) -> float:
 
 
 def correction(jacobian: Mat, residual: Vec) -> Vec:
-    """What Newton's method subtracts: jacobian^-1 residual.  jacobian : (n, n), residual : (n,)."""
+    """The correction that Newton's method subtracts: jacobian^-1 residual.  jacobian : (n, n), residual : (n,)."""
     if len(residual) == 2:
         return solve2(jacobian, residual)
     if len(residual) == 3:

@@ -1,4 +1,4 @@
-"""How orders are measured, and tables of them in docs/verification.md."""
+"""How orders are measured, and tables of them in docs/proof/verification.md."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from scenes import slope
 
 import liemech as lm
 
-PAGE = Path(__file__).parent.parent / "docs" / "verification.md"
+PAGE = Path(__file__).parent.parent / "docs" / "proof" / "verification.md"
 FLOOR = 5e-14
 """Errors above this are no rounding."""
 

@@ -179,42 +179,42 @@ def numbers(value: Any) -> np.ndarray:
 TOP, LAGRANGE = reference("heavy_top"), reference("heavy_top_lagrange")
 
 
-def heavy_top(load: lm.Force | None = None) -> tuple[lm.HeavyTop, lm.BodyState]:
+def heavy_top(load: lm.Force | None = None) -> tuple[lm.models.HeavyTop, lm.BodyState]:
     """An asymmetric top with an inclined centre of mass; `TOP` has where it is later."""
-    top = lm.HeavyTop(numbers(TOP["J"]), float(TOP["mgl"]), numbers(TOP["chi"]), load=load)
+    top = lm.models.HeavyTop(numbers(TOP["J"]), float(TOP["mgl"]), numbers(TOP["chi"]), load=load)
     return top, top.state(numbers(TOP["pi0"]), numbers(TOP["R0"]))
 
 
-def lagrange_top() -> tuple[lm.LagrangeTop, lm.BodyState]:
+def lagrange_top() -> tuple[lm.models.LagrangeTop, lm.BodyState]:
     """A symmetric top; `LAGRANGE` has where it is later."""
     A, _, C = numbers(LAGRANGE["J"])
-    top = lm.LagrangeTop(transverse=A, axial=C, weight=float(LAGRANGE["mgl"]), length=1.0)
+    top = lm.models.LagrangeTop(transverse=A, axial=C, weight=float(LAGRANGE["mgl"]), length=1.0)
     return top, top.state(numbers(LAGRANGE["pi0"]), numbers(LAGRANGE["R0"]))
 
 
-def falling_body() -> tuple[lm.FallingBody, lm.BodyState]:
+def falling_body() -> tuple[lm.models.FallingBody, lm.BodyState]:
     """A body that turns and falls."""
-    body = lm.FallingBody([1.0, 1.6, 2.3], mass=1.7)
+    body = lm.models.FallingBody([1.0, 1.6, 2.3], mass=1.7)
     return body, body.state([0.4, 0.5, 0.6, 1.0, 2.0, 3.0], lm.SE3().random(1))
 
 
-def orbiting_body(radius: float = 3.0) -> tuple[lm.OrbitingBody, lm.BodyState]:
+def orbiting_body(radius: float = 3.0) -> tuple[lm.models.OrbitingBody, lm.BodyState]:
     """A satellite in a gravity gradient, on a circular orbit, inclined."""
-    body = lm.OrbitingBody(
+    body = lm.models.OrbitingBody(
         [[0.05, 0.01, 0.0], [0.01, 0.08, 0.0], [0.0, 0.0, 0.11]], mass=1.7, attraction=1.0
     )
     return body, body.circular_orbit(radius, lm.SO3().exp([0.1, 0.2, 0.3]))
 
 
 def kirchhoff_body() -> tuple[
-    lm.KirchhoffBody, lm.BodyState, list[tuple[float, np.ndarray, np.ndarray]]
+    lm.models.KirchhoffBody, lm.BodyState, list[tuple[float, np.ndarray, np.ndarray]]
 ]:
     """A body in a fluid with all its couplings, a start, and where it is later: times, momenta and
     poses, to 20 digits.
     """
     data = reference("kirchhoff_se3")
     A, D, M, R0, x0 = (numbers(data[name]) for name in ("A", "D", "M", "R0", "x0"))
-    body = lm.KirchhoffBody(np.linalg.inv(np.block([[A, D], [D.T, M]])))
+    body = lm.models.KirchhoffBody(np.linalg.inv(np.block([[A, D], [D.T, M]])))
     later = [
         (
             float(at["t"]),

@@ -22,10 +22,10 @@ import liemech
 PACKAGE = Path(liemech.__file__).parent
 
 LAYERS = (
+    "names",  # the public ones, which are imported when they are asked for
     "errors",
     "formulas",
     "compiler",
-    "native",  # the former name of formulas
     "groups",
     "solvers",  # Newton's method
     "retractions",
@@ -39,6 +39,7 @@ LAYERS = (
     "viewer",
     "command_line",
     "__main__",
+    *("actions", "charts", "class_functions", "joints", "parts", "structures", "time_scales"),
 )
 """From the ground up: a module imports from its own layer and from those before it, never from
 those after it.

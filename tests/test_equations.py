@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-import liemech as lm
+from liemech.names import everything
 
 ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
@@ -143,7 +143,7 @@ def test_classes_and_functions_of_the_table_are_there() -> None:
         for row in rows(head):
             assert "`" in row[2], f"nothing of the library: {row}"
             for name in re.findall(r"`([A-Z]\w+)(?:\.(\w+))?`", row[2]):
-                thing = getattr(lm, name[0])
+                thing = everything()[name[0]]
                 assert not name[1] or name[1] in dir(thing), name
 
 

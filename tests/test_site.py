@@ -28,7 +28,7 @@ def test_every_page_is_in_the_lists_of_the_first_page() -> None:
     assert sorted(listed) == sorted(pages)
 
 
-@pytest.mark.parametrize("name", ["verification", "equations", "reliability"])
+@pytest.mark.parametrize("name", ["proof/verification", "equations", "proof/reliability"])
 def test_tests_that_the_pages_name_exist(name: str) -> None:
     text = (DOCS / f"{name}.md").read_text(encoding="utf-8")
     named = re.findall(r"`(?:tests/)?([a-z_]+/[\w/]*test_\w+\.py|test_\w+\.py)(?:::(\w+))?`", text)

@@ -57,7 +57,7 @@ def below(figure: Any, box: str, left: str, right: str) -> None:
 def canonical_transformation() -> None:
     """Curves of X_H on the left, straight lines of X_K, K = 0, on the right."""
     figure, old, new = stage()
-    pendulum, times = lm.Pendulum(gravity=1.0), np.linspace(0.0, 7.0, 300)
+    pendulum, times = lm.models.Pendulum(gravity=1.0), np.linspace(0.0, 7.0, 300)
     for k, (q, p) in enumerate([(0.6, 0.0), (1.2, 0.0), (1.2, 0.9), (-0.9, 0.6)]):
         start = pendulum.state(q, p)
         exact = pendulum.exact(start, times)

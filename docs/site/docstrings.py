@@ -21,6 +21,7 @@ from sphinx import addnodes
 from sphinx.application import Sphinx
 
 import liemech
+from liemech.names import everything, members
 
 WIDTH = 100
 PARAMETER = re.compile(r"((?:\*{0,2}\w+)(?:, \*{0,2}\w+)*) : (?=\S)")
@@ -33,12 +34,10 @@ def public() -> dict[str, str]:
     front.
     """
     found: dict[str, str] = {}
-    for module in ("", "plots", "tableaus", "viewer", "errors"):
-        inside = getattr(liemech, module) if module else liemech
-        path = f"{module}." if module else ""
-        for name in getattr(inside, "__all__", None) or [
-            n for n, x in vars(inside).items() if inspect.isclass(x)
-        ]:
+    spaces = [name for name in liemech.__all__ if inspect.ismodule(getattr(liemech, name))]
+    for module in ["", *spaces]:
+        inside, path = (getattr(liemech, module), f"{module}.") if module else (liemech, "")
+        for name in [] if module == "formulas" else members(module) if module else liemech.__all__:
             if not inspect.ismodule(getattr(inside, name)):
                 spellings = [f"lm.{path}{name}", f"liemech.{path}{name}", f"{path}{name}", name]
                 alone = name[0].isupper() or (not module and ("_" in name or name == "integrate"))
@@ -72,7 +71,7 @@ def place(code: str, owner: type | None = None) -> str | None:
     if name in public() or name.count(".") != 1:
         return public().get(name)
     one, member = name.split(".")
-    thing = getattr(liemech, one) if one in liemech.__all__ else None
+    thing = everything().get(one)
     return home(thing, member) if inspect.isclass(thing) else None
 
 
@@ -166,11 +165,7 @@ def formulas(block: list[str]) -> list[bool]:
 
 def convert(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
     """Sphinx asks for every docstring."""
-    owner = (
-        thing
-        if inspect.isclass(thing)
-        else getattr(liemech, name.removeprefix("liemech.").partition(".")[0], None)
-    )
+    owner = thing if inspect.isclass(thing) else everything().get(name.split(".")[-2])
     lines[:] = readable(lines, owner if inspect.isclass(owner) else None)
 
 

@@ -5,7 +5,6 @@ what the library exports.
 from __future__ import annotations
 
 import inspect
-import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 
 import liemech
+from liemech.names import public, sentence
 
 PARTS = {
     "simulation": ("Runs", "`integrate`, prepared runs, and what a run leaves behind."),
@@ -62,7 +62,8 @@ def names(part: str) -> list[str]:
             name for name, x in vars(module).items() if _is_from(x, module)
         ]
         return [f"liemech.{part}.{name}" for name in own if not name.startswith("_")]
-    return [f"liemech.{name}" for name in liemech.__all__ if _part(name) == part]
+    full = [name.replace("lm", "liemech", 1) for name in public().values()]
+    return [f for f in full if f.split(".")[1] not in (*MODULES, "formulas") and _part(f) == part]
 
 
 def _is_from(thing: Any, module: Any) -> bool:
@@ -70,7 +71,8 @@ def _is_from(thing: Any, module: Any) -> bool:
 
 
 def _part(name: str) -> str:
-    thing = getattr(liemech, name)
+    """The part in which what has this full name is defined; empty for a module."""
+    thing = _thing(name)
     module = getattr(thing, "__module__", "") or ""
     if inspect.ismodule(thing):
         return ""
@@ -97,12 +99,8 @@ def constants(part: str) -> dict[str, str]:
 
 
 def row(full: str) -> list[str]:
-    """A name and the first sentence about it, whose full stop follows a letter or a sign, not a
-    space as in g . x.
-    """
-    about = " ".join((inspect.getdoc(_thing(full)) or "").split("\n\n")[0].split())
-    first = re.split(r"(?<=[^ .])\.(?= |$)", about)[0].rstrip(".:")
-    return [f"   * - :obj:`~{full}`", f"     - {escaped(first, None)}."]
+    """A name and the first sentence about it."""
+    return [f"   * - :obj:`~{full}`", f"     - {escaped(sentence(_thing(full)), None)}."]
 
 
 def page(part: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, LiemechError
 from ..formulas import Vec, jacobian, vec
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from ..groups.poisson_structure import Canonical, LiePoissonStructure, PoissonStructure
 from ..integrators.method import Method
 from ..systems.canonical import CanonicalState, HamiltonianSystem

@@ -63,7 +63,7 @@ def bench(arguments: Sequence[str]) -> int:
 
 
 def measured(system: Any, method: Any, start: Any, h: float, steps: int) -> dict[str, Any]:
-    """What steps cost and how their error falls: seconds of the first call beyond a step, ns a
+    """The cost of steps, and how their error falls: seconds of the first call beyond a step, ns a
     step, the order.
     """
 

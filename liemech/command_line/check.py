@@ -56,7 +56,7 @@ def check(arguments: Sequence[str]) -> int:
 
 
 def _reports(thing: Any) -> list[Any]:
-    """What there is to say of an object."""
+    """The reports of the checks that fit an object."""
     if isinstance(thing, lm.LieGroup):
         return [lm.check_group(thing, raises=False)]
     if isinstance(thing, lm.Retraction):
@@ -86,13 +86,15 @@ def _problems() -> list[tuple[Any, Any]]:
     """Systems on which a method can be checked: a free body, a top, a planet, and ones for methods
     that take nothing else.
     """
-    models: Any = lm  # type checkers take fields that a model derives for arguments
-    body, planet = models.RigidBody([1.0, 1.5, 2.0]), models.Kepler()
-    ball, species = models.SphericalPendulum(), models.LotkaVolterra()
-    hung = models.Linkage(
-        [lm.Link(3.0, [0.1, 0.2, 0.2])], [lm.FixedPoint(0, [0.0, 0.0, 0.5])], 9.81
+    library: Any = lm  # type checkers take fields that a model derives for arguments
+    body, planet = library.RigidBody([1.0, 1.5, 2.0]), library.Kepler()
+    ball, species = library.SphericalPendulum(), library.models.LotkaVolterra()
+    hung = library.joints.Linkage(
+        [lm.joints.Link(3.0, [0.1, 0.2, 0.2])],
+        [lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5])],
+        9.81,
     )
-    top = models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
+    top = library.models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
     return [
         (body, body.state([0.5, 0.3, 0.8], np.eye(3))),
         (body, body.state([0.5, 0.3, 0.8])),

@@ -9,7 +9,6 @@ No function is called, and nothing else is evaluated.
 from __future__ import annotations
 
 import ast
-import difflib
 import inspect
 import math
 import sys
@@ -21,6 +20,8 @@ from typing import Any
 import numpy as np
 
 import liemech as lm
+
+from ..names import everything, meant
 
 LARGEST = 10**6
 """Sizes of systems beyond it would fill the memory before anything could be said of them."""
@@ -129,10 +130,9 @@ def imported(module: str, where: str) -> Any:
 
 def names(kind: type) -> list[str]:
     """The public classes of a kind."""
-    found = ((name, getattr(lm, name)) for name in lm.__all__)
     return [
         name
-        for name, thing in found
+        for name, thing in sorted(everything().items())
         if isinstance(thing, type) and issubclass(thing, kind) and thing is not kind
     ]
 
@@ -210,9 +210,9 @@ def _made(value: Any, where: str) -> Any:
 
 
 def _public(name: str, kind: type, where: str, modules: list[Any]) -> Any:
-    """What modules of the user's have under a name, or a public class of the library."""
+    """The class or object of a name, in modules of the user's or in the library."""
     mine = [vars(module)[name] for module in modules if name in vars(module)]
-    found = mine[0] if mine else getattr(lm, name) if name in lm.__all__ else None
+    found = mine[0] if mine else everything().get(name)
     if isinstance(found, type) and issubclass(found, (kind, lm.Vec, lm.Mat)):
         return found
     if mine and isinstance(found, kind):  # an object that the module has made
@@ -228,11 +228,10 @@ def _known(kind: type) -> str:
 
 
 def _instead(name: str, kind: type) -> str:
-    """What there is: all of a kind, or of everything what is written alike."""
-    if kind is not lm.Record:
-        return f"; there are {', '.join(names(kind))}"
-    alike = difflib.get_close_matches(name, names(kind), 3)
-    return f"; there is {' or '.join(alike)}" if alike else ""
+    """The name that is written alike, and all of a kind."""
+    known = names(kind)
+    there = "" if kind is lm.Record else f"; there are {', '.join(known)}"
+    return f"{meant(name, known)}{there}"
 
 
 def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
@@ -250,7 +249,8 @@ def _call(cls: Any, values: Any, options: Mapping[str, Any], where: str) -> Any:
     for key in options:
         if key not in allowed and cls not in (lm.Vec, lm.Mat):
             raise lm.errors.InvalidInput(
-                f"{where}: {cls.__name__} has no {key!r}; allowed are {', '.join(allowed)}"
+                f"{where}: {cls.__name__} has no {key!r}{meant(key, allowed)}; "
+                f"allowed are {', '.join(allowed)}"
             )
     try:
         return cls(*values, **options)

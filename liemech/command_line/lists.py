@@ -12,6 +12,7 @@ from typing import Any
 
 import liemech as lm
 
+from ..names import everything, sentence
 from .constructors import names
 from .options import Parser
 from .scenes import SCENES
@@ -21,7 +22,7 @@ EXAMPLES = {
     "IndexReduction": "IndexReduction(RKMK(order=4))",
     "ReversibleController": "ReversibleController(StormerVerlet(), EqualArc())",
 }
-"""What stands for methods that need another one."""
+"""Examples of methods that need another one."""
 
 
 def scenes(arguments: Sequence[str]) -> int:
@@ -32,7 +33,7 @@ def scenes(arguments: Sequence[str]) -> int:
         scene = function()
         row = {
             "scene": name,
-            "about": _sentence(function),
+            "about": sentence(function),
             "system": type(scene.system).__name__,
             "method": repr(scene.method),
         }
@@ -61,7 +62,7 @@ def methods(arguments: Sequence[str]) -> int:
         lines.append(_row(columns, r["about"]))
     lines.append(
         "The order is that of the default; most take another as "
-        "order=...; docs/index.md says which to use."
+        "order=...; docs/methods.md says which to use."
     )
     print("\n".join(lines))
     return 0
@@ -75,7 +76,7 @@ def method_rows() -> list[dict[str, Any]]:
 
     rows = []
     for name in names(lm.Method):
-        cls = getattr(lm, name)
+        cls = everything()[name]
         needed = [p for p in inspect.signature(cls).parameters.values() if p.default is p.empty]
         if needed and name not in EXAMPLES:
             continue  # made from a body and a step, such as ExactMoserVeselov
@@ -88,15 +89,9 @@ def method_rows() -> list[dict[str, Any]]:
                 "symmetric": bool(method.symmetric),
                 "symplectic": bool(method.symplectic),
             }
-            | {"about": _sentence(cls)}
+            | {"about": sentence(cls)}
         )
     return rows
-
-
-def _sentence(thing: Any) -> str:
-    """The first sentence of a docstring, in one line."""
-    text = " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
-    return text.partition(". ")[0].rstrip(".:")
 
 
 def _row(columns: str, about: str) -> str:

@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 
+from ..names import meant
+
 COMMANDS = {
     "run": "run",
     "scenes": "lists",
@@ -31,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         words = [MAIN, *words]
     elif words[0] not in COMMANDS:
         print(
-            f"liemech: {words[0]!r} is no command; there are "
+            f"liemech: {words[0]!r} is no command{meant(words[0], COMMANDS)}; there are "
             f"{', '.join(COMMANDS)} (--help explains)",
             file=sys.stderr,
         )

@@ -131,7 +131,7 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
 
 
 def timed(call: Callable[[], Any], steps: int) -> tuple[Any, float]:
-    """What a call returns, and its seconds per step, without what only a first call does: load
+    """The result of a call, and its seconds per step, without what only a first call does: load
     SciPy, or compile.
     """
     begun = time.perf_counter()
@@ -174,7 +174,7 @@ def _until(exact: lm.BodyState, samples: int) -> Any:
 def header(
     body: lm.RigidBody, start: lm.BodyState, step: dict[str, Any], notes: Sequence[Any]
 ) -> str:
-    """What is simulated."""
+    """The lines that say what is simulated."""
     end, period = step["h"] * step["steps"], body.period(start)
     laps = f", {abs(end) / period:.3g} periods of mu" if 0.0 < period < math.inf else ""
     kept = f"; every {step['every']}th state kept" if step["every"] > 1 else ""

@@ -1,4 +1,4 @@
-"""What the options of all commands share: how they complain, and how numbers are read."""
+"""Options of all commands: how they complain, and how numbers are read."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def picture(text: str, name: str = "rigid_body.png") -> Path:
 
 
 def writable(path: Path) -> Path:
-    """The same file, in a folder that exists then; both may be written."""
+    """The file, in a folder that is made if need be; both may be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as refused:

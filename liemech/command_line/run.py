@@ -14,6 +14,7 @@ import numpy as np
 
 import liemech as lm
 
+from ..names import meant
 from ..simulation.arguments import chooses_steps
 from .constructors import read
 from .numbers import duration
@@ -68,7 +69,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
-    """What is computed and what is not, and why."""
+    """Lines that say what is computed and what is not, and why."""
     known = [name for name, x in scene.start.parts.items() if x is not None]
     essential = [
         name for name, x in scene.system.essential_part(scene.start).parts.items() if x is not None
@@ -125,7 +126,8 @@ def _scene(options: Any) -> Scene:
         scene = scene_file(Path(options.scene), options.trusted)
     else:
         raise lm.errors.InvalidInput(
-            f"{options.scene!r} is neither a scene nor a .toml file; there are {', '.join(SCENES)}"
+            f"{options.scene!r} is neither a scene nor a .toml file{meant(options.scene, SCENES)}; "
+            f"there are {', '.join(SCENES)}"
         )
     method = (
         None if options.method is None else read(options.method, lm.Method, "argument --method")
@@ -166,7 +168,7 @@ def _files(scene: Scene, done: lm.Trajectory, options: Any) -> tuple[list[str], 
 
 
 def _report(scene: Scene, done: lm.Trajectory, spent: float) -> str:
-    """What was run, and how well the constants were kept."""
+    """Lines that say what was run, and how well the constants were kept."""
     how = "native code" if done.compiled else "plain Python"
     steps = f"{done.method!r}, {done.steps} steps to t = {done.t[-1]:g}, {how}, {duration(spent)}"
     lines = [f"{scene.title}: {scene.system!r}", steps]
@@ -178,7 +180,7 @@ def _report(scene: Scene, done: lm.Trajectory, spent: float) -> str:
 def _data(
     name: str, scene: Scene, done: lm.Trajectory, spent: float, files: list[str]
 ) -> dict[str, Any]:
-    """The same for programs."""
+    """The report as data, for programs."""
     kept = done.drift().kept if len(done) > 1 else ()
     return {
         "scene": name,

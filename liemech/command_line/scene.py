@@ -19,7 +19,7 @@ FRAMES = 600
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """A motion to follow, with steps of one length, or adaptively to `t_end`.
+    """A motion to follow, with fixed steps, or adaptively to `t_end`.
 
     title : one line.  system, method, start : as in `integrate`, as are h, steps, every, t_end,
     rtol, atol, t0.
@@ -45,7 +45,7 @@ class Scene:
     view: tuple[str, ...] | None = None
 
     def changed(self, **changes: Any) -> Scene:
-        """The same scene with other options; None leaves an option as it is."""
+        """This scene with other options; None leaves an option as it is."""
         given = {name: value for name, value in changes.items() if value is not None}
         if self.t_end is not None and {"h", "steps"} & given.keys() and "t_end" not in given:
             given = {"t_end": None, "rtol": None, "atol": None} | given
@@ -85,7 +85,7 @@ class Scene:
 
     def sampling(self, saved: bool) -> int:
         """Every how many steps a state is kept."""
-        if self.every is not None or self.steps is None:
+        if self.every is not None or self.steps is None or self.t_end is not None:
             return 1 if self.every is None else self.every
         return max(1, -(-self.steps // (SAMPLES if saved else 10 * FRAMES)))
 

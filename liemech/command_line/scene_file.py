@@ -34,6 +34,8 @@ import numpy as np
 
 import liemech as lm
 
+from ..names import meant
+from ..simulation.arguments import chooses_steps
 from ..simulation.files import opened
 from .constructors import build
 from .scene import Scene
@@ -46,6 +48,15 @@ COUNTS = ("steps", "every")
 
 LONGEST = 10_000_000
 """Bytes of a file; longer ones are no scenes."""
+
+MOST_STEPS = 10**9
+"""Fixed steps that a file may ask for, some minutes; a user who wants more says so by --steps."""
+
+MOST_KEPT = 10**7
+"""Steps that are kept that a file may ask for; of adaptive ones every one is."""
+
+KEPT = 10**6
+"""Adaptive steps at most, where a file does not say."""
 
 
 def scene_file(path: Path, trusted: bool = False) -> Scene:
@@ -81,7 +92,9 @@ def scene_file(path: Path, trusted: bool = False) -> Scene:
     system = _object(data["system"], lm.System, f"{where} [system]", trusted)
     method = _object(data["method"], lm.Method, f"{where} [method]", trusted)
     start = _start(system, data["start"], f"{where} [start]")
-    return Scene(title, system, method, start, **_run(data["run"], f"{where} [run]"), **lists)
+    options = _run(data["run"], f"{where} [run]")
+    _bounded(options, system, method, f"{where} [run]")
+    return Scene(title, system, method, start, **options, **lists)
 
 
 def _object(table: Mapping[str, Any], kind: type, where: str, trusted: bool) -> Any:
@@ -128,6 +141,22 @@ def _run(table: Mapping[str, Any], where: str) -> dict[str, Any]:
     return dict(table)
 
 
+def _bounded(table: dict[str, Any], system: Any, method: lm.Method, where: str) -> None:
+    """Give the number of steps a bound, for nobody may have looked at what a file asks for."""
+    h, length = table.get("h"), table.get("t_end", 0.0) - table.get("t0", 0.0)
+    fictive = method.fictive or system.fictive
+    if "t_end" in table and (fictive or chooses_steps(method)):
+        steps, most, advice = table.setdefault("steps", KEPT), MOST_KEPT, ""
+    else:
+        steps = table["steps"] if "steps" in table else abs(length / h) if h else 0
+        most = min(MOST_STEPS, MOST_KEPT * max(1, table.get("every", MOST_STEPS)))
+        advice = "; --steps takes more"
+    if steps > most:
+        raise lm.errors.InvalidInput(
+            f"{where}: {steps:.2g} steps; a file may ask for {most:.0e} at most{advice}"
+        )
+
+
 def _names(value: Any, where: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not value or not all(isinstance(one, str) for one in value):
         raise lm.errors.InvalidInput(
@@ -140,5 +169,6 @@ def _strict(table: Mapping[str, Any], allowed: Any, where: str, what: str) -> No
     for key in table:
         if key not in allowed:
             raise lm.errors.InvalidInput(
-                f"{where}: {key!r} is no key of {what}; allowed are {', '.join(allowed)}"
+                f"{where}: {key!r} is no key of {what}{meant(key, allowed)}; "
+                f"allowed are {', '.join(allowed)}"
             )

@@ -11,7 +11,7 @@ import liemech as lm
 
 from .scene import Scene
 
-models: Any = lm
+library: Any = lm
 """The library; type checkers take fields that a model derives for arguments."""
 
 SCENES: dict[str, Callable[[], Scene]] = {}
@@ -27,7 +27,7 @@ def scene(function: Callable[[], Scene]) -> Callable[[], Scene]:
 @scene
 def free_body() -> Scene:
     """A body that tumbles freely."""
-    body = models.RigidBody([1.0, 1.5, 2.0])
+    body = library.RigidBody([1.0, 1.5, 2.0])
     start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
     return Scene(
         "a free rigid body", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600
@@ -37,7 +37,7 @@ def free_body() -> Scene:
 @scene
 def flip() -> Scene:
     """Dzhanibekov's flip: spun about its middle axis, a body turns over again and again."""
-    body = models.RigidBody([1.0, 2.0, 3.0])
+    body = library.RigidBody([1.0, 2.0, 3.0])
     start = body.state(mu=[0.01, 1.0, 0.01], g=np.eye(3))
     return Scene(
         "Dzhanibekov's flip", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.1, steps=600
@@ -47,7 +47,7 @@ def flip() -> Scene:
 @scene
 def heavy_top() -> Scene:
     """An asymmetric top: chaotic."""
-    top = models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
+    top = library.models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
     start = top.state(mu=[0.3, 0.6, 1.1], g=lm.SO3().exp([0.4, -0.3, 0.5]))
     return Scene("a heavy top", top, lm.KickDrift(order=4), start, h=0.05, steps=800)
 
@@ -55,7 +55,7 @@ def heavy_top() -> Scene:
 @scene
 def lagrange_top() -> Scene:
     """A symmetric top let go at rest: its nose draws cusps."""
-    top = models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.6, length=0.8)
+    top = library.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.6, length=0.8)
     start = top.state(mu=[0.0, 0.0, 2.6], g=lm.SO3().exp([0.6, 0.0, 0.0]))
     return Scene("Lagrange's top", top, lm.KickDrift(order=4), start, h=0.05, steps=700)
 
@@ -63,7 +63,7 @@ def lagrange_top() -> Scene:
 @scene
 def kirchhoff() -> Scene:
     """An ellipsoid that sinks nowhere: it swims in an ideal fluid, and its path winds."""
-    body = models.KirchhoffBody.of_blocks(angular=[1.2, 2.0, 2.6], linear=[1.3, 1.8, 2.5])
+    body = library.models.KirchhoffBody.of_blocks(angular=[1.2, 2.0, 2.6], linear=[1.3, 1.8, 2.5])
     start = body.state(mu=[0.5, 0.2, 0.9, 0.6, 0.3, 0.2], g=np.eye(4))
     return Scene(
         "a body in a fluid", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.05, steps=800
@@ -73,7 +73,7 @@ def kirchhoff() -> Scene:
 @scene
 def satellite() -> Scene:
     """A long satellite that librates about the vertical of its orbit, in the gradient of gravity."""
-    body = models.OrbitingBody(inertia=[0.05, 0.08, 0.11], mass=1.7, attraction=1.0)
+    body = library.models.OrbitingBody(inertia=[0.05, 0.08, 0.11], mass=1.7, attraction=1.0)
     start = body.circular_orbit(3.0, lm.SO3().exp([0.1, 0.2, 0.3]))
     return Scene(
         "a satellite in a gravity gradient", body, lm.KickDrift(), start, h=0.1, steps=1000
@@ -83,7 +83,7 @@ def satellite() -> Scene:
 @scene
 def falling_body() -> Scene:
     """A thrown body that tumbles."""
-    body = models.FallingBody(inertia=[0.01, 0.016, 0.023], mass=0.5)
+    body = library.models.FallingBody(inertia=[0.01, 0.016, 0.023], mass=0.5)
     start = body.state(mu=[0.002, 0.06, 0.004, 1.0, 0.0, 2.5], g=np.eye(4))
     return Scene("a thrown body", body, lm.KickDrift(), start, h=0.005, steps=200)
 
@@ -91,7 +91,7 @@ def falling_body() -> Scene:
 @scene
 def pendulum() -> Scene:
     """Twelve pendulums in their phase plane: some swing, others turn over."""
-    system = models.Pendulum()
+    system = library.models.Pendulum()
     start = system.state(q=np.zeros((12, 1)), p=np.linspace(0.5, 9.0, 12)[:, None])
     return Scene("twelve pendulums", system, lm.StormerVerlet(), start, h=0.02, steps=150)
 
@@ -99,7 +99,7 @@ def pendulum() -> Scene:
 @scene
 def double_pendulum() -> Scene:
     """A pendulum that hangs from another one: chaotic."""
-    system = models.DoublePendulum(masses=[1.0, 0.5], lengths=[1.0, 0.8])
+    system = library.models.DoublePendulum(masses=[1.0, 0.5], lengths=[1.0, 0.8])
     start = system.state(q=[2.0, -0.5], p=[0.0, 0.0])
     return Scene("a double pendulum", system, lm.HamiltonJacobi(order=4), start, h=0.02, steps=500)
 
@@ -107,7 +107,7 @@ def double_pendulum() -> Scene:
 @scene
 def kepler() -> Scene:
     """A planet on a long ellipse."""
-    system = models.Kepler()
+    system = library.Kepler()
     return Scene(
         "Kepler's planet", system, lm.Splitting(order=4), system.pericentre(0.6), h=0.02, steps=1000
     )
@@ -116,7 +116,7 @@ def kepler() -> Scene:
 @scene
 def henon_heiles() -> Scene:
     """A star in a galaxy, at an energy where most motions are chaotic."""
-    system = models.HenonHeiles()
+    system = library.models.HenonHeiles()
     start = system.state(q=[0.0, 0.1], p=[(2.0 / 8.0 - 0.01 + 2e-3 / 3.0) ** 0.5, 0.0])
     return Scene("a star in a galaxy", system, lm.Splitting(order=4), start, h=0.05, steps=2000)
 
@@ -126,15 +126,15 @@ def comet() -> Scene:
     """A comet on an ellipse of eccentricity 0.97, with steps that follow it: short near the sun,
     and still symplectic.
     """
-    system = models.LogarithmicHamiltonian(models.Kepler())
+    system = library.LogarithmicHamiltonian(library.Kepler())
     method = lm.Splitting(order=4, quadratic=False)
-    return Scene("a comet", system, method, models.Kepler().pericentre(0.97), h=0.05, steps=600)
+    return Scene("a comet", system, method, library.Kepler().pericentre(0.97), h=0.05, steps=600)
 
 
 @scene
 def spherical_pendulum() -> Scene:
     """A ball on a rod, in three coordinates and one constraint."""
-    system = models.SphericalPendulum()
+    system = library.SphericalPendulum()
     start = system.consistent(q=[0.8, 0.0, -0.6], p=[0.0, 1.2, 0.0])
     return Scene("a spherical pendulum", system, lm.RATTLE(), start, h=0.01, steps=1500)
 
@@ -142,7 +142,7 @@ def spherical_pendulum() -> Scene:
 @scene
 def chain() -> Scene:
     """Four links that swing from rest."""
-    system = models.ChainPendulum(masses=[0.2] * 4, lengths=[0.25] * 4)
+    system = library.models.ChainPendulum(masses=[0.2] * 4, lengths=[0.25] * 4)
     q = system.hanging(np.tile([np.cos(0.3), 0.0, -np.sin(0.3)], 4))
     return Scene(
         "a chain of four links",
@@ -157,7 +157,7 @@ def chain() -> Scene:
 @scene
 def figure_eight() -> Scene:
     """Three equal masses follow each other on an eight."""
-    system, start = models.NBody.figure_eight()
+    system, start = library.models.NBody.figure_eight()
     return Scene(
         "three bodies on an eight", system, lm.Splitting(order=6), start, h=0.02, steps=316
     )
@@ -166,7 +166,7 @@ def figure_eight() -> Scene:
 @scene
 def hares_and_foxes() -> Scene:
     """Lotka and Volterra's species, whose numbers circle for ever: by a Poisson integrator."""
-    system = models.LotkaVolterra()
+    system = library.models.LotkaVolterra()
     return Scene(
         "hares and foxes",
         system,
@@ -182,7 +182,7 @@ def four_bar() -> Scene:
     """Two parallelograms of rods side by side swing from rest: one degree of freedom in six
     coordinates.
     """
-    system = models.FourBarLinkage(loops=2)
+    system = library.models.FourBarLinkage(loops=2)
     joints = np.ravel([(j + np.sin(1.1), -np.cos(1.1)) for j in range(3)])
     return Scene(
         "a four-bar linkage",
@@ -197,7 +197,7 @@ def four_bar() -> Scene:
 @scene
 def hanging_rods() -> Scene:
     """Two rods that hang one from another by ball joints: bodies on SE(3), six conditions."""
-    system = models.chain(2)
+    system = library.joints.chain(2)
     poses, top = np.tile(np.eye(4), (2, 1, 1)), np.zeros(3)
     for pose, axis in zip(poses, ([1.2, 0.0, 0.0], [0.4, 0.9, 0.0]), strict=True):
         pose[:3, :3] = lm.SO3().exp(axis)
@@ -212,16 +212,19 @@ def hanging_rods() -> Scene:
 def slider_crank() -> Scene:
     """A crank on a hinge, a piston in its cylinder, a rod between them: a loop that is closed."""
     turn, out = [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]
-    hinge: Any = lm.RevoluteJoint
-    crank, piston = lm.Link(1.0, [0.002, 0.02, 0.02]), lm.Link(0.5, [0.002, 0.002, 0.002])
+    hinge: Any = lm.joints.RevoluteJoint
+    crank, piston = (
+        lm.joints.Link(1.0, [0.002, 0.02, 0.02]),
+        lm.joints.Link(0.5, [0.002, 0.002, 0.002]),
+    )
     joints = [
         hinge(0, None, [-0.25, 0.0, 0.0], [0.0, 0.0, 0.0], turn, turn),
-        lm.PrismaticJoint(1, None, axis=out),
-        lm.RigidRod(0, 1, [0.25, 0.0, 0.0], [0.0, 0.0, 0.0], 1.5),
+        lm.joints.PrismaticJoint(1, None, axis=out),
+        lm.joints.RigidRod(0, 1, [0.25, 0.0, 0.0], [0.0, 0.0, 0.0], 1.5),
     ]
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[:, 0, 3] = 0.25, 2.0
-    system = models.Linkage([crank, piston], joints)
+    system = library.joints.Linkage([crank, piston], joints)
     start = system.assembled(poses, [[0.0, -6.0, 0.0, 0.0, 0.0, 1.5], [0.0] * 6])
     return Scene("a crank, a rod and a piston", system, lm.LieRATTLE(), start, h=0.01, steps=300)
 
@@ -231,8 +234,8 @@ def sleigh() -> Scene:
     """Chaplygin's sleigh: a blade behind the centre of mass lets it turn round, until it glides
     with the blade behind.
     """
-    body = models.LiePoissonSystem(lm.SE2(), models.KineticEnergy([0.7, 1.3, 1.3]))
-    system = models.NonholonomicBody(body, lm.Blade(0.4))
+    body = library.LiePoissonSystem(lm.SE2(), library.KineticEnergy([0.7, 1.3, 1.3]))
+    system = library.NonholonomicBody(body, lm.joints.Blade(0.4))
     start = system.consistent([0.77, -1.2, 0.5], np.eye(3))
     return Scene("Chaplygin's sleigh", system, lm.LagrangeDAlembert(), start, h=0.02, steps=400)
 
@@ -243,7 +246,7 @@ def rolling_ball() -> Scene:
     wobbles.
     """
     group = lm.ProductGroup(lm.SO3(), lm.VectorSpace(3))
-    body = models.LiePoissonSystem(group, models.KineticEnergy([0.3, 0.5, 0.7, 1.0, 1.0, 1.0]))
-    system = models.NonholonomicBody(body, lm.Rolling(1.0))
+    body = library.LiePoissonSystem(group, library.KineticEnergy([0.3, 0.5, 0.7, 1.0, 1.0, 1.0]))
+    system = library.NonholonomicBody(body, lm.joints.Rolling(1.0))
     start = system.consistent([0.1, 1.0, 0.3, 0.0, 0.0, 0.0], group.identity())
     return Scene("a ball that rolls", system, lm.LagrangeDAlembert(), start, h=0.05, steps=400)

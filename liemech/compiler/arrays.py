@@ -21,8 +21,8 @@ from ..formulas.of_numpy import by_components
 from ..formulas.pytree import fill
 from ..formulas.records import Record, record
 from ..formulas.vectors import MANY, Mat, Vec, small
+from .content_hashes import MADE
 from .ir_numbers import Emitter, Num, kind_of
-from .tokens import MADE
 
 REMEDY = "write liemech.vec(...) for np.array([...]), liemech.mat(...) for one of two axes"
 _BY_NUMBERS = (

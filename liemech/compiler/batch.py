@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, NotCompilable, NotCompiledWarning, warn
-from ..formulas.broadcasting import MEMBERSHIP, Batch, row_of
+from ..formulas.batches import MEMBERSHIP, Batch, row_of
 from ..formulas.complex_numbers import Complex
 from ..formulas.pytree import NUMBER, Layout, is_any_number, layout_of, leaves, vector_layout
 from ..formulas.sums import total as total_of

@@ -1,92 +1,120 @@
 """Ctrl-C while native code runs: a loop that may never end asks, from time to time, whether a signal
-has come or whoever waits for it has given up.
+has come or nobody waits for its thread any more.
 
-Signals are handled by Python, in its main thread.  What a handler raises is kept until native code
-has come back, and raised then.
+Python handles signals, in its main thread.  What a handler raises is held until native code has come
+back, and raised then.  No Python code runs between native code and these checks: a signal that came
+in it would raise where ctypes only prints.
 """
 
 from __future__ import annotations
 
 import ctypes
 import functools
+import os
 import threading
 from collections.abc import Callable, Sequence
 from concurrent import futures
 from typing import Any
 
-_raised = (ctypes.c_void_p * 3)()
-"""What a handler raised: type, value and traceback, as Python's C functions have them."""
+THREAD = f"i{8 * ctypes.sizeof(ctypes.c_ulong)}"
+"""What a thread is known by, as LLVM's type."""
 
-_given_up = (ctypes.c_int64 * 1)()
-"""1 from the first time on that somebody gave up waiting for threads."""
+_raised = (ctypes.c_void_p * 4)()
+"""What is held: type, value and traceback, as Python's C functions have them, and the thread that
+raises it.
+"""
 
-_here = threading.local()
+_stopped: set[int] = set()
+"""Threads that work for nobody."""
+
+_count = (ctypes.c_int64 * 1)()
+"""How many they are."""
+
+_lock = threading.Lock()
+
+_working: dict[int, threading.Event] = {}
 """For whom a thread works: an event that is set when nobody waits for it any more."""
 
-come = _raised, _given_up
-"""Their first words are zero as long as there was nothing to stop for."""
+_is_stopped = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_ulong)(_stopped.__contains__)
+
+come = _raised, _count
+"""The last word of the first, and the second, are zero as long as there is nothing to stop for."""
 
 
 @functools.cache
 def addresses() -> dict[str, int]:
-    """Where native code finds what `look` needs."""
+    """Where native code finds what it needs to ask Python."""
     python = ctypes.pythonapi
     functions = {
         "liemech_ensure": python.PyGILState_Ensure,
         "liemech_release": python.PyGILState_Release,
         "liemech_signals": python.PyErr_CheckSignals,
         "liemech_fetch": python.PyErr_Fetch,
-        "liemech_asked": _asked,
+        "liemech_thread": python.PyThread_get_thread_ident,
+        "liemech_is_stopped": _is_stopped,
     }
     found = {name: ctypes.cast(f, ctypes.c_void_p).value or 0 for name, f in functions.items()}
     return found | {
         "liemech_raised": ctypes.addressof(_raised),
-        "liemech_given_up": ctypes.addressof(_given_up),
+        "liemech_stopped": ctypes.addressof(_count),
     }
 
 
-@ctypes.CFUNCTYPE(ctypes.c_int)
-def _asked() -> int:
-    """Is native code of this thread to stop?"""
-    return int(bool(_raised[0] and _is_main()) or _is_given_up())
-
-
-def _is_main() -> bool:
-    return threading.get_ident() == threading.main_thread().ident
-
-
-def _is_given_up() -> bool:
-    event: Any = getattr(_here, "event", None)
-    return event is not None and event.is_set()
-
-
 def stop_if_asked() -> None:
-    """Raise what a handler of a signal has raised while native code ran, in the main thread; in one
-    for which nobody waits KeyboardInterrupt.
-    """
-    if _raised[0] and _is_main():
+    """Raise what is held for this thread; in one that nobody waits for KeyboardInterrupt."""
+    me = threading.get_ident()
+    if _raised[3] == me:
         restore = ctypes.pythonapi.PyErr_Restore
         restore.argtypes, restore.restype = [ctypes.c_void_p] * 3, None
         held = _raised[0], _raised[1], _raised[2]
-        _raised[0] = _raised[1] = _raised[2] = None
+        _raised[:] = [None] * 4
         restore(*held)  # ctypes raises what is set
-    if _is_given_up():
+    if me in _stopped:
         raise KeyboardInterrupt
 
 
 def working_for(event: threading.Event, work: Callable[..., Any], *args: Any) -> Any:
     """The work of a thread for somebody who gives up waiting by setting this event."""
-    before, _here.event = getattr(_here, "event", None), event
+    me = threading.get_ident()
+    before = _working.get(me)
+    _works_for(me, event)
     try:
         return work(*args)
     finally:
-        _here.event = before
+        _works_for(me, before)
+
+
+def _works_for(thread: int, event: threading.Event | None) -> None:
+    with _lock:
+        if event is None:
+            _working.pop(thread, None)
+        else:
+            _working[thread] = event
+        (_stopped.add if event is not None and event.is_set() else _stopped.discard)(thread)
+        _count[0] = len(_stopped)
 
 
 def give_up(event: threading.Event) -> None:
     """Let the threads that work for this event stop as soon as they can."""
-    event.set()
-    _given_up[0] = 1
+    with _lock:
+        event.set()
+        _stopped.update(thread for thread, of in _working.items() if of is event)
+        _count[0] = len(_stopped)
+
+
+def _after_fork() -> None:
+    """Only one thread is in the child, and nothing is held for those that are not."""
+    global _lock
+    _lock = threading.Lock()
+    me = threading.get_ident()
+    for thread in [t for t in _working if t != me]:
+        _works_for(thread, None)
+    if _raised[3] != me:
+        _raised[:] = [None] * 4
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 def in_threads(works: Sequence[Callable[[], Any]], pool: Any) -> None:

@@ -27,8 +27,8 @@ import numpy as np
 
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, gatherer, layout_of, leaves
-from . import driver, guard, interrupts
-from .uncollected import uncollected
+from . import driver, guard_words, interrupts
+from .gc_pause import gc_paused
 
 Kind = Layout | str | tuple[str, Layout]
 """Of an argument: the layout of a value, ("several", layout) if every body has its own, "integer",
@@ -115,7 +115,7 @@ class Kernel:
         make: bool = True,
     ) -> None:
         from . import cache, llvm
-        from .reads import Reads
+        from .dependencies import Reads
 
         self.entry, self.kinds, self.lanes = entry, kinds, lanes
         key = _key(entry, kinds, lanes)
@@ -180,14 +180,16 @@ class Kernel:
         words = bodies, begin, end, *integers, *map(address, arrays)
         self.on_memory(struct.pack(f"{len(words)}q", *words) + numbers, arrays)
 
-    def on_memory(self, block: bytes, buffers: Sequence[guard.Buffer]) -> None:
+    def on_memory(self, block: bytes, buffers: Sequence[guard_words.Buffer]) -> None:
         """Run on one block, which holds the addresses of these buffers."""
-        if guard.ON:
-            guard.checked(self, block, buffers)
-        else:
-            self.call(block)
-        if _raised[0] or _given_up[0]:
-            interrupts.stop_if_asked()
+        try:
+            if guard_words.ON:
+                guard_words.checked(self, block, buffers)
+            else:
+                self.call(block)
+        finally:
+            if _raised[3] or _stopped[0]:
+                interrupts.stop_if_asked()
 
     def assembly(self) -> str:
         """The machine code as text, for those who want to see what became of a formula."""
@@ -196,7 +198,7 @@ class Kernel:
         return llvm.assembly(_translated(self.entry, self.kinds, self.lanes)[1])
 
 
-_raised, _given_up = interrupts.come
+_raised, _stopped = interrupts.come
 _addressof, _byte_in = ctypes.addressof, ctypes.c_char.from_buffer
 
 
@@ -252,7 +254,7 @@ def _imported() -> None:
     would wait for ever.
     """
     with _importing:
-        from . import cache, llvm, reads, tokens  # noqa: F401
+        from . import cache, content_hashes, dependencies, llvm  # noqa: F401
 
 
 def kernel(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel:
@@ -334,14 +336,14 @@ def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str 
     """Where a kernel lies on disk: for what it is made, by which compiler and Python, for which
     processor.
     """
-    from . import cache, llvm, tokens
+    from . import cache, content_hashes, llvm
 
     own = cache.own_source()
     if own is None:
         return None
     python = sys.implementation.cache_tag, np.__version__, own, *llvm.machine()
     return hashlib.sha256(
-        repr((tokens.digest((entry, *kinds)), lanes, python)).encode()
+        repr((content_hashes.digest((entry, *kinds)), lanes, python)).encode()
     ).hexdigest()[:32]
 
 
@@ -387,9 +389,9 @@ def _translated(
     """
     with _importing:
         from . import llvm
-        from .outlined import LIMIT, SHORT, SIDE_BY_SIDE, TooLong
+        from .instructions import LIMIT, SHORT, SIDE_BY_SIDE, TooLong
 
-    with uncollected():
+    with gc_paused():
         made = _translation(entry, kinds, min(lanes, width()), given, LIMIT)
         if lanes > width() and llvm.size(made[1]) <= SHORT:
             with contextlib.suppress(TooLong):
@@ -411,9 +413,9 @@ def _translation(
         from ..formulas.taken_back import journal
         from . import llvm
         from .buffers import Array, arguments, entrance, unchanged
+        from .dependencies import Reads
+        from .instructions import Builder, Names, drop_unused
         from .ir_numbers import F64, I64, Emitter
-        from .outlined import Builder, Names, drop_unused
-        from .reads import Reads
         from .translation import Interpreter
 
     module = ir.Module("liemech", ir.Context())

@@ -89,6 +89,9 @@ def linked(code: bytes) -> tuple[Any, Any]:
     """The owner of the code, and the function; it lives as long as its owner."""
     with _lock:
         library = llvm.JITLibraryBuilder().add_object_img(code).export_symbol("kernel")
+        asked = callbacks.definitions(code)
+        if asked:
+            library.add_object_img(object_code(asked))
         for name, address in _functions().items():
             library.import_symbol(name, address)
         loaded = library.link(_linker(), f"kernel {next(_numbers)}")
@@ -163,7 +166,7 @@ def _prepare() -> None:
 @functools.cache
 def _functions() -> dict[str, int]:
     """The functions of the C library that plain Python uses too, under names that LLVM does not
-    know, so that it changes nothing about them; and those that call Python back or ask it.
+    know, so that it changes nothing about them; and those of Python's that are asked.
     """
     library = _c_library()
     of_c = {

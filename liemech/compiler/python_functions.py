@@ -26,15 +26,15 @@ from ..formulas.of_numpy import OF_NUMBERS, by_components, inside
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
 from ..formulas.vectors import small
-from . import arrays, large
+from . import arrays, memory_loops
 from .arrays import Array, array, refuse, vector
 from .callbacks import FUNCTIONS
+from .content_hashes import is_own
+from .dependencies import varies
 from .expressions import holds_number
 from .ir_numbers import HUGE, Num, is_mixed, kind_of
 from .iterators import Stream
-from .reads import varies
 from .scopes import Closure
-from .tokens import is_own
 
 if TYPE_CHECKING:
     from .translation import Interpreter
@@ -343,7 +343,7 @@ class PythonFunctions:
         if not isinstance(stream, Stream):
             raise NotCompilable(f"`next` of what is no iterator, but {type(stream).__name__}")
         try:
-            return stream.take(self.t.region)
+            return stream.take(self.t.state.region)
         except StopIteration:
             if default:
                 return default[0]
@@ -496,7 +496,7 @@ class PythonFunctions:
         def applied(formula: Any, *x: Any, **options: Any) -> Any:
             if isinstance(formula, types.FunctionType):
                 return self.t.call(formula, *x, **options)
-            return large.matmul(self.e, formula, x)
+            return memory_loops.matmul(self.e, formula, x)
 
         return value
 

@@ -18,7 +18,7 @@ from ..errors import NotCompilable
 from .source import Source
 
 if TYPE_CHECKING:
-    from .phi import Loop, Open
+    from .joins import Loop, Open
 
 Env = dict[str, Any]
 FOUND, HAS_FOUND = "<found in the loop>", "<a loop has ended by return>"

@@ -13,10 +13,10 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from ..errors import NotCompilable
-from .tokens import code_token, names
+from .content_hashes import code_token, names
 
 if TYPE_CHECKING:
-    from .reads import Reads
+    from .dependencies import Reads
 
 
 class Source:

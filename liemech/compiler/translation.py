@@ -23,7 +23,6 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotCompilable
 from ..formulas import functions, products, series, sums, tables, vectors
-from ..formulas.broadcasting import bare
 from ..formulas.derivatives import axes, tangent
 from ..formulas.dual import Dual
 from ..formulas.fields import converters
@@ -46,20 +45,21 @@ from ..formulas.pytree import (
 )
 from ..formulas.records import Record
 from ..formulas.series import Series
+from ..formulas.signatures import bare
 from ..formulas.vectors import Mat, Vec
-from . import driver, large, tokens
+from . import content_hashes, driver, memory_loops
 from .advice import instead_of, instead_of_syntax
 from .arrays import Array, refuse, vector
+from .content_hashes import of_python
+from .dependencies import Reads, varies
 from .expressions import in_words
+from .inlining import Outliner
 from .ir_numbers import Emitter, Num
-from .outlined import Outliner
-from .phi import Open, leveled
+from .joins import Open, leveled
 from .python_functions import COMPUTING, OUTSIDE, STRUCTURE, PythonFunctions
-from .reads import Reads, varies
 from .scopes import RETURN, Closure, Env, Frame, Undefined, acts_unexecuted, bound
 from .source import Source
 from .statements import Statements
-from .tokens import of_python
 
 DEPTH = 40  # nested calls
 
@@ -101,9 +101,11 @@ class Interpreter(Statements):
             tangent: lambda formula, *x: tangent(
                 lambda y: vector(self.call(formula, y)), *map(vector, x)
             ),
-            sums.bilinear_map: lambda *x: large.sums(emitter, sums.bilinear_map, *x),
-            sums.antisymmetric_map: lambda *x: large.sums(emitter, sums.antisymmetric_map, *x),
-            tables.entry: lambda *x: large.entry(emitter, *x),
+            sums.bilinear_map: lambda *x: memory_loops.sums(emitter, sums.bilinear_map, *x),
+            sums.antisymmetric_map: lambda *x: memory_loops.sums(
+                emitter, sums.antisymmetric_map, *x
+            ),
+            tables.entry: lambda *x: memory_loops.entry(emitter, *x),
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
         }
 
@@ -171,7 +173,7 @@ class Interpreter(Statements):
         ):
             raise NotCompilable(f"`{name}` is not known to native code: {instead_of(function)}")
         if method and (
-            not tokens.known(function.__self__, False) or self.reads.from_outside(function)
+            not content_hashes.known(function.__self__, False) or self.reads.from_outside(function)
         ):
             raise NotCompilable(
                 f"`{name}` asks an object of {type(function.__self__).__qualname__}, whose content "
@@ -319,13 +321,16 @@ class Interpreter(Statements):
         did.
         """
         b, e = self.builder, self.emitter
-        outer, self.failed = self.failed, e.slot()  # one attempt may be a part of another
-        e.store(False, self.failed)
-        self.escapes.append([])
-        before, self.raises, self.marks = (self.raises, self.marks), 0, 0
+        outer, self.state.failed = (
+            self.state.failed,
+            e.slot(),
+        )  # one attempt may be a part of another
+        e.store(False, self.state.failed)
+        self.state.escapes.append([])
+        before, self.state.raises, self.state.marks = (self.state.raises, self.state.marks), 0, 0
         result = self.call(function, *args)
-        escapes, (self.raises, self.marks) = self.escapes.pop(), before
-        self.failed, self.outcome = outer, self.failed
+        escapes, (self.state.raises, self.state.marks) = self.state.escapes.pop(), before
+        self.state.failed, self.state.outcome = outer, self.state.failed
         joined: Env = {}
         self.join(
             [
@@ -343,7 +348,7 @@ class Interpreter(Statements):
         part = self.call(shown, value)
         total = driver.pairwise_sum(leaves(part, layout_of(part)))
         finite = total - total == 0.0
-        failed = self.emitter.load(self.outcome)
+        failed = self.emitter.load(self.state.outcome)
         return self.emitter.logic("and_", finite, self.emitter.negation(failed))
 
 

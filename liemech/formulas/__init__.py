@@ -10,7 +10,7 @@ SIMD lanes; all of them give the same bits as plain Python.
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from . import of_numpy  # noqa: F401 (NumPy's functions become formulas)
-from .broadcasting import check_finite, real_array
+from .arrays import check_finite, real_array
 from .complex_numbers import Complex
 from .derivatives import derivative, gradient, jacobian
 from .dual import Dual, constant

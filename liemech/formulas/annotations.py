@@ -1,4 +1,4 @@
-"""What an annotation means: `Vec`, `lm.Vec`, `Optional[Vec]`, `"Vec | None"`, an alias, as a text
+"""Meanings of annotations: `Vec`, `lm.Vec`, `Optional[Vec]`, `"Vec | None"`, an alias, as a text
 or as a value, on every Python.
 
 Resolution never fails: a name that cannot be found, because it is defined later or imported for
@@ -24,7 +24,7 @@ Ambient: Any = Annotated[Any, "ambient"]
 """Annotates what has the shape of an element and need not be one."""
 
 WELL_KNOWN = {"Vec": Vec, "Mat": Mat, "Element": Element, "Ambient": Ambient, "None": None}
-"""What these names mean where they are imported for typing only."""
+"""Meanings of these names where they are imported for typing only."""
 
 
 class Unknown:
@@ -154,7 +154,7 @@ _WRAPPERS = {id(x) for x in (typing.Optional, typing.Union, Annotated, typing.Fi
 
 
 def kind_of(annotation: Any, names: Mapping[str, Any]) -> str | None:
-    """Which of `broadcasting.KINDS` the annotation of an argument is, None apart; every class pays
+    """Which of `signatures.KINDS` the annotation of an argument is, None apart; every class pays
     for it on import.
     """
     if type(annotation) is str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
-from .broadcasting import bare
+from .signatures import bare
 
 Formula = TypeVar("Formula", bound=Callable[..., Any])
 

@@ -12,6 +12,8 @@ Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forwar
 from __future__ import annotations
 
 import math
+import operator
+from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Any
 
@@ -155,7 +157,7 @@ class Dual(ByValue):
         rise = exponent * self.value ** (exponent - some)  # x^0 = 1 at x = 0 too
         return Dual(
             value,
-            _sum(_scaled(rise, self.slope), _by_exponent(self.value, value, by_exponent)),
+            _sum(_scaled(rise, self.slope), _by_exponent(self.value, exponent, value, by_exponent)),
             self.level,
         )
 
@@ -163,7 +165,7 @@ class Dual(ByValue):
         if outranks(base):
             return NotImplemented
         value = base**self.value
-        return Dual(value, _by_exponent(base, value, self.slope), self.level)
+        return Dual(value, _by_exponent(base, self.value, value, self.slope), self.level)
 
     def __mod__(self, other: Any) -> Any:
         if isinstance(other, Dual) and other.level >= self.level:
@@ -261,13 +263,33 @@ def _over(slope: Any, k: Any) -> Any:
     return slope if type(slope) is int else slope / k
 
 
-def _by_exponent(base: Any, value: Any, slope: Any) -> Any:
-    """What an exponent with this slope adds to the slope of value = base^exponent; at base 0
-    nothing.
+def _by_exponent(base: Any, exponent: Any, value: Any, slope: Any) -> Any:
+    """The part of the slope of value = base^exponent that an exponent with this slope adds; at base
+    0 nothing, if the exponent is above the order of the derivatives that are still to be taken by
+    the base: x^(y - k) log x, which they lead to, is infinite there for y <= k.
     """
-    return (
-        slope if type(slope) is int else value * f.log(base + 1.0 * (constant(base) == 0.0)) * slope
-    )
+    if type(slope) is int:
+        return slope
+    zero = constant(base) == 0.0
+    infinite = zero & (constant(exponent) <= _order(base)) & (constant(slope) != 0.0)
+    raise_if(infinite, _NO_SLOPE)
+    # in native code, which does not raise here, no number
+    return value * f.log(base + (1.0 * zero - 1.0 * infinite)) * slope
+
+
+_NO_SLOPE = (
+    "x**y of x = 0 with an exponent that carries a derivative: this derivative is infinite there; where "
+    "the exponent is a constant give it as one, else write the gradient or force yourself"
+)
+
+
+def _order(x: Any) -> float:
+    """How many derivatives a number carries, one inside the other; those of a power series are
+    endless.
+    """
+    if isinstance(x, Dual):
+        return _order(x.value) + (type(x.slope) is not int)
+    return math.inf if hasattr(x, "term") else 0
 
 
 def _rests(x: Any) -> Any:
@@ -312,6 +334,11 @@ def constant(x: Any) -> Any:
     return constant(x[0]) if hasattr(x, "term") else x
 
 
+def is_series(x: Any) -> bool:
+    """Is it a power series, or does it carry derivatives of one?"""
+    return hasattr(value_of(x), "term")
+
+
 def size_of(x: Any) -> Any:
     """|x|, and of a number that carries a derivative that of both: zero only if both are."""
     return size_of(x.value) + size_of(x.slope) if isinstance(x, Dual) else abs(x)
@@ -321,39 +348,48 @@ def size_of(x: Any) -> Any:
 # f(x + e d) = f(x) + e f'(x) d
 
 
-def _sqrt(x: Any) -> Dual:
-    root = f.sqrt(x.value)
-    return Dual(root, _over(x.slope, 2.0 * root), x.level)
+_TIMES: dict[str, Callable[[Any, Any], Any]] = {
+    "sin": lambda x, y: f.cos(x),
+    "cos": lambda x, y: -f.sin(x),
+    "tan": lambda x, y: 1.0 + y * y,
+    "sinh": lambda x, y: f.cosh(x),
+    "cosh": lambda x, y: f.sinh(x),
+    "tanh": lambda x, y: 1.0 - y * y,
+    "exp": lambda x, y: y,
+    "exp2": lambda x, y: LOG_2 * y,
+    "expm1": lambda x, y: f.exp(x),
+}
+"""f'(x), for y = f(x)."""
+
+_OVER: dict[str, Callable[[Any, Any], Any]] = {
+    "sqrt": lambda x, y: 2.0 * y,
+    "cbrt": lambda x, y: 3.0 * y * y,
+    "asin": lambda x, y: f.sqrt(1.0 - x * x),
+    "acos": lambda x, y: -f.sqrt(1.0 - x * x),
+    "atan": lambda x, y: 1.0 + x * x,
+    "asinh": lambda x, y: f.sqrt(x * x + 1.0),
+    "acosh": lambda x, y: f.sqrt(x - 1.0) * f.sqrt(x + 1.0),
+    "atanh": lambda x, y: (1.0 - x) * (1.0 + x),
+    "log": lambda x, y: x,
+    "log2": lambda x, y: LOG_2 * x,
+    "log10": lambda x, y: LOG_10 * x,
+    "log1p": lambda x, y: 1.0 + x,
+}
+"""1/f'(x): f' is not rounded before the division."""
 
 
-def _cbrt(x: Any) -> Dual:
-    root = f.cbrt(x.value)
-    return Dual(root, _over(x.slope, 3.0 * root * root), x.level)
+def _rule(
+    function: Callable[[Any], Any],
+    factor: Callable[[Any, Any], Any],
+    combine: Callable[[Any, Any], Any],
+) -> Callable[[Any], Dual]:
+    """An elementary function of a number that carries a derivative."""
 
+    def value_and_slope(x: Any) -> Dual:
+        y = function(x.value)
+        return Dual(y, combine(x.slope, factor(x.value, y)), x.level)
 
-def _sin(x: Any) -> Dual:
-    return Dual(f.sin(x.value), _scaled(f.cos(x.value), x.slope), x.level)
-
-
-def _cos(x: Any) -> Dual:
-    return Dual(f.cos(x.value), _scaled(-f.sin(x.value), x.slope), x.level)
-
-
-def _tan(x: Any) -> Dual:
-    t = f.tan(x.value)
-    return Dual(t, _scaled(1.0 + t * t, x.slope), x.level)
-
-
-def _asin(x: Any) -> Dual:
-    return Dual(f.asin(x.value), _over(x.slope, f.sqrt(1.0 - x.value * x.value)), x.level)
-
-
-def _acos(x: Any) -> Dual:
-    return Dual(f.acos(x.value), _over(-x.slope, f.sqrt(1.0 - x.value * x.value)), x.level)
-
-
-def _atan(x: Any) -> Dual:
-    return Dual(f.atan(x.value), _over(x.slope, 1.0 + x.value * x.value), x.level)
+    return value_and_slope
 
 
 def _atan2(y: Any, x: Any) -> Dual:
@@ -361,71 +397,10 @@ def _atan2(y: Any, x: Any) -> Dual:
     return Dual(f.atan2(a, b), _over(_sum(_scaled(b, da), -_scaled(a, db)), a * a + b * b), level)
 
 
-def _sinh(x: Any) -> Dual:
-    return Dual(f.sinh(x.value), _scaled(f.cosh(x.value), x.slope), x.level)
-
-
-def _cosh(x: Any) -> Dual:
-    return Dual(f.cosh(x.value), _scaled(f.sinh(x.value), x.slope), x.level)
-
-
-def _tanh(x: Any) -> Dual:
-    t = f.tanh(x.value)
-    return Dual(t, _scaled(1.0 - t * t, x.slope), x.level)
-
-
-def _asinh(x: Any) -> Dual:
-    return Dual(f.asinh(x.value), _over(x.slope, f.sqrt(x.value * x.value + 1.0)), x.level)
-
-
-def _acosh(x: Any) -> Dual:
-    return Dual(
-        f.acosh(x.value), _over(x.slope, f.sqrt(x.value - 1.0) * f.sqrt(x.value + 1.0)), x.level
-    )
-
-
-def _atanh(x: Any) -> Dual:
-    return Dual(f.atanh(x.value), _over(x.slope, (1.0 - x.value) * (1.0 + x.value)), x.level)
-
-
-def _exp(x: Any) -> Dual:
-    value = f.exp(x.value)
-    return Dual(value, _scaled(value, x.slope), x.level)
-
-
-def _exp2(x: Any) -> Dual:
-    value = f.exp2(x.value)
-    return Dual(value, _scaled(LOG_2 * value, x.slope), x.level)
-
-
-def _log(x: Any) -> Dual:
-    return Dual(f.log(x.value), _over(x.slope, x.value), x.level)
-
-
-def _log2(x: Any) -> Dual:
-    return Dual(f.log2(x.value), _over(x.slope, LOG_2 * x.value), x.level)
-
-
-def _log10(x: Any) -> Dual:
-    return Dual(f.log10(x.value), _over(x.slope, LOG_10 * x.value), x.level)
-
-
-def _expm1(x: Any) -> Dual:
-    return Dual(f.expm1(x.value), _scaled(f.exp(x.value), x.slope), x.level)
-
-
-def _log1p(x: Any) -> Dual:
-    return Dual(f.log1p(x.value), _over(x.slope, 1.0 + x.value), x.level)
-
-
 def _copysign(x: Any, y: Any) -> Dual:
     (a, da), (b, _), level = _of_two(x, y)
     sign = f.copysign(1.0, value_of(a)) * f.copysign(1.0, value_of(b))
     return Dual(f.copysign(a, b), _scaled(sign, da), level)
-
-
-def _pow(x: Any, n: Any) -> Any:
-    return x**n
 
 
 def _of_two(x: Any, y: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], float]:
@@ -435,8 +410,11 @@ def _of_two(x: Any, y: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], float]:
     return a, b, level
 
 
-_RULES = (
-    _sqrt, _cbrt, _sin, _cos, _tan, _asin, _acos, _atan, _atan2, _sinh, _cosh, _tanh, _asinh, _acosh, _atanh, _exp, _exp2, _log,
-    _log2, _log10, _expm1, _log1p, _copysign, _pow,
-)  # fmt: skip
-f.RULES.update({rule.__name__[1:]: rule for rule in _RULES})
+f.RULES.update(
+    {
+        name: _rule(getattr(f, name), slope, lambda s, k: _scaled(k, s))
+        for name, slope in _TIMES.items()
+    }
+    | {name: _rule(getattr(f, name), slope, _over) for name, slope in _OVER.items()}
+    | {"atan2": _atan2, "copysign": _copysign, "pow": operator.pow}
+)

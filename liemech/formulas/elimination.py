@@ -10,6 +10,7 @@ from ..errors import InvalidType
 from .complex_numbers import Complex
 from .double_double import DoubleDouble, is_long
 from .dual import constant
+from .functions import where
 from .pytree import plain
 from .sums import abs2
 from .vectors import Mat, Vec, cross, dot, mat, vec
@@ -55,10 +56,11 @@ def _of_one_kind(rows: list[Vec]) -> list[Vec]:
 
 
 def _exchange(condition: Any, a: Vec, b: Vec) -> tuple[Vec, Vec]:
-    """(b, a) where the condition holds, else (a, b)."""
-    if condition:
-        return b, a
-    return a, b
+    """(b, a) where the condition holds, else (a, b): a choice number by number, which power series
+    know too.
+    """
+    above = vec(*[where(condition, y, x) for x, y in zip(a, b)])
+    return above, vec(*[where(condition, x, y) for x, y in zip(a, b)])
 
 
 def solve3(m: Mat, rhs: Any) -> Vec:
@@ -114,7 +116,7 @@ def _columns(what: str, m: Any) -> int:
 
 
 def _size(x: Any) -> Any:
-    """What pivots are compared by: |x|, or |re x| + |im x|."""
+    """The size by which pivots are compared: |x|, or |re x| + |im x|."""
     return abs(x.re) + abs(x.im) if isinstance(x, Complex) else abs(x)
 
 
@@ -122,7 +124,8 @@ def _reciprocal(x: Any) -> Any:
     """1/x, infinite for zero."""
     if isinstance(x, Complex):
         return x.conjugate() * _reciprocal(abs2(x))
-    return 1.0 / x if constant(x) != 0.0 else INFINITE + 0.0 * x
+    some = constant(x) != 0.0
+    return where(some, 1.0 / where(some, x, 1.0), INFINITE + 0.0 * x)
 
 
 def unit(m: Mat) -> Mat:
@@ -153,11 +156,11 @@ def determinant(m: Mat) -> Any:
         for i in range(k + 1, n):
             larger = _size(rows[i][k]) > _size(rows[k][k])
             rows[k], rows[i] = _exchange(larger, rows[k], rows[i])
-            product = -product if larger else product
+            product = where(larger, -product, product)
         pivot = rows[k][k]
         product = product * pivot
         # below zero there is nothing to eliminate
-        head = _reciprocal(pivot if _size(pivot) > 0.0 else pivot + 1.0)
+        head = _reciprocal(where(_size(pivot) > 0.0, pivot, pivot + 1.0))
         for i in range(k + 1, n):
             rows[i] = rows[i] - rows[k] * (rows[i][k] * head)
     return product

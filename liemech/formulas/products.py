@@ -23,9 +23,9 @@ FIRST = 3
 are wanted.  They have been asked for their term 1.
 """
 LEAST, MOST = 4, 8
-"""How many products are computed as one: packing two or three takes as long as it saves; eight
-numbers fill the largest register.
-"""
+"""How many products are computed as one: eight numbers fill the largest register."""
+PAIR = 8
+"""The term from which on two are, of less than `LEAST`: before, packing takes as long as it saves."""
 
 
 class Terms(Protocol):
@@ -97,9 +97,12 @@ class Products:
             if product.wanted:
                 alike.setdefault(product.form, []).append(product)
         for products in alike.values():
-            if len(products) >= LEAST:
-                for begin in range(0, len(products), MOST):
-                    _Rows(products[begin : begin + MOST])
+            for begin in range(0, len(products), MOST):
+                group = products[begin : begin + MOST]
+                if len(group) >= LEAST:
+                    _Rows(group, FIRST)
+                elif len(group) > 1:
+                    _Rows(group[:2], PAIR)
 
     def _alone_again(self) -> None:
         self._in_rows = False
@@ -118,7 +121,7 @@ class _Product:
 
     @property
     def form(self) -> tuple[Any, ...]:
-        """What products have in common that are computed together."""
+        """The rank and the first terms, which products have in common that are computed together."""
         a, b = self.factors
         return self.rank, a is b, *[x.term(k) is None for x in (a, b) for k in range(FIRST)]
 
@@ -127,14 +130,18 @@ class _Product:
         if k > 0 and not self.wanted:
             self.wanted = True
             noted(functools.partial(setattr, self, "wanted", False))
-        terms = self.rows.terms(k) if self.rows and k >= FIRST else None
+        terms = self.rows.terms(k) if self.rows and k >= self.rows.first else None
         return terms[self.place] if terms else cauchy(*self.factors, k)
 
 
 class _Rows:
-    """Products a b side by side: one product of two series whose terms are rows of numbers."""
+    """Products a b side by side: one product of two series whose terms are rows of numbers.
 
-    def __init__(self, products: Sequence[_Product]) -> None:
+    first : the first term that is computed so.
+    """
+
+    def __init__(self, products: Sequence[_Product], first: int) -> None:
+        self.first = first
         left, right = zip(*[product.factors for product in products])
         self._left = _Row(left)
         self._right = self._left if left[0] is right[0] else _Row(right)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import types
 import weakref
 from collections.abc import Callable
@@ -21,13 +22,16 @@ from typing import Any, TypeVar, cast, dataclass_transform
 
 from ..errors import InvalidType, LiemechError
 from .annotations import own_annotations
-from .broadcasting import Broadcasting, bare
-from .fields import MISSING, converters, immutable
+from .broadcasting import Broadcasting
+from .fields import converters, immutable
+from .frozen import MISSING, frozen
 from .overriding import require_signatures
+from .signatures import bare, keywords, misspelt
 
 T = TypeVar("T", bound=type)
 
-_complete: set[type] = set()  # classes known to be frozen dataclasses
+_complete: dict[type, frozenset[str]] = {}
+"""Classes known to be frozen dataclasses, and the keywords that they take."""
 
 _known: weakref.WeakValueDictionary[tuple[str, str], type] = weakref.WeakValueDictionary()
 
@@ -54,12 +58,13 @@ class Record(Broadcasting):
                 setattr(cls, name, _then_checked(vars(cls)[name]))
 
     def __new__(cls, *args: Any, **options: Any) -> Any:
-        if cls not in _complete:
-            _require_dataclass(cls)
-            _require_methods_in_sight(cls)
-            require_signatures(cls, bare)
-            _require_final_methods(cls)
-            _complete.add(cls)
+        known = _complete.get(cls)
+        if known is None:
+            known = _completed(cls)
+        if options and not known.issuperset(options):
+            wanted = keywords(inspect.unwrap(cls.__init__))
+            if wanted is not None:
+                raise misspelt(cls.__qualname__, wanted, options)
         return super().__new__(cls)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -71,7 +76,7 @@ class Record(Broadcasting):
             object.__setattr__(self, name, immutable(self, name, value))
 
     def _held(self, name: str, value: Any) -> Any:
-        """What a field holds whose annotation says nothing about its value."""
+        """Convert the value of a field whose annotation says nothing about it."""
         return immutable(self, name, value)
 
     def __post_init__(self, *_: Any) -> None:
@@ -95,8 +100,8 @@ def _convert(self: Any, last: bool) -> None:
 
 
 def refilled(cls: Any, fields: dict[str, Any]) -> Any:
-    """A record with these fields, all of them, which are converted and checked by their annotations:
-    neither `__init__` nor `__post_init__` is called.
+    """A record with these fields, all of them, which are converted and checked by their
+    annotations: neither `__init__` nor `__post_init__` is called.
     """
     made = object.__new__(cls)
     made.__setstate__(fields)
@@ -142,6 +147,16 @@ def _blame(self: Any, error: Exception) -> None:
                 raise reason from error
             except Exception:  # no reason
                 continue
+
+
+def _completed(cls: Any) -> frozenset[str]:
+    """The keywords that a class takes, once it has been looked at."""
+    _require_dataclass(cls)
+    _require_methods_in_sight(cls)
+    require_signatures(cls, bare)
+    _require_final_methods(cls)
+    _complete[cls] = frozenset(keywords(inspect.unwrap(cls.__init__)) or ())
+    return _complete[cls]
 
 
 def _require_dataclass(cls: Any) -> None:
@@ -206,5 +221,4 @@ def record(cls: T) -> T:
             "@record is for subclasses of Record, such as "
             f"liemech.Hamiltonian; {cls.__name__} is not one"
         )
-    made: Any = dataclasses.dataclass(frozen=True)(cls)
-    return made
+    return frozen(cls)

@@ -3,9 +3,9 @@
     sinc(x) = sin(x)/x = 1 - x^2/6 + x^4/120 - ...
 
 Close to zero they are sums of their power series, farther out what they abbreviate.  Both are
-formulas like any other: numbers that carry derivatives, power series and numbers of two doubles pass
-through.  Both sides of the place where they meet lose some bits in the first derivative, in the
-sixth some four to six digits.
+formulas like any other: numbers that carry derivatives, power series and numbers of two doubles
+pass through.  Both sides of the place where they meet lose some bits in the first derivative, in
+the sixth some four to six digits.
 
 Source: Abramowitz and Stegun, Handbook of Mathematical Functions, 4.1.28, 4.2.1, 4.3.65, 4.4.42,
 4.5.62; Stumpff, Himmelsmechanik I, 1959 (the functions c_k).
@@ -21,14 +21,17 @@ import numpy as np
 
 from ..errors import InvalidInput
 from .double_double import DoubleDouble, is_long, quotient
-from .dual import constant
-from .functions import atan, expm1, log1p, sin, sinh, sqrt
+from .dual import constant, is_series
+from .functions import atan, expm1, log1p, sin, sinh, sqrt, where
 from .vectors import horner
 
 NEAR, HALF = 2.0, 0.5
 """Up to here the functions are sums, those that are entire and those with a singularity at distance
 1, of which the sum is one of powers of 1/4.
 """
+
+FAR = 5.0
+"""A place at which all of them are closed forms."""
 
 Words = tuple[tuple[float, float], ...]
 
@@ -47,15 +50,36 @@ def _sum(words: Words, count: int, x: Any) -> Any:
     """The sum of a power series: of so many terms, of all of them for numbers of two doubles."""
     if is_long(constant(x)):
         return horner([DoubleDouble(value, low) for value, low in words], x)
-    return horner([value for value, _ in words[:count]], x)
+    values = [value for value, _ in words[:count]]
+    if is_series(x) and count > 20:  # no loop of native code carries one: two that are written out
+        return horner([*values[:20], horner(values[20:], x)], x)
+    return horner(values, x)
 
 
-def _of_array(function: Callable[..., Any], x: np.ndarray) -> np.ndarray:
-    return np.array([function(a) for a in x.ravel().tolist()]).reshape(x.shape)
+def _quotient(
+    x: Any,
+    reach: float,
+    near: Callable[[Any], Any],
+    far: Callable[[Any], Any],
+    size: Callable[[Any], Any] = abs,
+) -> Any:
+    """near(x) where the size of x is at most `reach`, far(x) elsewhere.
+
+    The terms of a power series are chosen one by one, when they are wanted: both formulas are
+    asked, the one that is not meant at a place of its own.
+    """
+    if isinstance(x, np.ndarray):
+        found = [_quotient(a, reach, near, far, size) for a in x.ravel().tolist()]
+        return np.array(found).reshape(x.shape)
+    if is_series(x):
+        close = size(x) <= reach
+        return where(close, near(where(close, x, 0.0)), far(where(close, FAR, x)))
+    return near(x) if size(x) <= reach else far(x)
 
 
 def stumpff(k: int, z: Any) -> Any:
-    """The function c_k(z) = 1/k! - z/(k + 2)! + z^2/(k + 4)! - ..., k = 1, 2, 3, of z of either sign.
+    """The function c_k(z) = 1/k! - z/(k + 2)! + z^2/(k + 4)! - ..., k = 1, 2, 3, of z of either
+    sign.
 
     With z = x^2:  c_1 = sin(x)/x,  c_2 = (1 - cos x)/x^2,  c_3 = (x - sin x)/x^3;  with z = -x^2
     sinh(x)/x,  (cosh x - 1)/x^2,  (sinh x - x)/x^3.  Of the square of a length they need no root,
@@ -64,65 +88,79 @@ def stumpff(k: int, z: Any) -> Any:
     """
     if k not in STUMPFF:
         raise InvalidInput(f"stumpff: k is 1, 2 or 3; got {k!r}")
-    if isinstance(z, np.ndarray):
-        return _of_array(lambda a: stumpff(k, a), z)
-    if abs(z) <= NEAR * NEAR:
-        return _sum(STUMPFF[k], 18, z)
-    if z > 0.0:
-        x = sqrt(z)
-        s, half = sin(x) / x, sin(0.5 * x)
-        return s if k == 1 else 2.0 * half * half / z if k == 2 else (1.0 - s) / z
+    return _quotient(z, NEAR * NEAR, lambda z: _stumpff_near(k, z), lambda z: _stumpff_far(k, z))
+
+
+def _stumpff_near(k: int, z: Any) -> Any:
+    return _sum(STUMPFF[k], 18, z)
+
+
+def _stumpff_far(k: int, z: Any) -> Any:
+    if is_series(z):
+        above = z > 0.0
+        of_circle = _stumpff_of_circle(k, where(above, z, 1.0))
+        return where(above, of_circle, _stumpff_of_hyperbola(k, where(above, -1.0, z)))
+    return _stumpff_of_circle(k, z) if z > 0.0 else _stumpff_of_hyperbola(k, z)
+
+
+def _stumpff_of_circle(k: int, z: Any) -> Any:
+    x = sqrt(z)
+    s, half = sin(x) / x, sin(0.5 * x)
+    return s if k == 1 else 2.0 * half * half / z if k == 2 else (1.0 - s) / z
+
+
+def _stumpff_of_hyperbola(k: int, z: Any) -> Any:
     x = sqrt(-z)
     s, half = sinh(x) / x, sinh(0.5 * x)
     return s if k == 1 else -2.0 * half * half / z if k == 2 else (1.0 - s) / z
 
 
-def sinc(x: Any) -> Any:
-    """sin(x)/x, 1 at zero.  (`numpy.sinc` is that of pi x.)"""
-    if isinstance(x, np.ndarray):
-        return _of_array(sinc, x)
-    return stumpff(1, x * x) if abs(x) <= NEAR else sin(x) / x
-
-
-def versine_over(x: Any) -> Any:
-    """(1 - cos x)/x^2, 1/2 at zero."""
-    if isinstance(x, np.ndarray):
-        return _of_array(versine_over, x)
-    if abs(x) <= NEAR:
-        return stumpff(2, x * x)
+def _versine_far(x: Any) -> Any:
     root = sin(0.5 * x) / x
     return 2.0 * root * root
 
 
-def segment_over(x: Any) -> Any:
-    """(x - sin x)/x^3, 1/6 at zero."""
-    if isinstance(x, np.ndarray):
-        return _of_array(segment_over, x)
-    return stumpff(3, x * x) if abs(x) <= NEAR else (1.0 - sin(x) / x) / x / x
-
-
-def sinh_over(x: Any) -> Any:
-    """sinh(x)/x, 1 at zero."""
-    if isinstance(x, np.ndarray):
-        return _of_array(sinh_over, x)
-    return stumpff(1, -x * x) if abs(x) <= NEAR else sinh(x) / x
-
-
-def coshm1_over(x: Any) -> Any:
-    """(cosh x - 1)/x^2, 1/2 at zero."""
-    if isinstance(x, np.ndarray):
-        return _of_array(coshm1_over, x)
-    if abs(x) <= NEAR:
-        return stumpff(2, -x * x)
+def _coshm1_far(x: Any) -> Any:
     root = sinh(0.5 * x) / x
     return 2.0 * root * root
 
 
+def sinc(x: Any) -> Any:
+    """sin(x)/x, 1 at zero.  (`numpy.sinc` is that of pi x.)"""
+    return _quotient(x, NEAR, lambda x: _stumpff_near(1, x * x), lambda x: sin(x) / x)
+
+
+def versine_over(x: Any) -> Any:
+    """(1 - cos x)/x^2, 1/2 at zero."""
+    return _quotient(x, NEAR, lambda x: _stumpff_near(2, x * x), _versine_far)
+
+
+def segment_over(x: Any) -> Any:
+    """(x - sin x)/x^3, 1/6 at zero."""
+    return _quotient(
+        x, NEAR, lambda x: _stumpff_near(3, x * x), lambda x: (1.0 - sin(x) / x) / x / x
+    )
+
+
+def sinh_over(x: Any) -> Any:
+    """sinh(x)/x, 1 at zero."""
+    return _quotient(x, NEAR, lambda x: _stumpff_near(1, -x * x), lambda x: sinh(x) / x)
+
+
+def coshm1_over(x: Any) -> Any:
+    """(cosh x - 1)/x^2, 1/2 at zero."""
+    return _quotient(x, NEAR, lambda x: _stumpff_near(2, -x * x), _coshm1_far)
+
+
 def expm1_over(x: Any) -> Any:
     """(exp(x) - 1)/x, 1 at zero; 1/expm1_over(x) generates the Bernoulli numbers."""
-    if isinstance(x, np.ndarray):
-        return _of_array(expm1_over, x)
-    return _sum(EXPM1, 30, x) if abs(x) <= NEAR else expm1(x) / x
+    return _quotient(x, NEAR, lambda x: _sum(EXPM1, 30, x), lambda x: expm1(x) / x)
+
+
+def _log1p_near(x: Any) -> Any:
+    below = 2.0 + x
+    u = x / below
+    return (2.0 / below) * _sum(ATANH, 36, u * u)
 
 
 def log1p_over(x: Any) -> Any:
@@ -130,17 +168,9 @@ def log1p_over(x: Any) -> Any:
 
     log(1 + x) = 2 artanh(x/(2 + x))
     """
-    if isinstance(x, np.ndarray):
-        return _of_array(log1p_over, x)
-    below = 2.0 + x
-    u = x / below
-    if abs(u) <= HALF:
-        return (2.0 / below) * _sum(ATANH, 36, u * u)
-    return log1p(x) / x
+    return _quotient(x, HALF, _log1p_near, lambda x: log1p(x) / x, lambda x: abs(x / (2.0 + x)))
 
 
 def atan_over(x: Any) -> Any:
     """arctan(x)/x, 1 at zero."""
-    if isinstance(x, np.ndarray):
-        return _of_array(atan_over, x)
-    return _sum(ATAN, 36, x * x) if abs(x) <= HALF else atan(x) / x
+    return _quotient(x, HALF, lambda x: _sum(ATAN, 36, x * x), lambda x: atan(x) / x)

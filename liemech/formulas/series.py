@@ -43,13 +43,14 @@ class Series(Operand):
     operation.
     """
 
-    __slots__ = ("_products", "_rank", "_rule", "_terms")
+    __slots__ = ("_multiple", "_products", "_rank", "_rule", "_terms")
 
     def __init__(self, *terms: Any) -> None:
         self._terms: list[Any] = list(terms)  # None: there is no such term
         self._rule: Callable[[int], Any] | None = None
         self._rank = 0  # so many products of order k are made one after another for c_k
         self._products: Products | None = None  # among which those of this series are
+        self._multiple: tuple[Any, Series] | None = None  # a number and the series it is times
 
     def term(self, k: int) -> Any:
         """c_k, a number; None if there is no such term."""
@@ -94,18 +95,10 @@ class Series(Operand):
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, Series):
             return _multiplied(self, other)
-        return (
-            _made(lambda k: _each(lambda c: c * other, self.term(k)), self)
-            if _is_number(other)
-            else NotImplemented
-        )
+        return _multiple(other, self) if _is_number(other) else NotImplemented
 
     def __rmul__(self, other: Any) -> Any:
-        return (
-            _made(lambda k: _each(lambda c: other * c, self.term(k)), self)
-            if _is_number(other)
-            else NotImplemented
-        )
+        return _multiple(other, self) if _is_number(other) else NotImplemented
 
     def __truediv__(self, other: Any) -> Any:
         if not isinstance(other, Series):
@@ -114,12 +107,14 @@ class Series(Operand):
                 if _is_number(other)
                 else NotImplemented
             )
-        quotient = _undetermined(self, other)
+        quotient, inverse = _undetermined(self, other), _inverse(other)
         quotient._rank += 1
 
         def rule(k: int) -> Any:  # a_k = sum_j b_j q_(k-j)
+            if k == 0:
+                return _each(lambda c: c / other[0], self.term(0))
             rest = _difference(self.term(k), cauchy(other, quotient, k, first=1))
-            return _each(lambda c: c / other[0], rest)
+            return _each(lambda c: c * inverse[0], rest)
 
         return quotient.by(rule)
 
@@ -140,7 +135,7 @@ class Series(Operand):
             return _integral(Series(self[0] ** n[0]), lambda power: power, n * f.log(self))
         if not _is_number(n):
             return NotImplemented
-        return _integral(Series(self[0] ** n), lambda power: n * power / self, self)
+        return _power(Series(self[0] ** n), n, self)
 
     def __rpow__(self, base: Any) -> Any:
         if not _is_number(base):
@@ -148,7 +143,7 @@ class Series(Operand):
         return _integral(Series(base ** self[0]), lambda power: f.log(base) * power, self)
 
     def __mod__(self, other: Any) -> Any:
-        """What is left over beyond whole multiples of a number: the first term only changes."""
+        """The remainder by a number: only the first term changes."""
         if isinstance(other, Series):
             return NotImplemented
         return _made(lambda k: self.term(k) if k else self[0] % other, self)
@@ -274,6 +269,9 @@ class Series(Operand):
                 "of power series cannot be differentiated"
             )
         series = rate if isinstance(rate, Series) else Series(rate)
+        if series._multiple:  # one factor for each term, which is known before the term is
+            factor, series = series._multiple
+            h = h * factor
         self.by(lambda k: _each(lambda c: h * (1.0 / k) * c, series.term(k - 1)))
 
     def among(self, products: Products) -> Series:
@@ -310,6 +308,13 @@ def _undetermined(*of: Series) -> Series:
     return found
 
 
+def _multiple(factor: Any, of: Series) -> Series:
+    found = _made(lambda k: _each(lambda c: factor * c, of.term(k)), of)
+    within, base = of._multiple or (None, of)
+    found._multiple = factor if within is None else factor * within, base
+    return found
+
+
 def _multiplied(a: Series, b: Series) -> Series:
     product = _undetermined(a, b)
     product._rank += 1
@@ -334,6 +339,20 @@ def _each(function: Callable[[Any], Any], c: Any) -> Any:
     return None if c is None else function(c)
 
 
+class _Rule:
+    """Terms by a rule, for a sum of products."""
+
+    def __init__(self, term: Callable[[int], Any]) -> None:
+        self.term = term
+
+
+def _inverse(x: Series) -> Series:
+    """1/x_0, computed when a first term needs it."""
+    found = Series()
+    found._rule = lambda k: 1.0 / x[0]
+    return found
+
+
 # ------------------------------------------------------------------ elementary functions:
 # f(x)' = f'(x) x'
 
@@ -348,11 +367,63 @@ def _integral(y: Series, slope: Callable[[Series], Any], x: Series) -> Series:
     return y.by(lambda k: _each(lambda c: c * (1.0 / k), cauchy(weighted, g, k)))
 
 
+def _power(y: Series, n: Any, x: Series) -> Series:
+    """y = x^n, given its first term: x y' = n x' y.
+
+    x_0 y_k = sum_j (n j/k - (k-j)/k) x_j y_(k-j),  j > 0
+    """
+    y._rank, y._products = x._rank + 1, x._products
+    inverse = _inverse(x)
+
+    def rule(k: int) -> Any:
+        weighted = _Rule(lambda j: _each(lambda c: ((n * j - (k - j)) / k) * c, x.term(j)))
+        return _each(lambda c: c * inverse[0], cauchy(weighted, y, k, first=1))
+
+    return y.by(rule)
+
+
+def _sqrt(x: Series) -> Series:
+    """The root y of y^2 = x."""
+    y = Series(f.sqrt(x[0]))
+    y._rank, y._products = x._rank + 1, x._products
+    inverse = _inverse(y)
+
+    def rule(k: int) -> Any:
+        known = _Rule(lambda j: y.term(j) if 0 < j < k else None)
+        return _each(
+            lambda c: 0.5 * inverse[0] * c, _difference(x.term(k), cauchy(known, known, k))
+        )
+
+    return y.by(rule)
+
+
 def _rule(
     function: Callable[..., Any], slope: Callable[[Series, Series], Any]
 ) -> Callable[[Series], Series]:
-    """What an elementary function does to a series x: y = f(x), from f' as a function of y and x."""
+    """An elementary function of a series x: y = f(x), from f' as a function of y and x."""
     return lambda x: _integral(Series(function(x[0])), lambda y: slope(y, x), x)
+
+
+def _over(
+    function: Callable[..., Any], steepness: Callable[[Series], Series]
+) -> Callable[[Series], Series]:
+    """The same from d = 1/f' as a function of x, in one sum of products.
+
+    d y' = x':   d_0 y_k = x_k - sum_j (j/k) y_j d_(k-j),   0 < j < k
+    """
+
+    def of(x: Series) -> Series:
+        y, d = Series(function(x[0])), steepness(x)
+        y._rank, y._products = x._rank + 1, x._products
+        inverse = _inverse(d)
+
+        def rule(k: int) -> Any:
+            known = _Rule(lambda j: _each(lambda c: (j / k) * c, y.term(j) if 0 < j < k else None))
+            return _each(lambda c: c * inverse[0], _difference(x.term(k), cauchy(known, d, k)))
+
+        return y.by(rule)
+
+    return of
 
 
 def _circle(
@@ -384,28 +455,28 @@ def _copysign(x: Any, y: Any) -> Any:
 
 
 _RULES: dict[str, Callable[..., Any]] = {
-    "sqrt": _rule(f.sqrt, lambda y, x: 0.5 / y),
-    "cbrt": _rule(f.cbrt, lambda y, x: 1.0 / (3.0 * y * y)),
+    "sqrt": _sqrt,
+    "cbrt": lambda x: _power(Series(f.cbrt(x[0])), 1.0 / 3.0, x),
     "exp": _rule(f.exp, lambda y, x: y),
     "exp2": _rule(f.exp2, lambda y, x: LOG_2 * y),
-    "log": _rule(f.log, lambda y, x: 1.0 / x),
-    "log2": _rule(f.log2, lambda y, x: 1.0 / (LOG_2 * x)),
-    "log10": _rule(f.log10, lambda y, x: 1.0 / (LOG_10 * x)),
+    "log": _over(f.log, lambda x: x),
+    "log2": _over(f.log2, lambda x: LOG_2 * x),
+    "log10": _over(f.log10, lambda x: LOG_10 * x),
     "expm1": _rule(f.expm1, lambda y, x: y + 1.0),
-    "log1p": _rule(f.log1p, lambda y, x: 1.0 / (1.0 + x)),
+    "log1p": _over(f.log1p, lambda x: 1.0 + x),
     "cos": _circle(f.cos, f.sin, -1.0, 0),
     "sin": _circle(f.cos, f.sin, -1.0, 1),
     "cosh": _circle(f.cosh, f.sinh, 1.0, 0),
     "sinh": _circle(f.cosh, f.sinh, 1.0, 1),
     "tan": _rule(f.tan, lambda y, x: 1.0 + y * y),
     "tanh": _rule(f.tanh, lambda y, x: 1.0 - y * y),
-    "asin": _rule(f.asin, lambda y, x: 1.0 / f.sqrt(1.0 - x * x)),
-    "acos": _rule(f.acos, lambda y, x: -1.0 / f.sqrt(1.0 - x * x)),
-    "atan": _rule(f.atan, lambda y, x: 1.0 / (1.0 + x * x)),
+    "asin": _over(f.asin, lambda x: f.sqrt(1.0 - x * x)),
+    "acos": _over(f.acos, lambda x: -f.sqrt(1.0 - x * x)),
+    "atan": _over(f.atan, lambda x: 1.0 + x * x),
     "atan2": _atan2,
-    "asinh": _rule(f.asinh, lambda y, x: 1.0 / f.sqrt(x * x + 1.0)),
-    "acosh": _rule(f.acosh, lambda y, x: 1.0 / (f.sqrt(x - 1.0) * f.sqrt(x + 1.0))),
-    "atanh": _rule(f.atanh, lambda y, x: 1.0 / ((1.0 - x) * (1.0 + x))),
+    "asinh": _over(f.asinh, lambda x: f.sqrt(x * x + 1.0)),
+    "acosh": _over(f.acosh, lambda x: f.sqrt(x - 1.0) * f.sqrt(x + 1.0)),
+    "atanh": _over(f.atanh, lambda x: (1.0 - x) * (1.0 + x)),
     "copysign": _copysign,
     "pow": lambda x, n: x**n,
 }

@@ -17,7 +17,7 @@ from .nearest import nearest_unitary
 
 @record
 class ClassicalGroup(MatrixLieGroup):
-    """What the classical groups share: a size, and Casimir functions that are traces of powers.
+    """A classical group: it has a size, and Casimir functions that are traces of powers.
 
     The matrix M that stands for a momentum mu, <mu, xi> = Re tr(M^H xi), moves by conjugation along
     every motion, so that tr((M^H)^k) is constant.

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Element, Vec, dot, record
-from ..formulas.broadcasting import check_finite, real_array
+from ..formulas.arrays import check_finite, real_array
 from . import orbits
 from .lie_group import LieGroup
 from .poisson_structure import LiePoissonStructure
@@ -206,20 +206,20 @@ class CoadjointAction(Representation):
         return self.group.ad_star(p, x)
 
     def phi1(self, xi: Vec, x: Vec) -> Vec:
-        """The left dexp_xi* x.  xi, x : (dim,)."""
-        return self.group.algebra.dexp_dual(xi, x, "left")
+        """dexp_xi* x.  xi, x : (dim,)."""
+        return self.group.algebra.dexp_dual(xi, x)
 
     def phi1_dual(self, xi: Vec, p: Vec) -> Vec:
-        """The left dexp_xi p.  xi, p : (dim,)."""
-        return self.group.dexp(xi, p, "left")
+        """dexp_xi p.  xi, p : (dim,)."""
+        return self.group.dexp(xi, p)
 
     def phi1_inv(self, xi: Vec, x: Vec) -> Vec:
-        """The left (dexp_xi^-1)* x.  xi, x : (dim,)."""
-        return self.group.algebra.dexp_inv_dual(xi, x, "left")
+        """(dexp_xi^-1)* x.  xi, x : (dim,)."""
+        return self.group.algebra.dexp_inv_dual(xi, x)
 
     def phi1_inv_dual(self, xi: Vec, p: Vec) -> Vec:
-        """The left dexp_xi^-1 p.  xi, p : (dim,)."""
-        return self.group.dexp_inv(xi, p, "left")
+        """dexp_xi^-1 p.  xi, p : (dim,)."""
+        return self.group.dexp_inv(xi, p)
 
 
 def coadjoint(group: LieGroup) -> CoadjointAction:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InvalidType, NotDefined
 from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec
-from ..formulas.broadcasting import MEMBERSHIP
+from ..formulas.batches import MEMBERSHIP
 from ..formulas.derived import derived
 from .lie_group import LieGroup
 

@@ -23,45 +23,45 @@ class HeisenbergAlgebra(MatrixLieAlgebra):
         """mu + ad*_xi mu."""
         return mu + self.ad_star(xi, mu)
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta + [xi, eta]/2."""
-        return eta + self.bracket(0.5 * xi if side == "right" else -0.5 * xi, eta)
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu + ad*_xi mu/2."""
-        return mu + self.ad_star(0.5 * xi if side == "right" else -0.5 * xi, mu)
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
         """eta - [xi, eta]/2."""
-        return self.dexp(xi, eta, "left" if side == "right" else "right")
+        return eta + self.bracket(-0.5 * xi, eta)
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
         """mu - ad*_xi mu/2."""
-        return self.dexp_dual(xi, mu, "left" if side == "right" else "right")
+        return mu + self.ad_star(-0.5 * xi, mu)
+
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """eta + [xi, eta]/2."""
+        return self.dexp(-xi, eta)
+
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """mu + ad*_xi mu/2."""
+        return self.dexp_dual(-xi, mu)
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """r = p - mu - ad*_xi mu/2, linear in xi."""
-        return p - self.dexp_dual(xi, mu), 1.0, -0.5 * self._ad_star_of_basis(mu)
+        return p - self.dexp_dual(-xi, mu), 1.0, -0.5 * self._ad_star_of_basis(mu)
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """mu + ad*_xi mu."""
         return self.exp_Ad_star(xi, mu)
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta + [xi, eta]/2."""
-        return self.dexp(xi, eta, side)
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu + ad*_xi mu/2."""
-        return self.dexp_dual(xi, mu, side)
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
         """eta - [xi, eta]/2."""
-        return self.dexp_inv(xi, eta, side)
+        return self.dexp(xi, eta)
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
         """mu - ad*_xi mu/2."""
-        return self.dexp_inv_dual(xi, mu, side)
+        return self.dexp_dual(xi, mu)
+
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """eta + [xi, eta]/2."""
+        return self.dexp_inv(xi, eta)
+
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """mu + ad*_xi mu/2."""
+        return self.dexp_inv_dual(xi, mu)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """The residual of the exponential: the Cayley map is the same."""

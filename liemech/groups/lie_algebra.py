@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, final
 
 import numpy as np
 
-from ..errors import LawViolation, NotDefined
+from ..errors import InvalidType, LawViolation, NotDefined
 from ..formulas import (
     Mat,
     Record,
@@ -21,6 +22,7 @@ from ..formulas import (
     vec,
 )
 from ..formulas.dual import value_of
+from ..formulas.signatures import bare
 from .ad_series import bernoulli_series, exponential_series, mean
 from .bernoulli import TERMS
 from .matrix_functions import expm, phi1m
@@ -50,13 +52,19 @@ class LieAlgebra(Record):
     exponential, exp of ad*, and, for algebras of matrices closed under x y x, the differential
     dcayley of the Cayley map of the matrices hat(xi).  Maps to the group are found there.
 
-    Differentials are right-trivialised, d/de exp(xi + e eta) = (dexp_xi eta) exp(xi); with
-    `side="left"` d/de exp(xi + e eta) = exp(xi) (dexp_xi eta).  Both maps tau, exp and Cayley, have
-    tau(-xi) = tau(xi)^-1, so that the left differential at xi is the right one at -xi.
+    Differentials are left-trivialised, as velocities are: d/de exp(xi + e eta) = exp(xi)
+    (dexp_xi eta).  Both maps tau, exp and Cayley, have tau(-xi) = tau(xi)^-1, so that the
+    right-trivialised differential of many books, d/de exp(xi + e eta) = (dexp_xi eta) exp(xi), is
+    the one at -xi.  Formulas know the left side alone; who asks a group, or for a matrix, may say
+    `side="right"`.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1, 13.1
     and 14.1; Iserles et al., Acta Numerica 9 (2000), section 2.6.
     """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        refuse_sides(cls, LieAlgebra)
 
     # ---------------------------------------------------------------- 1. a subclass writes
 
@@ -114,42 +122,40 @@ class LieAlgebra(Record):
             return exponential_series(self.ad_star, xi, mu)
         return mu @ expm(self.ad_matrix(xi))
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The trivialised differential of exp, sum_k ad_xi^k eta/(k + 1)!.  xi, eta : (dim,)."""
-        x = xi if side == "right" else -xi
-        if self.ad_size(x) <= SHORT:
-            return mean(self.bracket, x, eta)
-        return phi1m(self.ad_matrix(x)) @ eta
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
+        """The differential of exp, left-trivialised, sum_k (-ad_xi)^k eta/(k + 1)!.  xi,
+        eta : (dim,).
+        """
+        if self.ad_size(xi) <= SHORT:
+            return mean(self.bracket, -xi, eta)
+        return phi1m(self.ad_matrix(-xi)) @ eta
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of `dexp`, <dexp_dual_xi mu, eta> = <mu, dexp_xi eta>.  xi, mu : (dim,)."""
-        x = xi if side == "right" else -xi
-        if self.ad_size(x) <= SHORT:
-            return mean(self.ad_star, x, mu)
-        return mu @ phi1m(self.ad_matrix(x))
+        if self.ad_size(xi) <= SHORT:
+            return mean(self.ad_star, -xi, mu)
+        return mu @ phi1m(self.ad_matrix(-xi))
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
         """The inverse of `dexp`, defined while no eigenvalue of ad_xi is 2 pi i k, k != 0.
 
         xi, eta : (dim,).
         """
-        return solve(self._dexp_matrix(xi, side), eta)
+        return solve(phi1m(self.ad_matrix(-xi)), eta)
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of `dexp_inv`, <dexp_inv_dual_xi mu, eta> = <mu, dexp_inv_xi eta>.  xi,
         mu : (dim,).
         """
-        return solve(self._dexp_matrix(xi, side).T, mu)
+        return solve(phi1m(self.ad_matrix(-xi)).T, mu)
 
-    def _dexp_matrix(self, xi: Vec, side: str) -> Mat:
-        return phi1m(self.ad_matrix(xi if side == "right" else -xi))
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
+        """`dexp_inv` cut after ad_xi^terms: eta + [xi, eta]/2 + [xi, [xi, eta]]/12 - ...
 
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """`dexp_inv` cut after ad_xi^terms: eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...
-
-        Converges for |ad_xi| < 2 pi.  Source: Hairer, Lubich, Wanner, III.4, equation (4.4).
+        Converges for |ad_xi| < 2 pi.  xi, eta : (dim,).  Source: Hairer, Lubich, Wanner, III.4,
+        equation (4.4), at -xi.
         """
-        return bernoulli_series(self.bracket, xi if side == "right" else -xi, eta, terms)
+        return bernoulli_series(self.bracket, -xi, eta, terms)
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """Is xi closer to zero than the first singularity of dexp?  xi : (dim,).
@@ -159,8 +165,8 @@ class LieAlgebra(Record):
         return True
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """How far the momentum p is from being carried by exp(xi) to mu: r = p - (dexp_xi)* mu, or
-        a multiple.
+        """How far the momentum p is from being carried by exp(xi) to mu: r = p - (dexp_xi)* mu,
+        right-trivialised, or a multiple.
 
         Returns r, dr/dp (a number or a matrix) and dr/dxi (a matrix), for Newton's method.
         xi, p, mu : (dim,).
@@ -168,43 +174,42 @@ class LieAlgebra(Record):
         if type(self).dexp_dual is LieAlgebra.dexp_dual:  # the derivative is taken of the sum alone
             by_xi = jacobian(lambda x: -1.0 * mean(self.ad_star, x, mu), xi)
         else:
-            by_xi = jacobian(lambda x: -1.0 * self.dexp_dual(x, mu), xi)
-        return p - self.dexp_dual(xi, mu), 1.0, by_xi
+            by_xi = jacobian(lambda x: -1.0 * self.dexp_dual(-x, mu), xi)
+        return p - self.dexp_dual(-xi, mu), 1.0, by_xi
 
     # the Cayley map (1 - x/2)^-1 (1 + x/2) of the matrices x = hat(xi)
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_cay(xi) mu = mu + ad*_xi (dcay_xi)* mu.  xi, mu : (dim,)."""
-        return mu + self.ad_star(xi, self.dcayley_dual(xi, mu))
+        """Ad*_cay(xi) mu = mu + ad*_xi (dcay_xi)* mu, right-trivialised.  xi, mu : (dim,)."""
+        return mu + self.ad_star(xi, self.dcayley_dual(-xi, mu))
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The trivialised differential of the Cayley map.  xi, eta : (dim,)."""
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
+        """The differential of the Cayley map, left-trivialised.  xi, eta : (dim,)."""
         units = identity_matrix(self.dim)
-        return solve(mat(*[self.dcayley_inv(xi, unit, side) for unit in units]).T, eta)
+        return solve(mat(*[self.dcayley_inv(xi, unit) for unit in units]).T, eta)
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of `dcayley`.  xi, mu : (dim,)."""
         units = identity_matrix(self.dim)
-        return solve(mat(*[self.dcayley_inv_dual(xi, unit, side) for unit in units]).T, mu)
+        return solve(mat(*[self.dcayley_inv_dual(xi, unit) for unit in units]).T, mu)
 
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The inverse of `dcayley`, eta - [xi, eta]/2 - xi eta xi/4 as matrices.  xi, eta : (dim,)."""
-        x = xi if side == "right" else -xi
-        m = self.hat(x)
-        return eta - (0.5 * self.bracket(x, eta) + 0.25 * self.vee(m @ self.hat(eta) @ m))
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """The inverse of `dcayley`, eta + [xi, eta]/2 - xi eta xi/4 as matrices.  xi, eta : (dim,)."""
+        m = self.hat(-xi)
+        return eta - (0.5 * self.bracket(-xi, eta) + 0.25 * self.vee(m @ self.hat(eta) @ m))
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The dual of `dcayley_inv`.  xi, mu : (dim,)."""
-        units = identity_matrix(self.dim)
-        return vec(*[dot(mu, self.dcayley_inv(xi, unit, side)) for unit in units])
+        return vec(*[dot(mu, self.dcayley_inv(xi, unit)) for unit in identity_matrix(self.dim)])
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """r = (dcayley_xi^-1)* p - mu, or an equation with the same roots, as in `exp_residual`.
+        """r = (dcayley_xi^-1)* p - mu, right-trivialised, or an equation with the same roots, as in
+        `exp_residual`.
 
         xi, p, mu : (dim,).
         """
-        by_p = mat(*[self.dcayley_inv_dual(xi, unit) for unit in identity_matrix(self.dim)]).T
-        return by_p @ p - mu, by_p, jacobian(lambda x: self.dcayley_inv_dual(x, p), xi)
+        by_p = mat(*[self.dcayley_inv_dual(-xi, unit) for unit in identity_matrix(self.dim)]).T
+        return by_p @ p - mu, by_p, jacobian(lambda x: self.dcayley_inv_dual(-x, p), xi)
 
     # ---------------------------------------------------------------- 3. what follows
 
@@ -214,33 +219,33 @@ class LieAlgebra(Record):
         return self.bracket(xi, eta)
 
     @final
-    def dexp_matrix(self, xi: Vec, side: str = "right") -> Mat:
-        """The matrix of `dexp`: exp(xi + d) = exp(dexp_matrix(xi) @ d + ...) exp(xi), for small d.
+    def dexp_matrix(self, xi: Vec, side: str = "left") -> Mat:
+        """The matrix of `dexp`: exp(xi + d) = exp(xi) exp(dexp_matrix(xi) @ d + ...), for small d.
 
-        With side="left" exp(xi + d) = exp(xi) exp(dexp_matrix(xi, "left") @ d + ...).  Robotics
-        names Jacobians by the side on which the small element stands and not by the trivialisation:
-        its left Jacobian is that of side="right" all the same, and its right Jacobian that of
-        side="left".
+        With side="right" exp(xi + d) = exp(dexp_matrix(xi, side="right") @ d + ...) exp(xi).
+        Robotics names Jacobians by the side on which the small element stands and not by the
+        trivialisation: its right Jacobian is this matrix, and its left Jacobian that of
+        side="right".
 
         xi : (dim,);  returns (dim, dim).  Source: Sola, Deray and Atchuthan, A micro Lie theory for
         state estimation in robotics (2018), equations (67) and (71).
         """
-        return mat(*[self.dexp(xi, unit, side) for unit in identity_matrix(self.dim)]).T
+        return _columns(self.dexp, sided(xi, side))
 
     @final
-    def dexp_inv_matrix(self, xi: Vec, side: str = "right") -> Mat:
-        """The matrix of `dexp_inv`: log(exp(d) exp(xi)) = xi + dexp_inv_matrix(xi) @ d + ..., for
+    def dexp_inv_matrix(self, xi: Vec, side: str = "left") -> Mat:
+        """The matrix of `dexp_inv`: log(exp(xi) exp(d)) = xi + dexp_inv_matrix(xi) @ d + ..., for
         small d.
 
-        With side="left" log(exp(xi) exp(d)) = xi + dexp_inv_matrix(xi, "left") @ d + ...
+        With side="right" log(exp(d) exp(xi)) = xi + dexp_inv_matrix(xi, side="right") @ d + ...
         xi : (dim,);  returns (dim, dim).  Raises OutsideChart where `dexp_inv` does.
         """
-        return mat(*[self.dexp_inv(xi, unit, side) for unit in identity_matrix(self.dim)]).T
+        return _columns(self.dexp_inv, sided(xi, side))
 
     @final
-    def dcayley_matrix(self, xi: Vec, side: str = "right") -> Mat:
+    def dcayley_matrix(self, xi: Vec, side: str = "left") -> Mat:
         """The matrix of `dcayley`.  xi : (dim,);  returns (dim, dim)."""
-        return mat(*[self.dcayley(xi, unit, side) for unit in identity_matrix(self.dim)]).T
+        return _columns(self.dcayley, sided(xi, side))
 
     @final
     def ad_size(self, xi: Vec) -> float:
@@ -290,9 +295,11 @@ class LieAlgebra(Record):
         """
         from .matrix_invariants import null_space  # which builds on algebras of matrices
 
-        ad, n = self._ad_matrices, self.dim
-        killing = self.killing_form
-        if _nondegenerate(killing):
+        n, killing, given = self.dim, self.killing_form, self._ad_matrices
+        units = like_units(given)
+        # of the generators in these units
+        ad = given * units[:, None, None] * units / units[:, None]
+        if _nondegenerate(np.einsum("iab,jba->ij", ad, ad)):
             return -killing / np.abs(killing).max()
         pairs = [(i, j) for i in range(n) for j in range(i, n)]
         forms = np.zeros((len(pairs), n, n))
@@ -307,12 +314,12 @@ class LieAlgebra(Record):
         for weights in null_space(equations.reshape(len(pairs), -1).T):
             form = np.einsum("p,pab->ab", weights, forms)
             if _nondegenerate(form):
-                return form / np.abs(form).max()
+                return _in_units(form, units)
         for weights in np.random.default_rng(1).normal(size=(4 if len(kernel) else 0, len(kernel))):
             # a generic member of the family: degenerate only if all are
             form = np.einsum("k,kab->ab", weights, kernel)
             if _nondegenerate(form):
-                return form / np.abs(form).max()
+                return _in_units(form, units)
         return None
 
     @property
@@ -370,6 +377,58 @@ def objection(argument: str, value: Any) -> str | None:
     if argument == "terms" and not 0 <= value <= TERMS:
         return f"must be from 0 to {TERMS}; got {value if abs(value) < 10**20 else 'a huge number'}"
     return None
+
+
+def sided(xi: Vec, side: str) -> Vec:
+    """Where a left-trivialised differential is taken: the right-trivialised one at xi is that at -xi."""
+    return xi if side == "left" else -xi
+
+
+def refuse_sides(cls: type, base: type) -> None:
+    """Raise InvalidType for a formula of a subclass that has a side, where that of `base` has none."""
+    for name, formula in vars(cls).items():
+        if (
+            _has_side(formula)
+            and callable(getattr(base, name, None))
+            and not _has_side(getattr(base, name))
+        ):
+            raise InvalidType(
+                f"{cls.__name__}.{name} takes `side`: formulas of differentials are left-trivialised, "
+                "and the right-trivialised one is asked for at -xi; leave `side` out, and write "
+                'what stood for side="left"'
+            )
+
+
+def _has_side(formula: Any) -> bool:
+    code = getattr(bare(formula), "__code__", None)
+    return (
+        code is not None and "side" in code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    )
+
+
+def _columns(formula: Callable[[Vec, Vec], Vec], xi: Vec) -> Mat:
+    """The matrix of a formula that is linear in its second argument."""
+    return mat(*[formula(xi, unit) for unit in identity_matrix(len(xi))]).T
+
+
+def like_units(ad: np.ndarray) -> np.ndarray:
+    """Powers of two u for which the generators u_i E_i have structure constants of like sizes.
+    ad : (dim, dim, dim), the matrices of ad E_i;  returns (dim,)
+
+    log |c^k_ij| + log u_i + log u_j - log u_k is made small by least squares.
+    """
+    i, k, j = np.nonzero(ad)
+    ways = np.zeros((len(i), len(ad)))
+    for column, sign in ((i, 1.0), (j, 1.0), (k, -1.0)):
+        np.add.at(ways, (np.arange(len(i)), column), sign)
+    exponents = np.linalg.lstsq(ways, -np.log2(np.abs(ad[i, k, j])), rcond=None)[0]
+    return np.exp2(np.round(exponents))
+
+
+def _in_units(form: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """A form of the generators u_i E_i as one of the E_i, with 1 as its largest entry."""
+    form = form / np.outer(units, units)
+    return form / np.abs(form).max()
 
 
 def _nondegenerate(form: np.ndarray) -> bool:

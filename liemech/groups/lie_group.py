@@ -24,9 +24,10 @@ from ..formulas import (
     sqrt,
     vec,
 )
-from ..formulas.broadcasting import MEMBERSHIP as MEMBERSHIP
-from ..formulas.broadcasting import check_finite, real_array, small
-from .lie_algebra import LieAlgebra, objection
+from ..formulas.arrays import check_finite, real_array
+from ..formulas.batches import MEMBERSHIP as MEMBERSHIP
+from ..formulas.vectors import small
+from .lie_algebra import LieAlgebra, objection, sided
 
 OF_THE_ALGEBRA = {
     *(
@@ -50,7 +51,7 @@ OF_THE_ALGEBRA = {
     ),
     *("dcayley_dual", "dcayley_inv", "dcayley_inv_dual", "cayley_residual"),
 }
-"""What depends on velocities and momenta alone: closed forms stand in the class of the algebra."""
+"""Maps of velocities and momenta alone: closed forms stand in the class of the algebra."""
 
 
 def _of_one_momentum(formula: Callable[..., Any]) -> Callable[..., Any]:
@@ -212,7 +213,7 @@ class LieGroup(Record):
 
     @_of_one_momentum
     def further_invariants(self, mu: Any) -> tuple[float, ...] | None:
-        """What tells the coadjoint orbit through mu from others of its dimension with the same
+        """Numbers that tell the coadjoint orbit through mu from others of its dimension with the same
         Casimirs; () if there are none.
 
         None, the default: the group does not know.  mu : (dim,).
@@ -298,14 +299,18 @@ class LieGroup(Record):
         return self.algebra.exp_Ad_star(xi, mu)
 
     @final
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The trivialised differential of exp, sum_k ad_xi^k eta/(k + 1)!.  xi, eta : (dim,)."""
-        return self.algebra.dexp(xi, eta, side)
+    def dexp(self, xi: Vec, eta: Vec, side: str = "left") -> Vec:
+        """The trivialised differential of exp, d/de exp(xi + e eta) = exp(xi) (dexp_xi eta).
+
+        With side="right", the one of the book, d/de exp(xi + e eta) = (dexp_xi eta) exp(xi),
+        sum_k ad_xi^k eta/(k + 1)!, which is the left one at -xi.  xi, eta : (dim,).
+        """
+        return self.algebra.dexp(sided(xi, side), eta)
 
     @final
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """Its inverse, sum_k B_k/k! ad_xi^k eta.  xi, eta : (dim,)."""
-        return self.algebra.dexp_inv(xi, eta, side)
+    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "left") -> Vec:
+        """Its inverse; with side="right" sum_k B_k/k! ad_xi^k eta.  xi, eta : (dim,)."""
+        return self.algebra.dexp_inv(sided(xi, side), eta)
 
     @final
     def K(self, g: Element, mu: Vec) -> Vec:
@@ -357,7 +362,7 @@ class LieGroup(Record):
 
     @cached_property
     def _coframe(self) -> Mat:
-        """What takes a rate of an element at the identity to the velocity: (d exp at 0)^-1."""
+        """The linear map from rates of an element at the identity to velocities, (d exp at 0)^-1."""
         zero = vec(*[0.0 for _ in range(self.dim)])
         units = identity_matrix(self.dim)
         frame = [_flat(derivative(self.exp, zero, unit)) for unit in units]

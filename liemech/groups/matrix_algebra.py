@@ -138,35 +138,33 @@ class MatrixLieAlgebra(LieAlgebra):
         back = group.exp(-xi) if group._form is None else group.inverse(g)
         return self._coadjoint(g, back, mu)
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2))/2
-        dexp_(xi/2).
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
+        """sum_k (-ad_xi)^k eta/(k + 1)!; for large xi from its half,
+        dexp_xi = (1 + Ad_exp(-xi/2))/2 dexp_(xi/2).
         """
-        return self._phi(self.bracket, self._conjugated, xi if side == "right" else -xi, eta)
+        return self._phi(self.bracket, self._conjugated, -xi, eta)
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """sum_k ad*_xi^k mu/(k + 1)!; for large xi from its half."""
-        return self._phi(self.ad_star, self._coadjoint, xi if side == "right" else -xi, mu)
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """sum_k (-ad*_xi)^k mu/(k + 1)!; for large xi from its half."""
+        return self._phi(self.ad_star, self._coadjoint, -xi, mu)
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2 + [xi, [xi, eta]]/12 - ...; for large xi the solution of dexp_xi
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """eta + [xi, eta]/2 + [xi, [xi, eta]]/12 - ...; for large xi the solution of dexp_xi
         (...) = eta.
         """
-        x = xi if side == "right" else -xi
-        size2 = self.ad_size2(x)
+        size2 = self.ad_size2(xi)
         if size2 <= 1.0:
-            return _bernoulli_series(self.bracket, x, eta, size2)
-        return solve(phi1m(self.ad_matrix(x)), eta)
+            return _bernoulli_series(self.bracket, -xi, eta, size2)
+        return solve(phi1m(self.ad_matrix(-xi)), eta)
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2 + ad*_xi^2 mu/12 - ...; for large xi the solution of (dexp_xi)*
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """mu + ad*_xi mu/2 + ad*_xi^2 mu/12 - ...; for large xi the solution of (dexp_xi)*
         (...) = mu.
         """
-        x = xi if side == "right" else -xi
-        size2 = self.ad_size2(x)
+        size2 = self.ad_size2(xi)
         if size2 <= 1.0:
-            return _bernoulli_series(self.ad_star, x, mu, size2)
-        return solve(phi1m(self.ad_matrix(x).T), mu)
+            return _bernoulli_series(self.ad_star, -xi, mu, size2)
+        return solve(phi1m(self.ad_matrix(-xi).T), mu)
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """r = p - sum_k t_k with t_k = ad*_xi t_k-1/(k + 1), t_0 = mu; the derivative of the
@@ -192,7 +190,7 @@ class MatrixLieAlgebra(LieAlgebra):
             k = k + 1.0
             term = self.ad_star((one / k) * xi, term)
             change, bound = change + term, bound * (size2 / (k * k))
-        carried = mu + change if size2 <= 4.0 else self.dexp_dual(xi, mu)
+        carried = mu + change if size2 <= 4.0 else self.dexp_dual(-xi, mu)
         return p - carried, 1.0, -by_xi
 
     def _phi(self, small: Callable[..., Vec], large: Callable[..., Vec], x: Vec, v: Vec) -> Vec:
@@ -252,32 +250,30 @@ class MatrixLieAlgebra(LieAlgebra):
             ]
         )
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(1 - x/2)^-1 eta (1 + x/2)^-1."""
-        half = 0.5 * self.hat(xi if side == "right" else -xi)
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
+        """(1 + x/2)^-1 eta (1 - x/2)^-1."""
+        half = 0.5 * self.hat(-xi)
         return self.vee(solve_matrix(plus(-half, 1.0), self.hat(eta)) @ inverse(plus(half, 1.0)))
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of (1 - x/2)^-1 eta (1 + x/2)^-1."""
-        x = xi if side == "right" else -xi
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """The dual of (1 + x/2)^-1 eta (1 - x/2)^-1."""
         if self.dim == 3 and self.generated.few_triples:
-            return solve3(self._dcayley_inv_dual(x), mu)
-        half = adjoint(0.5 * self.hat(x))
+            return solve3(self._dcayley_inv_dual(-xi), mu)
+        half = adjoint(0.5 * self.hat(-xi))
         return self.pairing(
             solve_matrix(plus(-half, 1.0), self.covector(mu)) @ inverse(plus(half, 1.0))
         )
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2 - (the dual of eta -> xi eta xi) mu/4."""
-        x = xi if side == "right" else -xi
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """mu + ad*_xi mu/2 - (the dual of eta -> xi eta xi) mu/4."""
         if self.generated.few_triples:
-            return self._dcayley_inv_dual(x) @ mu
-        m = adjoint(self.hat(x))
+            return self._dcayley_inv_dual(-xi) @ mu
+        m = adjoint(self.hat(-xi))
         triple = self.pairing(m @ self.covector(mu) @ m)
-        return mu - (0.5 * self.ad_star(x, mu) + 0.25 * triple)
+        return mu - (0.5 * self.ad_star(-xi, mu) + 0.25 * triple)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """r = D p - mu with D = (dcay_xi^-1)*, whose entries are polynomials of xi; dr/dp = D, and
+        """r = D p - mu with D = (dcay_xi^-1)*, right-trivialised, whose entries are polynomials of xi; dr/dp = D, and
         dr/dxi term by term.
         """
         if not self.generated.few_triples:
@@ -314,7 +310,7 @@ class MatrixLieAlgebra(LieAlgebra):
         return by_p @ p - mu, by_p, by_xi
 
     def _dcayley_inv_dual(self, x: Vec) -> Mat:
-        """The matrix of (dcay_x^-1)*, from the constants of ad* and of y -> x y x."""
+        """The matrix of (dcay_x^-1)*, right-trivialised, from the constants of ad* and of y -> x y x."""
         linear, square, dim = (
             self.generated.ad_star_terms,
             self.generated.triple_dual_terms,

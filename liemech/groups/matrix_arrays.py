@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas.broadcasting import MEMBERSHIP
+from ..formulas.batches import MEMBERSHIP
 from .matrix_basis import MatrixBasis
 from .matrix_invariants import objections
 
@@ -66,8 +66,8 @@ def of_algebra(algebra: MatrixLieAlgebra, method: str, arguments: dict[str, Any]
     """
     basis, one = algebra.generated, np.eye(algebra.generated.n)
     given = list(arguments.values())
-    if arguments.get("side", "right") == "left":
-        given[0] = -given[0]
+    if method.startswith(("dexp", "dcayley")) and arguments.get("side") != "right":
+        given[0] = -given[0]  # below stand the right-trivialised ones
     match method, *given:
         case "hat", xi:
             return basis.hat(xi)
@@ -165,7 +165,7 @@ def _phi_inverse(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _phi_inverse_series(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The same for a matrix without a basis of eigenvectors, by the solution of phi_1(ad_x) z = y
+    """`_phi_inverse` of a matrix without a basis of eigenvectors, by the solution of phi_1(ad_x) z = y
     from z = y on.
     """
     z = y

@@ -1,4 +1,4 @@
-"""What NumPy finds once about the generators of an algebra of matrices, for formulas to use as
+"""Constants that NumPy finds once from the generators of an algebra of matrices, for formulas to use as
 constants.
 """
 
@@ -29,7 +29,7 @@ unit, 1 for most.
 """
 
 CLOSED = 1e-10
-"""What a bracket may stick out of the span of the generators, relative to the product of their
+"""The part by which a bracket may stick out of the span of the generators, relative to the product of their
 sizes.
 """
 
@@ -90,7 +90,7 @@ class MatrixBasis:
 
     @cached_property
     def core(self) -> MatrixBasis:
-        """The same algebra in units of its own, where numbers that are small are rounding errors;
+        """This algebra in units of its own, where numbers that are small are rounding errors;
         itself where these units are 1.
         """
         units, rows = self.units

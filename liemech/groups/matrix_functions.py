@@ -18,7 +18,7 @@ TINY = 2.0**-112
 
 
 def digits(size2: Any) -> tuple[float, Any]:
-    """What takes the place of TINY beside numbers of this kind, and the 1 that fractions are made
+    """The bound in place of TINY beside numbers of this kind, and the 1 that fractions are made
     of.
     """
     return (TINY * TINY, DoubleDouble(1.0)) if is_long(size2) else (TINY, 1.0)
@@ -76,7 +76,7 @@ def _series(x: Mat, size2: float) -> Mat:
 
 
 def _series_by_characteristic(x: Mat, size2: float) -> Mat:
-    """The same for 3 by 3: with x^3 = s x^2 + t x + d every power is a x^2 + b x + c, and only
+    """exp(x) - 1 of a 3 by 3 matrix: with x^3 = s x^2 + t x + d every power is a x^2 + b x + c, and only
     numbers are summed.
 
     Source: the theorem of Cayley and Hamilton; Gantmacher, The Theory of Matrices, volume 1,

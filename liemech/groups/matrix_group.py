@@ -104,7 +104,7 @@ class MatrixLieGroup(LieGroup):
 
     @cached_property
     def invariants(self) -> Invariants:
-        """What all elements leave alone: vectors, forms, the determinant; in units where entries
+        """The invariants of all elements: vectors, forms, the determinant; in units where entries
         are of like sizes.
         """
         return invariants_of(self.generated.core)
@@ -119,7 +119,7 @@ class MatrixLieGroup(LieGroup):
 
     @cached_property
     def _factors(self) -> tuple[tuple[float, ...], ...]:
-        """What the entries of an element are multiplied by, powers of two; none if by 1."""
+        """The factors of the entries of an element in these units, powers of two; none if all are 1."""
         d = self.generated.units[1]
         return () if (d == 1.0).all() else tuple(map(tuple, np.outer(1.0 / d, d).tolist()))
 
@@ -186,7 +186,7 @@ class MatrixLieGroup(LieGroup):
             rest = plus(self.exp(-xi) @ g, -1.0)
             off2, turns = frobenius2(rest), 0.0
             while 1e-31 < off2 < 0.01 and turns < 6.0:
-                xi = xi + self.dexp_inv(xi, self.algebra.vee(log1pm(rest)), "left")
+                xi = xi + self.dexp_inv(xi, self.algebra.vee(log1pm(rest)))
                 rest = plus(self.exp(-xi) @ g, -1.0)
                 off2, turns = frobenius2(rest), turns + 1.0
             off2 = off2 if off2 < 1.0 else 1.0
@@ -241,7 +241,7 @@ class MatrixLieGroup(LieGroup):
     # ---------------------------------------------------------------- Casimir functions
 
     def casimirs(self, mu: Vec) -> Vec:
-        """Those found from the generators: momenta along the centre, quadratic forms, traces of
+        """The Casimirs found from the generators: momenta along the centre, quadratic forms, traces of
         powers of a matrix made of mu.
 
         As many as are independent; on a group without an invariant form there may be more of them

@@ -1,4 +1,4 @@
-"""What every element of a group of matrices leaves alone: found once from the generators, it tells
+"""Invariants of the elements of a group of matrices: found once from the generators, it tells
 elements from other matrices.
 """
 

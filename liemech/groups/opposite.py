@@ -10,19 +10,15 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from ..formulas import Ambient, Element, Mat, Vec, record
-from .lie_algebra import LieAlgebra
+from ..formulas import Ambient, Element, Mat, Vec, plain, record
+from .algebra_of_parts import AlgebraOfParts
 from .lie_group import LieGroup
 
 
-def _other(side: str) -> str:
-    return "left" if side == "right" else "right"
-
-
 @record
-class OppositeAlgebra(LieAlgebra):
-    """The same velocities with the opposite bracket, [xi, eta]' = -[xi, eta]: right and left change
-    places.
+class OppositeAlgebra(AlgebraOfParts):
+    """The velocities of an algebra with the opposite bracket, [xi, eta]' = -[xi, eta]: every map is that of
+    the algebra at -xi.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 9.1 and
     13.1.
@@ -40,81 +36,22 @@ class OppositeAlgebra(LieAlgebra):
         """The invariant form of the algebra."""
         return self.algebra.invariant_form
 
-    def bracket(self, xi: Vec, eta: Vec) -> Vec:
-        """-[xi, eta]."""
-        return self.algebra.bracket(eta, xi)
+    def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+        """The map of the algebra at -xi.  xi, eta : (dim,)."""
+        return getattr(self.algebra, name)(-xi, eta, *more)
 
-    def ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """-ad*_xi mu."""
-        return self.algebra.ad_star(-xi, mu)
+    def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+        """The map of the algebra at -xi.  xi, mu : (dim,)."""
+        return getattr(self.algebra, name)(-xi, mu)
 
-    # the exponential
-
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_exp(-xi) mu."""
-        return self.algebra.exp_Ad_star(-xi, mu)
-
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The differential of exp on the algebra, trivialised on the other side."""
-        return self.algebra.dexp(xi, eta, _other(side))
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual differential of exp on the algebra, trivialised on the other side."""
-        return self.algebra.dexp_dual(xi, mu, _other(side))
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The inverse differential of exp on the algebra, trivialised on the other side."""
-        return self.algebra.dexp_inv(xi, eta, _other(side))
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse differential of exp on the algebra, trivialised on the other
-        side.
-        """
-        return self.algebra.dexp_inv_dual(xi, mu, _other(side))
-
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """The series of the inverse differential of exp on the algebra, trivialised on the other
-        side.
-        """
-        return self.algebra.dexp_inv_series(xi, eta, terms, _other(side))
+    def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+        """The equation of the algebra at -xi.  xi, p, mu : (dim,)."""
+        r, by_p, by_xi = getattr(self.algebra, name)(-xi, p, mu)
+        return r, by_p, -by_xi
 
     def is_exp_chart(self, xi: Vec) -> bool:
-        """The same chart."""
+        """The chart of the algebra."""
         return self.algebra.is_exp_chart(xi)
-
-    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """The residual of exp on the algebra, at -xi."""
-        r, by_p, by_xi = self.algebra.exp_residual(-xi, p, mu)
-        return r, by_p, -by_xi
-
-    # the Cayley map
-
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_cay(-xi) mu."""
-        return self.algebra.cayley_Ad_star(-xi, mu)
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The differential of the Cayley map on the algebra, trivialised on the other side."""
-        return self.algebra.dcayley(xi, eta, _other(side))
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual differential of the Cayley map on the algebra, trivialised on the other side."""
-        return self.algebra.dcayley_dual(xi, mu, _other(side))
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The inverse differential of the Cayley map on the algebra, trivialised on the other side."""
-        return self.algebra.dcayley_inv(xi, eta, _other(side))
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse differential of the Cayley map on the algebra, trivialised on the
-        other side.
-        """
-        return self.algebra.dcayley_inv_dual(xi, mu, _other(side))
-
-    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
-        """The residual of the Cayley map on the algebra, at -xi."""
-        r, by_p, by_xi = self.algebra.cayley_residual(-xi, p, mu)
-        return r, by_p, -by_xi
 
 
 @record
@@ -146,7 +83,7 @@ class OppositeGroup(LieGroup):
 
     @cached_property
     def algebra(self) -> OppositeAlgebra:
-        """The same velocities with the opposite bracket."""
+        """The algebra of the group with the opposite bracket."""
         return OppositeAlgebra(self.group.algebra)
 
     def identity(self) -> Element:
@@ -164,6 +101,10 @@ class OppositeGroup(LieGroup):
     def exp(self, xi: Vec) -> Element:
         """exp(xi)."""
         return self.group.exp(xi)
+
+    def compose_exp(self, g: Element, xi: Vec) -> Element:
+        """exp(xi) g of the group, as g exp(Ad_g^-1 xi): rounded by what the step adds."""
+        return self.group.compose_exp(g, self.Ad(plain(g), xi))
 
     def Ad(self, g: Element, xi: Vec) -> Vec:
         """Ad of g^-1."""
@@ -190,6 +131,10 @@ class OppositeGroup(LieGroup):
     def cayley(self, xi: Vec) -> Element:
         """cay(xi)."""
         return self.group.cayley(xi)
+
+    def compose_cayley(self, g: Element, xi: Vec) -> Element:
+        """cay(xi) g of the group, as g cay(Ad_g^-1 xi)."""
+        return self.group.compose_cayley(g, self.Ad(plain(g), xi))
 
     def cayley_inv(self, g: Element) -> Vec:
         """cay^-1 g."""

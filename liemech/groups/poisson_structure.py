@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
 from ..formulas import Mat, Record, Vec, dot, exp, gradient, jacobian, log, mat, plain, record, vec
-from ..formulas.broadcasting import check_finite, real_array
+from ..formulas.arrays import check_finite, real_array
 from ..formulas.derived import derived
 from .lie_group import LieGroup
 from .matrix_group import whole_number
@@ -151,7 +151,7 @@ class PoissonStructure(Record):
 
     @final
     def terms(self, y: Vec) -> np.ndarray:
-        """What the rounding of each entry of B(y) is relative to, |b_ij| + sum_l |d_l b_ij y_l|.
+        """The scale of the rounding of each entry of B(y), |b_ij| + sum_l |d_l b_ij y_l|.
         y : (n,), returns (n, n).
         """
         slopes = np.array(jacobian(lambda x: vec(*[b for row in self.matrix(x) for b in row]), y))

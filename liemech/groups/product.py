@@ -10,13 +10,13 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Ambient, Complex, Element, Mat, Vec, mat, real_array, record, vec, vectors
-from ..formulas.broadcasting import small
-from .lie_algebra import LieAlgebra
+from ..formulas.vectors import small
+from .algebra_of_parts import AlgebraOfParts
 from .lie_group import LieGroup
 
 
 @record
-class ProductAlgebra(LieAlgebra):
+class ProductAlgebra(AlgebraOfParts):
     """The direct sum of Lie algebras: coordinates one after another, brackets within each.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 3.12.
@@ -29,55 +29,25 @@ class ProductAlgebra(LieAlgebra):
         """The sum of the dimensions."""
         return sum([factor.dim for factor in self.factors])
 
-    def bracket(self, xi: Vec, eta: Vec) -> Vec:
-        """The brackets of the parts."""
-        return joined(
-            [f.bracket(x, y) for f, x, y in zip(self.factors, self.parts(xi), self.parts(eta))]
-        )
-
-    def ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """ad* of the parts."""
-        return joined(
-            [f.ad_star(x, m) for f, x, m in zip(self.factors, self.parts(xi), self.parts(mu))]
-        )
-
     def parts(self, xi: Vec) -> tuple[Vec, ...]:
         """The coordinates of each factor.  xi : (dim,)."""
         return tuple(
             [xi[start:end] for start, end in spans([factor.dim for factor in self.factors])]
         )
 
-    def _each(self, formula: Callable[..., Vec], *arguments: Sequence[Vec]) -> Vec:
-        """The vector of a formula's values, for each factor and its share of the arguments."""
-        return joined([formula(*one) for one in zip(self.factors, *arguments)])
+    def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+        """The map of each factor.  xi, eta : (dim,)."""
+        shares = zip(self.factors, self.parts(xi), self.parts(eta))
+        return joined([getattr(f, name)(x, y, *more) for f, x, y in shares])
 
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_exp(xi) of each factor."""
-        return self._each(lambda f, x, m: f.exp_Ad_star(x, m), self.parts(xi), self.parts(mu))
+    def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+        """The map of each factor.  xi, mu : (dim,)."""
+        return self.of_velocities(name, xi, mu)
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """dexp of each factor."""
-        return self._each(lambda f, x, y: f.dexp(x, y, side), self.parts(xi), self.parts(eta))
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """dexp* of each factor."""
-        return self._each(lambda f, x, m: f.dexp_dual(x, m, side), self.parts(xi), self.parts(mu))
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """dexp^-1 of each factor."""
-        return self._each(lambda f, x, y: f.dexp_inv(x, y, side), self.parts(xi), self.parts(eta))
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """(dexp^-1)* of each factor."""
-        return self._each(
-            lambda f, x, m: f.dexp_inv_dual(x, m, side), self.parts(xi), self.parts(mu)
-        )
-
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """The series of each factor."""
-        return self._each(
-            lambda f, x, y: f.dexp_inv_series(x, y, terms, side), self.parts(xi), self.parts(eta)
-        )
+    def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
+        """The equations of the factors, and block diagonal derivatives.  xi, p, mu : (dim,)."""
+        shares = zip(self.factors, self.parts(xi), self.parts(p), self.parts(mu))
+        return _stacked([getattr(f, name)(x, q, m) for f, x, q, m in shares])
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """Is it each factor's?"""
@@ -85,42 +55,6 @@ class ProductAlgebra(LieAlgebra):
         for factor, x in zip(self.factors, self.parts(xi)):
             inside = inside and factor.is_exp_chart(x)
         return inside
-
-    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
-        """The equations of the factors, and block diagonal derivatives."""
-        shares = zip(self.factors, self.parts(xi), self.parts(p), self.parts(mu))
-        return _stacked([f.exp_residual(x, q, m) for f, x, q, m in shares])
-
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_cay(xi) of each factor."""
-        return self._each(lambda f, x, m: f.cayley_Ad_star(x, m), self.parts(xi), self.parts(mu))
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """dcay of each factor."""
-        return self._each(lambda f, x, y: f.dcayley(x, y, side), self.parts(xi), self.parts(eta))
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """dcay* of each factor."""
-        return self._each(
-            lambda f, x, m: f.dcayley_dual(x, m, side), self.parts(xi), self.parts(mu)
-        )
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """dcay^-1 of each factor."""
-        return self._each(
-            lambda f, x, y: f.dcayley_inv(x, y, side), self.parts(xi), self.parts(eta)
-        )
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """(dcay^-1)* of each factor."""
-        return self._each(
-            lambda f, x, m: f.dcayley_inv_dual(x, m, side), self.parts(xi), self.parts(mu)
-        )
-
-    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
-        """The equations of the factors, and block diagonal derivatives."""
-        shares = zip(self.factors, self.parts(xi), self.parts(p), self.parts(mu))
-        return _stacked([f.cayley_residual(x, q, m) for f, x, q, m in shares])
 
 
 @record
@@ -294,7 +228,7 @@ class ProductGroup(LieGroup):
         return worst
 
     def objection(self, g: np.ndarray) -> str | None:
-        """What a factor has to object."""
+        """The objection of the first factor that has one."""
         for number, (factor, a) in enumerate(
             zip(self.factors, self._elements(small(g)), strict=True), 1
         ):

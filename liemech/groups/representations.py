@@ -229,20 +229,20 @@ class AdjointAction(Representation):
         return -self.group.ad_star(x, p)
 
     def phi1(self, xi: Vec, x: Vec) -> Vec:
-        """dexp_xi x.  xi, x : (dim,)."""
-        return self.group.dexp(xi, x)
+        """dexp_xi x, right-trivialised.  xi, x : (dim,)."""
+        return self.group.dexp(xi, x, side="right")
 
     def phi1_dual(self, xi: Vec, p: Vec) -> Vec:
-        """dexp_xi* p.  xi, p : (dim,)."""
-        return self.group.algebra.dexp_dual(xi, p)
+        """dexp_xi* p, right-trivialised.  xi, p : (dim,)."""
+        return self.group.algebra.dexp_dual(-xi, p)
 
     def phi1_inv(self, xi: Vec, x: Vec) -> Vec:
-        """dexp_xi^-1 x.  xi, x : (dim,)."""
-        return self.group.dexp_inv(xi, x)
+        """dexp_xi^-1 x, right-trivialised.  xi, x : (dim,)."""
+        return self.group.dexp_inv(xi, x, side="right")
 
     def phi1_inv_dual(self, xi: Vec, p: Vec) -> Vec:
-        """(dexp_xi^-1)* p.  xi, p : (dim,)."""
-        return self.group.algebra.dexp_inv_dual(xi, p)
+        """(dexp_xi^-1)* p, right-trivialised.  xi, p : (dim,)."""
+        return self.group.algebra.dexp_inv_dual(-xi, p)
 
     def invariants(self, mu: Vec, p: Vec) -> Vec:
         """C(p) and dC(p) . mu for the Casimir functions C of the group: C(p + e mu) with e^2 = 0.

@@ -1,7 +1,7 @@
 """The group SE(2) of rigid motions of the plane.
 
 Its bracket obeys ad^3 = -w^2 ad, as that of rotations does, so that functions of ad have the same
-coefficients here and there: dexp = 1 + b ad + c ad^2, and so on, with th = |w|.
+coefficients here and there: dexp = 1 - b ad + c ad^2, and so on, with th = |w|.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InvalidInput, OutsideChart
 from ..formulas import Ambient, Element, Mat, Vec, atan2, mat, outer, record, vec
-from ..formulas.broadcasting import MEMBERSHIP
+from ..formulas.batches import MEMBERSHIP
 from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup
@@ -66,32 +66,32 @@ class SE2Algebra(LieAlgebra):
         a, b = exp_coefficients(xi[0] * xi[0], vec(xi[0]))
         return _series_dual(xi, mu, a, b)
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta + b [xi, eta] + c [xi, [xi, eta]], b = (1 - cos w)/w^2, c = (w - sin w)/w^3."""
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
+        """eta - b [xi, eta] + c [xi, [xi, eta]], b = (1 - cos w)/w^2, c = (w - sin w)/w^3."""
         b, c, _, _ = dexp_coefficients(xi[0] * xi[0])
-        return _series(xi, eta, _signed(b, side), c)
+        return _series(xi, eta, -b, c)
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu + b ad*_xi mu + c ad*_xi^2 mu."""
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """mu - b ad*_xi mu + c ad*_xi^2 mu."""
         b, c, _, _ = dexp_coefficients(xi[0] * xi[0])
-        return _series_dual(xi, mu, _signed(b, side), c)
+        return _series_dual(xi, mu, -b, c)
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2 + d [xi, [xi, eta]], d = (1 - (w/2) cot(w/2))/w^2; raises OutsideChart
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """eta + [xi, eta]/2 + d [xi, [xi, eta]], d = (1 - (w/2) cot(w/2))/w^2; raises OutsideChart
         unless |w| < 2 pi.
         """
-        return _series(xi, eta, _signed(-0.5, side), bernoulli(xi[0] * xi[0]))
+        return _series(xi, eta, 0.5, bernoulli(xi[0] * xi[0]))
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2 + d ad*_xi^2 mu; raises OutsideChart unless |w| < 2 pi."""
-        return _series_dual(xi, mu, _signed(-0.5, side), bernoulli(xi[0] * xi[0]))
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """mu + ad*_xi mu/2 + d ad*_xi^2 mu; raises OutsideChart unless |w| < 2 pi."""
+        return _series_dual(xi, mu, 0.5, bernoulli(xi[0] * xi[0]))
 
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """Since ad^3 = -w^2 ad, the series is 1 - ad/2 + (1/12 + w^2/720 + ...) ad^2."""
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
+        """Since ad^3 = -w^2 ad, the series is 1 + ad/2 + (1/12 + w^2/720 + ...) ad^2."""
         x, total = xi[0] * xi[0], 0.0
         for k in range(terms - terms % 2, 1, -2):
             total = BERNOULLI[k] - x * total
-        return _series(xi, eta, _signed(-0.5 if terms else 0.0, side), total)
+        return _series(xi, eta, 0.5 if terms else 0.0, total)
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """|w| < 2 pi: less than a whole turn."""
@@ -126,24 +126,22 @@ class SE2Algebra(LieAlgebra):
         f = _cayley_factor(xi)
         return _series_dual(xi, mu, f, 0.5 * f)
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """f (eta + [xi, eta]/2)."""
-        return _cayley_factor(xi) * (eta + _signed(0.5, side) * self.bracket(xi, eta))
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
+        """f (eta - [xi, eta]/2)."""
+        return _cayley_factor(xi) * (eta - 0.5 * self.bracket(xi, eta))
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """f (mu + ad*_xi mu/2)."""
-        return _cayley_factor(xi) * (mu + _signed(0.5, side) * self.ad_star(xi, mu))
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """f (mu - ad*_xi mu/2)."""
+        return _cayley_factor(xi) * (mu - 0.5 * self.ad_star(xi, mu))
 
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - [xi, eta]/2 + w a (w, v)/4."""
-        return eta + (_signed(-0.5, side) * self.bracket(xi, eta) + (0.25 * xi[0] * eta[0]) * xi)
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """eta + [xi, eta]/2 + w a (w, v)/4."""
+        return eta + (0.5 * self.bracket(xi, eta) + (0.25 * xi[0] * eta[0]) * xi)
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - ad*_xi mu/2 + (w <mu, xi>/4, 0)."""
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """mu + ad*_xi mu/2 + (w <mu, xi>/4, 0)."""
         pairing = mu[0] * xi[0] + (mu[1] * xi[1] + mu[2] * xi[2])
-        return mu + (
-            _signed(-0.5, side) * self.ad_star(xi, mu) + vec(0.25 * xi[0] * pairing, 0.0, 0.0)
-        )
+        return mu + (0.5 * self.ad_star(xi, mu) + vec(0.25 * xi[0] * pairing, 0.0, 0.0))
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = 4 (p - mu) + w^2 p - 2 ad*_xi mu,  dr/dp = 4 + w^2,  dr/dxi = 2 w p e_1^T - 2 B(mu)."""
@@ -259,7 +257,7 @@ class SE2(LieGroup):
     # ---------------------------------------------------------------- exponential
 
     def exp(self, xi: Vec) -> Element:
-        """(R(w), dexp_w v), the displacement (sin w/w) v + ((1 - cos w)/w) J v."""
+        """(R(w), V v), the displacement (sin w/w) v + ((1 - cos w)/w) J v."""
         c, s, x, y = _exp_less_one(xi)
         return _motion(1.0 + c, s, x, y)
 
@@ -299,11 +297,6 @@ class SE2(LieGroup):
 
 
 # ------------------------------------------------------------------ series
-
-
-def _signed(first: float, side: str) -> float:
-    """The coefficient of ad: the left differential at xi is the right one at -xi."""
-    return first if side == "right" else -first
 
 
 def _series(xi: Vec, eta: Vec, k1: float, k2: float) -> Vec:

@@ -7,15 +7,14 @@ rigid motions, which share their angular part.  On momenta the angular parts of 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, record, vec
-from ..formulas.broadcasting import MEMBERSHIP
-from .lie_algebra import LieAlgebra
+from ..formulas.batches import MEMBERSHIP
+from .algebra_of_parts import AlgebraOfParts
 from .lie_group import LieGroup
 from .se3 import SE3Algebra, halves, join
 from .so3 import SO3, SO3Algebra, rotation_defect
@@ -24,7 +23,7 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 @record
-class SE23Algebra(LieAlgebra):
+class SE23Algebra(AlgebraOfParts):
     """se_2(3): (w, a, u), [(w, a, u), (w', a', u')] = (w x w', w x a' - w' x a, w x u' - w' x u).
 
     Source: Barrau and Bonnabel, IEEE Transactions on Automatic Control 62 (2017), 1797.
@@ -34,14 +33,6 @@ class SE23Algebra(LieAlgebra):
     def dim(self) -> int:
         """Nine."""
         return 9
-
-    def bracket(self, xi: Vec, eta: Vec) -> Vec:
-        """(w x w', w x a' - w' x a, w x u' - w' x u)."""
-        return _vector(SE3Algebra().bracket, xi, eta)
-
-    def ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """(m x w + k x a + p x u, k x w, p x w)."""
-        return _covector(SE3Algebra().ad_star, xi, mu)
 
     def hat(self, xi: Vec) -> Mat:
         """The matrix [[hat w, a, u], [0, 0, 0], [0, 0, 0]]."""
@@ -53,71 +44,37 @@ class SE23Algebra(LieAlgebra):
         W, a, u, _ = parts(matrix)
         return vec(*SO3Algebra().vee(W), *a, *u)
 
-    # the exponential
+    def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+        """The map of both rigid motions, whose angular parts are the same.  xi, eta : (dim,)."""
+        (w, a, u), (w2, a2, u2), formula = thirds(xi), thirds(eta), getattr(SE3Algebra(), name)
+        first = formula(join(w, a), join(w2, a2), *more)
+        _, second = halves(formula(join(w, u), join(w2, u2), *more))
+        return vec(*first, *second)
 
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_exp(xi) of both rigid motions."""
-        return _covector(SE3Algebra().exp_Ad_star, xi, mu)
+    def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+        """The map of both rigid motions, whose angular parts are added.  xi, mu : (dim,)."""
+        (w, a, u), (m, k, p), formula = thirds(xi), thirds(mu), getattr(SE3Algebra(), name)
+        turned, first = halves(formula(join(w, a), join(m, k)))
+        more, second = halves(formula(join(w, u), join(vec(*ZERO), p)))
+        return vec(*(turned + more), *first, *second)
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The differential of exp of both rigid motions."""
-        return _vector(lambda x, y: SE3Algebra().dexp(x, y, side), xi, eta)
-
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual differential of exp of both rigid motions."""
-        return _covector(lambda x, m: SE3Algebra().dexp_dual(x, m, side), xi, mu)
-
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The inverse differential of exp of both rigid motions.  Raises OutsideChart unless
-        |w| < 2 pi.
+    def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """The equations of both rigid motions, whose angular parts are added; dr/dxi is
+        [[B_1 + B_2, A_1, A_2], [A_1, 0, 0], [A_2, 0, 0]].  xi, p, mu : (dim,).
         """
-        return _vector(lambda x, y: SE3Algebra().dexp_inv(x, y, side), xi, eta)
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse differential of exp of both rigid motions.  Raises OutsideChart
-        unless |w| < 2 pi.
-        """
-        return _covector(lambda x, m: SE3Algebra().dexp_inv_dual(x, m, side), xi, mu)
-
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """The series of the inverse differential of exp of both rigid motions."""
-        return _vector(lambda x, y: SE3Algebra().dexp_inv_series(x, y, terms, side), xi, eta)
+        (w, a, u), (l, q1, q2), (m, k1, k2) = thirds(xi), thirds(p), thirds(mu)
+        zero, formula = vec(*ZERO), getattr(SE3Algebra(), name)
+        r1, by_p, A = formula(join(w, a), join(l, q1), join(m, k1))
+        r2, _, B = formula(join(w, u), join(zero, q2), join(zero, k2))
+        (angular, first), (more, second) = halves(r1), halves(r2)
+        top = [vec(*(A[i] + B[i])[:3], *A[i][3:], *B[i][3:]) for i in range(3)]
+        left = [vec(*A[i + 3], *ZERO) for i in range(3)]
+        right = [vec(*B[i + 3][:3], *ZERO, *ZERO) for i in range(3)]
+        return vec(*(angular + more), *first, *second), by_p, mat(*top, *left, *right)
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """|w| < 2 pi: less than a whole turn."""
         return SO3Algebra().is_exp_chart(thirds(xi)[0])
-
-    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """The residual of exp of both rigid motions; dr/dxi is [[B_1 + B_2, A_1, A_2], [A_1, 0, 0],
-        [A_2, 0, 0]].
-        """
-        return _residual(SE3Algebra().exp_residual, xi, p, mu)
-
-    # the Cayley map of 5 by 5 matrices
-
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """Ad*_cay(xi) of both rigid motions."""
-        return _covector(SE3Algebra().cayley_Ad_star, xi, mu)
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The differential of the Cayley map of both rigid motions."""
-        return _vector(lambda x, y: SE3Algebra().dcayley(x, y, side), xi, eta)
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual differential of the Cayley map of both rigid motions."""
-        return _covector(lambda x, m: SE3Algebra().dcayley_dual(x, m, side), xi, mu)
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """The inverse differential of the Cayley map of both rigid motions."""
-        return _vector(lambda x, y: SE3Algebra().dcayley_inv(x, y, side), xi, eta)
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The dual of the inverse differential of the Cayley map of both rigid motions."""
-        return _covector(lambda x, m: SE3Algebra().dcayley_inv_dual(x, m, side), xi, mu)
-
-    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """The residual of the Cayley map of both rigid motions."""
-        return _residual(SE3Algebra().cayley_residual, xi, p, mu)
 
 
 @record
@@ -125,7 +82,7 @@ class SE23(LieGroup):
     """Extended poses: g = [[R, v, p], [0, 1, 0], [0, 0, 1]] with a rotation, a velocity and a
     position.
 
-    Velocities are (w, a, u), momenta (m, k, p), the angular part first.  With V = dexp_w on SO(3):
+    Velocities are (w, a, u), momenta (m, k, p), the angular part first.  With V the right-trivialised dexp_w of SO(3):
 
         exp(w, a, u) = (exp w, V a, V u),    Ad_g (w, a, u) = (R w, R a + v x R w, R u + p x R w).
 
@@ -201,21 +158,22 @@ class SE23(LieGroup):
     def exp(self, xi: Vec) -> Element:
         """(exp w, V a, V u)."""
         w, a, u = thirds(xi)
-        V = SO3Algebra().dexp
-        return extended(SO3().exp(w), V(w, a), V(w, u), 0.0)
+        V = SO3().dexp
+        return extended(SO3().exp(w), V(w, a, "right"), V(w, u, "right"), 0.0)
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """(R exp w, v + R V a, p + R V u): rounded by what the step adds, not by what is there."""
         (R, v, p, _), (w, a, u) = parts(g), thirds(xi)
-        V = SO3Algebra().dexp
-        return extended(SO3().compose_exp(R, w), v + R @ V(w, a), p + R @ V(w, u), 0.0)
+        V = SO3().dexp
+        moved, displaced = R @ V(w, a, "right"), R @ V(w, u, "right")
+        return extended(SO3().compose_exp(R, w), v + moved, p + displaced, 0.0)
 
     def log(self, g: Element) -> Vec:
         """(w, V^-1 v, V^-1 p) with the rotation vector w of R, of length at most pi."""
         R, v, p, _ = parts(g)
         w = SO3().log(R)
-        V_inv = SO3Algebra().dexp_inv
-        return vec(*w, *V_inv(w, v), *V_inv(w, p))
+        V_inv = SO3().dexp_inv
+        return vec(*w, *V_inv(w, v, "right"), *V_inv(w, p, "right"))
 
     # ---------------------------------------------------------------- Cayley map
 
@@ -246,37 +204,6 @@ def thirds(xi: Vec) -> tuple[Vec, Vec, Vec]:
     return vec(xi[0], xi[1], xi[2]), vec(xi[3], xi[4], xi[5]), vec(xi[6], xi[7], xi[8])
 
 
-def _vector(formula: Callable[[Vec, Vec], Vec], xi: Vec, eta: Vec) -> Vec:
-    """A map of velocities: the angular parts of both rigid motions are the same."""
-    (w, a, u), (w2, a2, u2) = thirds(xi), thirds(eta)
-    first, (_, second) = (
-        formula(join(w, a), join(w2, a2)),
-        halves(formula(join(w, u), join(w2, u2))),
-    )
-    return vec(*first, *second)
-
-
-def _covector(formula: Callable[[Vec, Vec], Vec], xi: Vec, mu: Vec) -> Vec:
-    """A map of momenta: the angular parts are added."""
-    (w, a, u), (m, k, p) = thirds(xi), thirds(mu)
-    turned, first = halves(formula(join(w, a), join(m, k)))
-    more, second = halves(formula(join(w, u), join(vec(*ZERO), p)))
-    return vec(*(turned + more), *first, *second)
-
-
-def _residual(formula: Callable[..., Any], xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-    """An equation of momenta and its derivatives: the angular parts are added."""
-    (w, a, u), (l, q1, q2), (m, k1, k2) = thirds(xi), thirds(p), thirds(mu)
-    zero = vec(*ZERO)
-    r1, by_p, A = formula(join(w, a), join(l, q1), join(m, k1))
-    r2, _, B = formula(join(w, u), join(zero, q2), join(zero, k2))
-    (angular, first), (more, second) = halves(r1), halves(r2)
-    top = [vec(*(A[i] + B[i])[:3], *A[i][3:], *B[i][3:]) for i in range(3)]
-    left = [vec(*A[i + 3], *ZERO) for i in range(3)]
-    right = [vec(*B[i + 3][:3], *ZERO, *ZERO) for i in range(3)]
-    return vec(*(angular + more), *first, *second), by_p, mat(*top, *left, *right)
-
-
 # ------------------------------------------------------------------ 5 by 5 matrices
 
 
@@ -304,7 +231,7 @@ def half_inverse(w: Vec, v: Vec) -> Vec:
 
 
 def defect(g: Any) -> float:
-    """That of the rotation, and what the last rows are away from 0 0 0 1 t and 0 0 0 0 1."""
+    """The defect of the rotation, and the distance of the last rows from 0 0 0 1 t and 0 0 0 0 1."""
     (a, b, c, _, _), (d, e, f, _, _), (p, q, r, _, _), (x, y, z, one, _), (x2, y2, z2, z3, one2) = g
     rows = max(abs(x), abs(y), abs(z), abs(one - 1.0), abs(x2), abs(y2), abs(z2), abs(z3))
     return max(rotation_defect(a, b, c, d, e, f, p, q, r), rows, abs(one2 - 1.0))

@@ -5,7 +5,7 @@ numbers, and SE(3) is the rotation group over dual numbers: every formula of SO(
 
     |w + eps v|^2 = |w|^2 + eps 2 w.v,      f(|w|^2 + eps 2 w.v) = f + eps 2 (w.v) f',
 
-the bracket is the vector product, and the displacement of tau(w + eps v) is dtau_w v.  The pairing
+the bracket is the vector product, and the displacement of tau(w + eps v) is dtau_w v, right-trivialised.  The pairing
 of a momentum (Pi, P) with a screw, Pi.w + P.v, is the eps part of the scalar product with P + eps
 Pi.  Hence momenta are dual vectors too, and the dual of a map made of ad is the same map with -ad:
 no transpose is taken in this file.
@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
-from ..formulas.broadcasting import MEMBERSHIP
+from ..formulas.batches import MEMBERSHIP
 from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup
@@ -96,28 +96,28 @@ class SE3Algebra(LieAlgebra):
         a, b, _, a_slope, b_slope, _ = all_coefficients(x, halves(xi)[0])
         return _series_dual(xi, mu, (a, b), (slope * a_slope, slope * b_slope))
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """1 + b ad + c ad^2 over dual numbers, b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
-        return _series(xi, eta, *_dexp(xi, side))
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
+        """1 - b ad + c ad^2 over dual numbers, b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
+        return _series(xi, eta, *_dexp(xi))
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """1 - b ad + c ad^2 on P + eps Pi."""
-        return _series_dual(xi, mu, *_dexp(xi, side))
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """1 + b ad + c ad^2 on P + eps Pi."""
+        return _series_dual(xi, mu, *_dexp(xi))
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """1 - ad/2 + d ad^2 over dual numbers, d = (1 - (th/2) cot(th/2))/th^2.
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """1 + ad/2 + d ad^2 over dual numbers, d = (1 - (th/2) cot(th/2))/th^2.
 
         Raises OutsideChart unless |w| < 2 pi.
         """
-        return _series(xi, eta, *_dexp_inv(xi, side))
+        return _series(xi, eta, *_dexp_inv(xi))
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """1 + ad/2 + d ad^2 on P + eps Pi.  Raises OutsideChart unless |w| < 2 pi."""
-        return _series_dual(xi, mu, *_dexp_inv(xi, side))
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """1 - ad/2 + d ad^2 on P + eps Pi.  Raises OutsideChart unless |w| < 2 pi."""
+        return _series_dual(xi, mu, *_dexp_inv(xi))
 
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
         """Since ad^3 = -|xi|^2 ad over dual numbers, the series is
-        1 - ad/2 + (1/12 + |xi|^2/720 + ...) ad^2.
+        1 + ad/2 + (1/12 + |xi|^2/720 + ...) ad^2.
         """
         x, slope = _square(xi)
         total, total_slope = 0.0, 0.0
@@ -125,7 +125,7 @@ class SE3Algebra(LieAlgebra):
         for k in range(terms - terms % 2, 1, -2):
             total_slope = -(total + x * total_slope)
             total = BERNOULLI[k] - x * total
-        first = 0.0 if terms == 0 else -0.5 if side == "right" else 0.5
+        first = 0.5 if terms else 0.0
         return _series(xi, eta, (first, total), None if terms < 4 else (0.0, slope * total_slope))
 
     def is_exp_chart(self, xi: Vec) -> bool:
@@ -168,28 +168,28 @@ class SE3Algebra(LieAlgebra):
         moved = Pi - cross(_half_inverse(w, v), P)
         return join(SO3Algebra().cayley_Ad_star(w, moved), SO3Algebra().cayley_Ad_star(w, P))
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(a', v x a'/2 + (1 - W/2)^-1 u) with a' = dcay_w a."""
-        (w, v), (a, u) = _sided(xi, side), halves(eta)
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
+        """(a', (1 + W/2)^-1 u - v x a'/2) with a' = dcay_w a."""
+        (w, v), (a, u) = halves(xi), halves(eta)
         turned = SO3Algebra().dcayley(w, a)
-        return join(turned, 0.5 * cross(v, turned) + _half_inverse(w, u))
+        return join(turned, _half_inverse(-w, u) - 0.5 * cross(v, turned))
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dcay_w)* (Pi - v x P/2), (1 + W/2)^-1 P)."""
-        (w, v), (Pi, P) = _sided(xi, side), halves(mu)
-        return join(SO3Algebra().dcayley_dual(w, Pi - 0.5 * cross(v, P)), _half_inverse(-w, P))
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """((dcay_w)* (Pi + v x P/2), (1 - W/2)^-1 P)."""
+        (w, v), (Pi, P) = halves(xi), halves(mu)
+        return join(SO3Algebra().dcayley_dual(w, Pi + 0.5 * cross(v, P)), _half_inverse(w, P))
 
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(dcay_w^-1 a, (1 - W/2)(u - v x a/2))."""
-        (w, v), (a, u) = _sided(xi, side), halves(eta)
-        rest = u - 0.5 * cross(v, a)
-        return join(SO3Algebra().dcayley_inv(w, a), rest - 0.5 * cross(w, rest))
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """(dcay_w^-1 a, (1 + W/2)(u + v x a/2))."""
+        (w, v), (a, u) = halves(xi), halves(eta)
+        rest = u + 0.5 * cross(v, a)
+        return join(SO3Algebra().dcayley_inv(w, a), rest + 0.5 * cross(w, rest))
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dcay_w^-1)* Pi + v x P'/2, P') with P' = (1 + W/2) P."""
-        (w, v), (Pi, P) = _sided(xi, side), halves(mu)
-        turned = P + 0.5 * cross(w, P)
-        return join(SO3Algebra().dcayley_inv_dual(w, Pi) + 0.5 * cross(v, turned), turned)
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """((dcay_w^-1)* Pi - v x P'/2, P') with P' = (1 - W/2) P."""
+        (w, v), (Pi, P) = halves(xi), halves(mu)
+        turned = P - 0.5 * cross(w, P)
+        return join(SO3Algebra().dcayley_inv_dual(w, Pi) - 0.5 * cross(v, turned), turned)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """4 + |w|^2 times p - (dcay_xi)* mu, a polynomial; with N = Pi - v x P/2 and p = (l, m)
@@ -213,8 +213,8 @@ class SE3(LieGroup):
     """Rigid motions: g = [[R, p], [0, 1]] takes body coordinates to space coordinates, x_space = R
     x_body + p.
 
-    Velocities are (w, v), momenta (Pi, P), the angular part first.  With W = hat(w), V = dexp_w on
-    SO(3):
+    Velocities are (w, v), momenta (Pi, P), the angular part first.  With W = hat(w) and V the
+    right-trivialised dexp_w of SO(3):
 
         exp(w, v) = (exp w, V v),   Ad_g (a, u) = (R a, R u + p x R a),   Ad*_g (Pi, P) = (R^T (Pi - p x P), R^T P).
 
@@ -315,22 +315,20 @@ class SE3(LieGroup):
     # ---------------------------------------------------------------- exponential
 
     def exp(self, xi: Vec) -> Element:
-        """The screw motion (exp w, v + b w x v + c w x (w x v)): the displacement is dexp_w v."""
+        """The screw motion (exp w, v + b w x v + c w x (w x v)): the displacement is V v."""
         rotation, p = _screw(xi)
         return _matrix(plus(rotation, 1.0), p)
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
-        """(R + R (exp(w) - 1), p + R dexp_w v): rounded by what the step adds, not by what is
-        there.
-        """
+        """(R + R (exp(w) - 1), p + R V v): rounded by what the step adds, not by what is there."""
         (R, p), (rotation, q) = _parts(g), _screw(xi)
         return _matrix(R + R @ rotation, p + R @ q)
 
     def log(self, g: Element) -> Vec:
-        """(w, dexp_w^-1 p) with the rotation vector w of R, of length at most pi."""
+        """(w, V^-1 p) with the rotation vector w of R, of length at most pi."""
         R, p = _parts(g)
         w = SO3().log(R)
-        return join(w, SO3Algebra().dexp_inv(w, p))
+        return join(w, SO3().dexp_inv(w, p, side="right"))
 
     # ---------------------------------------------------------------- Cayley map of 4 by 4 matrices
 
@@ -367,27 +365,27 @@ class SE3ByAdjointAlgebra(SE3Algebra):
         f, df = _cayley_factor(xi)
         return _series_dual(xi, mu, (f, 0.5 * f), (df, 0.5 * df))
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """f (1 + ad/2) over dual numbers."""
-        (w, v), (a, u) = _sided(xi, side), halves(eta)
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
+        """f (1 - ad/2) over dual numbers."""
+        (w, v), (a, u) = halves(xi), halves(eta)
         f, df = _cayley_factor(xi)
-        first, second = a + 0.5 * cross(w, a), u + 0.5 * (cross(w, u) + cross(v, a))
+        first, second = a - 0.5 * cross(w, a), u - 0.5 * (cross(w, u) + cross(v, a))
         return join(f * first, f * second + df * first)
 
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """1 - ad/2 + xi (xi . )/4 over dual numbers."""
-        (w, v), (a, u) = _sided(xi, side), halves(eta)
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """1 + ad/2 + xi (xi . )/4 over dual numbers."""
+        (w, v), (a, u) = halves(xi), halves(eta)
         s, ds = 0.25 * dot(w, a), 0.25 * (dot(w, u) + dot(v, a))
         first, second = cross(w, a), cross(w, u) + cross(v, a)
-        return join(a + (s * w - 0.5 * first), u + ((s * v + ds * w) - 0.5 * second))
+        return join(a + (s * w + 0.5 * first), u + ((s * v + ds * w) + 0.5 * second))
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The other side's differential, of P + eps Pi."""
-        return _exchanged(self.dcayley(xi, _exchanged(mu), _other(side)))
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """The differential at -xi, of P + eps Pi."""
+        return _exchanged(self.dcayley(-xi, _exchanged(mu)))
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """The other side's inverse differential, of P + eps Pi."""
-        return _exchanged(self.dcayley_inv(xi, _exchanged(mu), _other(side)))
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """The inverse differential at -xi, of P + eps Pi."""
+        return _exchanged(self.dcayley_inv(-xi, _exchanged(mu)))
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """4 + |w|^2 times p - (dcay_xi)* mu, that is, over dual numbers, with k = 1/(1 + eps 2
@@ -424,20 +422,20 @@ class SE3ByAdjoint(SE3):
         return SE3ByAdjointAlgebra()
 
     def cayley(self, xi: Vec) -> Element:
-        """(cay w, dcay_w v)."""
+        """(cay w, dcay_w v), right-trivialised."""
         w, v = halves(xi)
-        return _matrix(SO3().cayley(w), SO3Algebra().dcayley(w, v))
+        return _matrix(SO3().cayley(w), SO3Algebra().dcayley(-w, v))
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
-        """(R + R (cay(w) - 1), p + R dcay_w v)."""
+        """(R + R (cay(w) - 1), p + R dcay_w v), right-trivialised."""
         (R, p), (w, v) = _parts(g), halves(xi)
-        return _matrix(SO3().compose_cayley(R, w), p + R @ SO3Algebra().dcayley(w, v))
+        return _matrix(SO3().compose_cayley(R, w), p + R @ SO3Algebra().dcayley(-w, v))
 
     def cayley_inv(self, g: Element) -> Vec:
-        """(w, dcay_w^-1 p) with w = cay^-1 R.  Raises OutsideChart at half a turn."""
+        """(w, dcay_w^-1 p), right-trivialised, with w = cay^-1 R.  Raises OutsideChart at half a turn."""
         R, p = _parts(g)
         w = SO3().cayley_inv(R)
-        return join(w, SO3Algebra().dcayley_inv(w, p))
+        return join(w, SO3Algebra().dcayley_inv(-w, p))
 
 
 # ------------------------------------------------------------------ screws
@@ -456,15 +454,6 @@ def join(w: Vec, v: Vec) -> Vec:
 def _exchanged(mu: Vec) -> Vec:
     """The momentum (Pi, P) as the dual vector P + eps Pi, and back."""
     return vec(mu[3], mu[4], mu[5], mu[0], mu[1], mu[2])
-
-
-def _other(side: str) -> str:
-    return "left" if side == "right" else "right"
-
-
-def _sided(xi: Vec, side: str) -> tuple[Vec, Vec]:
-    """The parts of xi, or of -xi: the left differential at xi is the right one at -xi."""
-    return halves(xi if side == "right" else -xi)
 
 
 def _square(xi: Vec) -> tuple[float, float]:
@@ -502,19 +491,18 @@ def _dual_series(k: Pair, dk: Pair | None, w: Vec, v: Vec, a: Vec, u: Vec) -> tu
     return first, second + (dk[0] * y + dk[1] * z)
 
 
-def _dexp(xi: Vec, side: str) -> tuple[Pair, Pair]:
+def _dexp(xi: Vec) -> tuple[Pair, Pair]:
     """The coefficients of dexp."""
     x, slope = _square(xi)
     _, b, c, _, b_slope, c_slope = all_coefficients(x)
-    sign = 1.0 if side == "right" else -1.0
-    return (sign * b, c), ((sign * slope) * b_slope, slope * c_slope)
+    return (-b, c), (-slope * b_slope, slope * c_slope)
 
 
-def _dexp_inv(xi: Vec, side: str) -> tuple[Pair, Pair]:
+def _dexp_inv(xi: Vec) -> tuple[Pair, Pair]:
     """The coefficients of its inverse."""
     x, slope = _square(xi)
     d, d_slope = bernoulli_coefficients(x)
-    return (-0.5 if side == "right" else 0.5, d), (0.0, slope * d_slope)
+    return (0.5, d), (0.0, slope * d_slope)
 
 
 def _cayley_factor(xi: Vec) -> Pair:
@@ -530,7 +518,7 @@ def _half_inverse(w: Vec, v: Vec) -> Vec:
 
 
 def _screw(xi: Vec) -> tuple[Mat, Vec]:
-    """What the exponential adds: exp(w) - 1 and dexp_w v."""
+    """The increment of the exponential: exp(w) - 1 and V v."""
     w, v = halves(xi)
     a, b, c, _, _, _ = all_coefficients(dot(w, w), w)
     y = cross(w, v)

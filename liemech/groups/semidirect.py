@@ -77,36 +77,32 @@ class SemidirectAlgebra(LieAlgebra):
         moved = m - self.action.momentum(self.action.phi1(x, u), p)
         return vec(*self.acting.exp_Ad_star(x, moved), *self.action.exp_act_dual(x, p))
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """sum_k ad_xi^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(xi/2))
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
+        """sum_k (-ad_xi)^k eta/(k + 1)!; for large xi from its half, dexp_xi = (1 + Ad_exp(-xi/2))
         dexp_(xi/2)/2.
         """
-        x = xi if side == "right" else -xi
-        return averaged(self.ad, self._exp_Ad, self._size2(x), x, eta)
+        return averaged(self.ad, self._exp_Ad, self._size2(xi), -xi, eta)
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """sum_k ad*_xi^k mu/(k + 1)!; for large xi from its half."""
-        x = xi if side == "right" else -xi
-        return averaged(self.ad_star, self.exp_Ad_star, self._size2(x), x, mu)
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """sum_k (-ad*_xi)^k mu/(k + 1)!; for large xi from its half."""
+        return averaged(self.ad_star, self.exp_Ad_star, self._size2(xi), -xi, mu)
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(y, phi1^-1 (v - c)) with y = dexp_xi^-1 eta in the group, and c the vector of
-        dexp_(xi, u) (y, 0).
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """(y, phi1^-1 (v - c)) with y = dexp_xi^-1 eta in the group, c the vector of
+        dexp_(xi, u) (y, 0), and phi1 at -xi.
         """
-        x = xi if side == "right" else -xi
-        (w, _), (a, v) = self.parts(x), self.parts(eta)
+        (w, _), (a, v) = self.parts(xi), self.parts(eta)
         y = self.acting.dexp_inv(w, a)
-        _, c = self.parts(self.dexp(x, vec(*y, *(0.0 * v))))
-        return vec(*y, *self.action.phi1_inv(w, v - c))
+        _, c = self.parts(self.dexp(xi, vec(*y, *(0.0 * v))))
+        return vec(*y, *self.action.phi1_inv(-w, v - c))
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dexp_xi^-1)* (m - c), q) with q = p . phi1^-1, and c the group's part of
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """((dexp_xi^-1)* (m - c), q) with q = p . phi1^-1 at -xi, and c the group's part of
         (dexp_(xi, u))* (0, q).
         """
-        x = xi if side == "right" else -xi
-        (w, _), (m, p) = self.parts(x), self.parts(mu)
-        q = self.action.phi1_inv_dual(w, p)
-        c, _ = self.parts(self.dexp_dual(x, vec(*(0.0 * m), *q)))
+        (w, _), (m, p) = self.parts(xi), self.parts(mu)
+        q = self.action.phi1_inv_dual(-w, p)
+        c, _ = self.parts(self.dexp_dual(xi, vec(*(0.0 * m), *q)))
         return vec(*self.acting.dexp_inv_dual(w, m - c), *q)
 
     def is_exp_chart(self, xi: Vec) -> bool:
@@ -120,7 +116,7 @@ class SemidirectAlgebra(LieAlgebra):
         The derivative stops at 1e-11: Newton's method feels no less.
         """
         by_xi = mean_slope(self.ad_star, xi, mu, self._size2(xi))
-        return p - self.dexp_dual(xi, mu), 1.0, -by_xi
+        return p - self.dexp_dual(-xi, mu), 1.0, -by_xi
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """Ad* of (cay xi, y) with y = (1 - xi/2)^-1 u, where p . cay xi = p + q . xi with q = p .
@@ -131,31 +127,31 @@ class SemidirectAlgebra(LieAlgebra):
         turned = p + self.action.infinitesimal_dual(x, self.action.half_inverse_dual(x, p))
         return vec(*self.acting.cayley_Ad_star(x, moved), *turned)
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(y, (1 - xi/2)^-1 v - y . u/2) with y = dcay_xi eta."""
-        (x, u), (a, v) = self.parts(xi if side == "right" else -xi), self.parts(eta)
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
+        """(y, (1 + xi/2)^-1 v + y . u/2) with y = dcay_xi eta."""
+        (x, u), (a, v) = self.parts(xi), self.parts(eta)
         y = self.acting.dcayley(x, a)
-        return vec(*y, *(self._half_inverse(x, v) - 0.5 * self.action.infinitesimal(y, u)))
+        return vec(*y, *(self._half_inverse(-x, v) + 0.5 * self.action.infinitesimal(y, u)))
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dcay_xi)* (m - J(u, p)/2), p . (1 - xi/2)^-1)."""
-        (x, u), (m, p) = self.parts(xi if side == "right" else -xi), self.parts(mu)
-        shifted = m - 0.5 * self.action.momentum(u, p)
-        return vec(*self.acting.dcayley_dual(x, shifted), *self.action.half_inverse_dual(x, p))
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """((dcay_xi)* (m + J(u, p)/2), p . (1 + xi/2)^-1)."""
+        (x, u), (m, p) = self.parts(xi), self.parts(mu)
+        shifted = m + 0.5 * self.action.momentum(u, p)
+        return vec(*self.acting.dcayley_dual(x, shifted), *self.action.half_inverse_dual(-x, p))
 
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(dcay_xi^-1 eta, (1 - xi/2)(v + eta . u/2))."""
-        (x, u), (a, v) = self.parts(xi if side == "right" else -xi), self.parts(eta)
-        rest = v + 0.5 * self.action.infinitesimal(a, u)
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """(dcay_xi^-1 eta, (1 + xi/2)(v - eta . u/2))."""
+        (x, u), (a, v) = self.parts(xi), self.parts(eta)
+        rest = v - 0.5 * self.action.infinitesimal(a, u)
         return vec(
-            *self.acting.dcayley_inv(x, a), *(rest - 0.5 * self.action.infinitesimal(x, rest))
+            *self.acting.dcayley_inv(x, a), *(rest + 0.5 * self.action.infinitesimal(x, rest))
         )
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """((dcay_xi^-1)* m + J(u, q)/2, q) with q = p . (1 - xi/2)."""
-        (x, u), (m, p) = self.parts(xi if side == "right" else -xi), self.parts(mu)
-        q = p - 0.5 * self.action.infinitesimal_dual(x, p)
-        return vec(*(self.acting.dcayley_inv_dual(x, m) + 0.5 * self.action.momentum(u, q)), *q)
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """((dcay_xi^-1)* m - J(u, q)/2, q) with q = p . (1 + xi/2)."""
+        (x, u), (m, p) = self.parts(xi), self.parts(mu)
+        q = p + 0.5 * self.action.infinitesimal_dual(x, p)
+        return vec(*(self.acting.dcayley_inv_dual(x, m) - 0.5 * self.action.momentum(u, q)), *q)
 
     def _exp_Ad(self, xi: Vec, eta: Vec) -> Vec:
         """Ad_exp(xi) eta."""
@@ -322,7 +318,7 @@ class SemidirectProduct(LieGroup):
         return self._pairs.defect(g)
 
     def objection(self, g: np.ndarray) -> str | None:
-        """What the group has to object to its part."""
+        """The objection of the group to its part."""
         width = self._pairs.places[0][1]
         numbers = g[:width].view(complex) if self.acting.is_complex else g[:width]
         reason = self.acting.objection(numbers.reshape(self.acting.element_shape))

@@ -70,47 +70,43 @@ class SGal3Algebra(LieAlgebra):
         """Ad* of (exp w, V a, V u + s E a, s)."""
         return SGal3().Ad_star(SGal3().exp(xi), mu)
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """(V w', ...): with the motions (w, a) and (w, u) those of SE(3), and in u the terms with s
-        too.
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
+        """With the motions (w, a) and (w, u) those of SE(3), and in u the terms with s too, which
+        are those of E at -w.
         """
-        x = xi if side == "right" else -xi
-        (w, a, u), (w2, a2, u2), s, s2 = thirds(x), thirds(eta), x[9], eta[9]
+        (w, a, u), (w2, a2, u2), s, s2 = thirds(xi), thirds(eta), xi[9], eta[9]
         first = SE3Algebra().dexp(join(w, a), join(w2, a2))
         (turned, boosted), (_, moved) = (
             halves(first),
             halves(SE3Algebra().dexp(join(w, u), join(w2, u2))),
         )
-        by_a = _mean2(w, s2 * a + s * a2)
-        by_w = _mean2_slope(w, a, w2) - cross(turned, _mean2(w, a))
-        return vec(*first, *(moved + (by_a + s * (by_w - boosted))), s2)
+        by_a = _mean2(-w, s2 * a + s * a2)
+        by_w = _mean2_slope(-w, a, w2) - cross(turned, _mean2(-w, a))
+        return vec(*first, *(moved + (s * (by_w + boosted) - by_a)), s2)
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The transpose, term by term."""
-        x = xi if side == "right" else -xi
-        (w, a, u), (m, k, p), s = thirds(x), thirds(mu), x[9]
-        turned, boosted = halves(SE3Algebra().dexp_dual(join(w, a), join(m, k - s * p)))
+        (w, a, u), (m, k, p), s = thirds(xi), thirds(mu), xi[9]
+        turned, boosted = halves(SE3Algebra().dexp_dual(join(w, a), join(m, k + s * p)))
         more, moved = halves(SE3Algebra().dexp_dual(join(w, u), join(vec(0.0, 0.0, 0.0), p)))
-        lever, mean = _mean2(w, a), _mean2(-w, p)
-        swept = _mean2_slope_dual(w, a, p) - SO3Algebra().dexp_dual(w, cross(lever, p))
+        lever, mean = _mean2(-w, a), _mean2(w, p)
+        swept = _mean2_slope_dual(-w, a, p) - SO3Algebra().dexp_dual(w, cross(lever, p))
         return vec(
-            *(turned + more + s * swept), *(boosted + s * mean), *moved, mu[9] + dot(lever, p)
+            *(turned + more + s * swept), *(boosted - s * mean), *moved, mu[9] - dot(lever, p)
         )
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
         """The solution of dexp, part by part.  Raises OutsideChart unless |w| < 2 pi."""
-        x = xi if side == "right" else -xi
-        (w, a, _), (w1, a1, u1), s1 = thirds(x), thirds(eta), eta[9]
+        (w, a, _), (w1, a1, u1), s1 = thirds(xi), thirds(eta), eta[9]
         first = SE3Algebra().dexp_inv(join(w, a), join(w1, a1))
-        _, _, rest = thirds(self.dexp(x, vec(*first, 0.0, 0.0, 0.0, s1)))
+        _, _, rest = thirds(self.dexp(xi, vec(*first, 0.0, 0.0, 0.0, s1)))
         return vec(*first, *SO3Algebra().dexp_inv(w, u1 - rest), s1)
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """The solution of dexp_dual, part by part.  Raises OutsideChart unless |w| < 2 pi."""
-        x = xi if side == "right" else -xi
-        (w, a, _), (m, k, p1) = thirds(x), thirds(mu)
+        (w, a, _), (m, k, p1) = thirds(xi), thirds(mu)
         p = SO3Algebra().dexp_inv_dual(w, p1)
-        done = self.dexp_dual(x, vec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *p, 0.0))
+        done = self.dexp_dual(xi, vec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *p, 0.0))
         swept, dragged, _ = thirds(done)
         first = SE3Algebra().dexp_inv_dual(join(w, a), join(m - swept, k - dragged))
         return vec(*first, *p, mu[9] - done[9])
@@ -118,7 +114,7 @@ class SGal3Algebra(LieAlgebra):
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = p - (dexp_xi)* mu, and dr/dxi from the series."""
         size = self.ad_size(xi)
-        return p - self.dexp_dual(xi, mu), 1.0, -mean_slope(self.ad_star, xi, mu, size * size)
+        return p - self.dexp_dual(-xi, mu), 1.0, -mean_slope(self.ad_star, xi, mu, size * size)
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """|w| < 2 pi: less than a whole turn."""
@@ -212,24 +208,25 @@ class SGal3(LieGroup):
     def exp(self, xi: Vec) -> Element:
         """(exp w, V a, V u + s E a, s)."""
         (w, a, u), s = thirds(xi), xi[9]
-        V = SO3Algebra().dexp
-        return extended(SO3().exp(w), V(w, a), V(w, u) + s * _mean2(w, a), s)
+        V = SO3().dexp
+        moved = V(w, u, "right") + s * _mean2(w, a)
+        return extended(SO3().exp(w), V(w, a, "right"), moved, s)
 
     def compose_exp(self, g: Element, xi: Vec) -> Element:
         """g moved: rounded by what the step adds, not by what is there."""
         (R, v, p, t), (w, a, u), s = parts(g), thirds(xi), xi[9]
-        V = SO3Algebra().dexp
-        moved = R @ (V(w, u) + s * _mean2(w, a)) + s * v
-        return extended(SO3().compose_exp(R, w), v + R @ V(w, a), p + moved, t + s)
+        V = SO3().dexp
+        moved = R @ (V(w, u, "right") + s * _mean2(w, a)) + s * v
+        return extended(SO3().compose_exp(R, w), v + R @ V(w, a, "right"), p + moved, t + s)
 
     def log(self, g: Element) -> Vec:
         """(w, a, V^-1 (p - s E a), s) with a = V^-1 v and the rotation vector w, of length at most
         pi.
         """
         R, v, p, s = parts(g)
-        w, V_inv = SO3().log(R), SO3Algebra().dexp_inv
-        a = V_inv(w, v)
-        return vec(*w, *a, *V_inv(w, p - s * _mean2(w, a)), s)
+        w, V_inv = SO3().log(R), SO3().dexp_inv
+        a = V_inv(w, v, "right")
+        return vec(*w, *a, *V_inv(w, p - s * _mean2(w, a), "right"), s)
 
     # ---------------------------------------------------------------- Cayley map
 

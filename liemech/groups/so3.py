@@ -9,7 +9,8 @@ import numpy as np
 
 from ..errors import InvalidInput, OutsideChart
 from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
-from ..formulas.broadcasting import MEMBERSHIP, small
+from ..formulas.batches import MEMBERSHIP
+from ..formulas.vectors import small
 from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
 from .lie_group import LieGroup
@@ -83,40 +84,37 @@ class SO3Algebra(LieAlgebra):
         w = cross(xi, mu)
         return mu + (b * cross(xi, w) - a * w)
 
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta + b xi x eta + c xi x (xi x eta), b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
-        u = xi if side == "right" else -xi
-        b, c, _, _ = dexp_coefficients(dot(u, u))
-        w = cross(u, eta)
-        return eta + (b * w + c * cross(u, w))
+    def dexp(self, xi: Vec, eta: Vec) -> Vec:
+        """eta - b xi x eta + c xi x (xi x eta), b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
+        b, c, _, _ = dexp_coefficients(dot(xi, xi))
+        w = cross(xi, eta)
+        return eta + (c * cross(xi, w) - b * w)
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu - b xi x mu + c xi x (xi x mu): the other side's differential."""
-        return self.dexp(xi, mu, "left" if side == "right" else "right")
+    def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """mu + b xi x mu + c xi x (xi x mu): the differential at -xi."""
+        return self.dexp(-xi, mu)
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - xi x eta/2 + d xi x (xi x eta), d = (1 - (th/2) cot(th/2))/th^2; raises
+    def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """eta + xi x eta/2 + d xi x (xi x eta), d = (1 - (th/2) cot(th/2))/th^2; raises
         OutsideChart unless |xi| < 2 pi.
         """
-        u = xi if side == "right" else -xi
-        w = cross(u, eta)
-        return eta + (bernoulli(dot(u, u)) * cross(u, w) - 0.5 * w)
+        w = cross(xi, eta)
+        return eta + (bernoulli(dot(xi, xi)) * cross(xi, w) + 0.5 * w)
 
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu + xi x mu/2 + d xi x (xi x mu): the other side's inverse differential."""
-        return self.dexp_inv(xi, mu, "left" if side == "right" else "right")
+    def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """mu - xi x mu/2 + d xi x (xi x mu): the inverse differential at -xi."""
+        return self.dexp_inv(-xi, mu)
 
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """Since ad^3 = -x ad, the series is 1 - W/2 + (1/12 + x/720 + ...) W^2: a matrix, ready
+    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
+        """Since ad^3 = -x ad, the series is 1 + W/2 + (1/12 + x/720 + ...) W^2: a matrix, ready
         before eta is.
         """
-        u = xi if side == "right" else -xi
-        x = dot(u, u)
+        x = dot(xi, xi)
         power, total = 1.0, 0.0
         for k in range(2, terms + 1, 2):
             total = total + BERNOULLI[k] * power
             power = -x * power
-        return plus(turn(-0.5 if terms else 0.0, total, u), 1.0) @ eta
+        return plus(turn(0.5 if terms else 0.0, total, xi), 1.0) @ eta
 
     def is_exp_chart(self, xi: Vec) -> bool:
         """|xi| < 2 pi: less than a whole turn."""
@@ -140,23 +138,21 @@ class SO3Algebra(LieAlgebra):
         f, w = 4.0 / (4.0 + dot(xi, xi)), cross(xi, mu)
         return mu + f * (0.5 * cross(xi, w) - w)
 
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """4/(4 + |xi|^2) (eta + xi x eta/2)."""
-        u = xi if side == "right" else -xi
-        return (4.0 / (4.0 + dot(u, u))) * (eta + 0.5 * cross(u, eta))
+    def dcayley(self, xi: Vec, eta: Vec) -> Vec:
+        """4/(4 + |xi|^2) (eta - xi x eta/2)."""
+        return (4.0 / (4.0 + dot(xi, xi))) * (eta - 0.5 * cross(xi, eta))
 
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """4/(4 + |xi|^2) (mu - xi x mu/2): the other side's differential."""
-        return self.dcayley(xi, mu, "left" if side == "right" else "right")
+    def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """4/(4 + |xi|^2) (mu + xi x mu/2): the differential at -xi."""
+        return self.dcayley(-xi, mu)
 
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta - xi x eta/2 + xi (xi . eta)/4."""
-        u = xi if side == "right" else -xi
-        return eta + ((0.25 * dot(u, eta)) * u - 0.5 * cross(u, eta))
+    def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
+        """eta + xi x eta/2 + xi (xi . eta)/4."""
+        return eta + ((0.25 * dot(xi, eta)) * xi + 0.5 * cross(xi, eta))
 
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu + xi x mu/2 + xi (xi . mu)/4: the other side's inverse differential."""
-        return self.dcayley_inv(xi, mu, "left" if side == "right" else "right")
+    def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
+        """mu - xi x mu/2 + xi (xi . mu)/4: the inverse differential at -xi."""
+        return self.dcayley_inv(-xi, mu)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = 2 (p - mu) + (|xi|^2/2) p + xi x mu,  dr/dp = 2 + |xi|^2/2,  dr/dxi = p xi^T - hat(mu).

@@ -22,7 +22,7 @@ from ..formulas import (
     sqrt,
     vec,
 )
-from ..formulas.broadcasting import MEMBERSHIP
+from ..formulas.batches import MEMBERSHIP
 from .lie_group import LieGroup
 from .rotation_coefficients import LIMIT, exp_coefficients, lost_in_square, sin_cos_root
 from .rotation_logarithm import rotation_quaternion

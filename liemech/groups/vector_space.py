@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Ambient, Element, Mat, Vec, mat, record, vec
-from .lie_algebra import Constants, LieAlgebra
+from .algebra_of_parts import AlgebraOfParts
+from .lie_algebra import Constants
 from .lie_group import LieGroup
 from .matrix_group import named_by_size, whole_number
 
 
 @record
-class AbelianAlgebra(LieAlgebra):
+class AbelianAlgebra(AlgebraOfParts):
     """R^n with the bracket zero.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 9.1.
@@ -47,57 +48,17 @@ class AbelianAlgebra(LieAlgebra):
         """Zero: momenta are constant."""
         return vec(*[0.0] * self.n)
 
-    def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """mu."""
-        return mu
-
-    def dexp(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta."""
+    def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+        """eta: every map is the identity.  xi, eta : (dim,)."""
         return eta
 
-    def dexp_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu."""
+    def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+        """mu.  xi, mu : (dim,)."""
         return mu
 
-    def dexp_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta."""
-        return eta
-
-    def dexp_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu."""
-        return mu
-
-    def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int, side: str = "right") -> Vec:
-        """eta."""
-        return eta
-
-    def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - mu, dr/dp = 1, dr/dxi = 0."""
+    def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+        """r = p - mu, dr/dp = 1, dr/dxi = 0.  xi, p, mu : (dim,)."""
         return p - mu, 1.0, mat(*[vec(*[0.0] * self.n) for _ in range(self.n)])
-
-    def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """mu."""
-        return mu
-
-    def dcayley(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta."""
-        return eta
-
-    def dcayley_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu."""
-        return mu
-
-    def dcayley_inv(self, xi: Vec, eta: Vec, side: str = "right") -> Vec:
-        """eta."""
-        return eta
-
-    def dcayley_inv_dual(self, xi: Vec, mu: Vec, side: str = "right") -> Vec:
-        """mu."""
-        return mu
-
-    def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
-        """r = p - mu, dr/dp = 1, dr/dxi = 0."""
-        return self.exp_residual(xi, p, mu)
 
 
 @record

@@ -7,13 +7,14 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidTimeScale, NoConvergence
-from ..formulas import Record, Vec, dot, plain, record, sqrt, vec
+from ..formulas import Vec, dot, plain, record, sqrt, vec
 from ..solvers import LIMIT
 from ..systems.canonical import CanonicalState
 from ..systems.separable import SeparableSystem
 from ..systems.time_scales import POSITIVE
 from ..systems.time_transformed import TimeTransformed
-from .method import Method, alternatives
+from .memory import Memory, Remembering
+from .method import alternatives
 
 CLOSE = 2.0**-27
 """A relative mismatch of sigma below which the correction of Newton's method, applied once more,
@@ -22,20 +23,7 @@ leaves rounding only.
 
 
 @record
-class Adapted(Record):
-    """What adaptive Verlet carries along: the state with its time, and there the force, V, sigma
-    and dsigma/dq.
-    """
-
-    state: CanonicalState
-    force: Vec
-    potential: float
-    scale: float
-    slope: Vec
-
-
-@record
-class AdaptiveVerlet(Method):
+class AdaptiveVerlet(Remembering):
     """The method of Stormer and Verlet for K = sigma(q) (T(p) + V(q) - H_0), T of second degree:
     for a TimeTransformed system.
 
@@ -81,39 +69,32 @@ class AdaptiveVerlet(Method):
             )
         super().require(system)
 
-    def start(self, system: Any, state: CanonicalState, h: float) -> Adapted:
-        """The force and the time scale at the start."""
-        return self._at(system, state)
-
-    def observe(self, memory: Adapted) -> CanonicalState:
-        """Positions and time, momenta and -H_0."""
-        return memory.state
-
-    def step(self, system: Any, t: float, memory: Adapted, h: float) -> Adapted:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Half a kick, a drift, half a kick."""
         inner, half, n = system.system, 0.5 * h, system.degrees - 1
         q, p, rest = memory.state.q, memory.state.p, plain(memory.state.p)[n]  # rest = -H_0
-        here, scale, slope = system.without(plain(q)), memory.scale, memory.slope
-        push = (half * scale) * memory.force - (half * (memory.potential + rest)) * slope
+        here, (force, potential, scale, slope) = system.without(plain(q)), memory.node
+        push = (half * scale) * force - (half * (potential + rest)) * slope
         kinetic = self._kinetic(inner, here, system.without(plain(p)) + push, -half * slope, h)
         kick = push - (half * kinetic) * slope
         p = p + vec(*kick, 0.0)
         v = inner.velocity(here, system.without(plain(p)))
         time = half * (scale + self._scale(inner, system.sigma, here, v, scale, slope, half))
-        after = self._at(system, CanonicalState(q + vec(*(time * v), time), p))
-        kick = (half * after.scale) * after.force - (
-            half * (kinetic + after.potential + rest)
-        ) * after.slope
-        state = CanonicalState(after.state.q, p + vec(*kick, 0.0))
-        return Adapted(state, after.force, after.potential, after.scale, after.slope)
+        q = q + vec(*(time * v), time)
+        node = force, potential, scale, slope = self.at_node(system, CanonicalState(q, p), h)
+        kick = (half * scale) * force - (half * (kinetic + potential + rest)) * slope
+        return Memory(CanonicalState(q, p + vec(*kick, 0.0)), node, ())
 
-    def _at(self, system: Any, state: CanonicalState) -> Adapted:
+    def at_node(
+        self, system: Any, state: CanonicalState, h: float
+    ) -> tuple[Vec, float, float, Vec]:
+        """The force, V, sigma and dsigma/dq."""
         q, p = system.without(plain(state.q)), system.without(plain(state.p))
         sigma, inner = system.sigma, system.system
         scale = sigma.value(inner, CanonicalState(q, p))
         if not scale > 0.0:
             raise InvalidTimeScale(f"{sigma!r} = {scale:g}; {POSITIVE}")
-        return Adapted(state, inner.force(q, p), inner.potential(q), scale, sigma.slope(inner, q))
+        return inner.force(q, p), inner.potential(q), scale, sigma.slope(inner, q)
 
     def _kinetic(self, inner: Any, q: Vec, a: Vec, c: Vec, h: float) -> float:
         """The solution b of b = T(a + b c) that is T(a) where c is zero."""

@@ -352,10 +352,8 @@ def _is_class_function(group: LieGroup, retraction: Retraction, form: Mat) -> bo
     point.
     """
     xi = vec(*[0.4 * float(np.cos(1.0 + k)) for k in range(group.dim)])
-    slopes = jacobian(lambda x: retraction.dtau_dual(group, x, form @ x, "left"), xi)
-    sides = [
-        np.array(retraction.dtau_dual(group, xi, form @ xi, side)) for side in ("left", "right")
-    ]
+    slopes = jacobian(lambda x: retraction.dtau_dual(group, x, form @ x), xi)
+    sides = [np.array(retraction.dtau_dual(group, x, form @ xi)) for x in (xi, -xi)]
     hessian = np.array(slopes)
     return (
         max(np.abs(sides[0] - sides[1]).max(), np.abs(hessian - hessian.T).max())
@@ -397,11 +395,11 @@ def inverse_differential(group: LieGroup, retraction: Retraction, y: Vec, u: Vec
     branch on SO(3) and SE(3).
     """
     if not isinstance(retraction, Exponential):
-        return retraction.dtau_inv(group, y, u, "left")
+        return retraction.dtau_inv(group, y, u)
     if _rotations(group):
         return _dexp_inv(y, u)
     if not _screws(group):
-        return group.dexp_inv(y, u, "left")
+        return group.dexp_inv(y, u)
     # screws are rotations over dual numbers
     first, second = [vec(*[Dual(x[i], x[i + 3]) for i in range(3)]) for x in (y, u)]
     z = _dexp_inv(first, second)

@@ -5,24 +5,15 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Record, record
+from ..formulas import record
 from ..systems.system import State
 from ..tableaus.compositions import KAHAN_LI6, KAHAN_LI8, SUZUKI4, CompositionTableau, suzuki
+from .memory import Memory, Remembering
 from .method import Method
 
 
 @record
-class Substeps(Record):
-    """What a composition carries along: the state, and for each substep what the base remembers of
-    it from earlier steps.
-    """
-
-    state: State
-    past: tuple[Any, ...]
-
-
-@record
-class Composition(Method):
+class Composition(Remembering):
     """Substeps of a symmetric method, some of them backwards, whose errors cancel: order 4, 6 or 8
     from order 2.
 
@@ -106,36 +97,26 @@ class Composition(Method):
         self.base.require(system)
 
     def step_warning(self, system: Any, start: State, h: float) -> str | None:
-        """What the base says of the largest substep."""
+        """The warning of the base of the largest substep."""
         return self.base.step_warning(system, start, self.tableau.reach * h)
 
-    def start(self, system: Any, state: State, h: float) -> Substeps:
-        """Every substep begins with no other past than the state."""
-        return Substeps(
-            state,
-            tuple(
-                [
-                    self.base.past(self.base.start(system, state, share * h))
-                    for share in self.tableau.gamma
-                ]
-            ),
-        )
+    def at_node(self, system: Any, state: State, h: float) -> tuple[Any, ...]:
+        """The pasts of the substeps in the base: each begins with the state alone."""
+        base = self.base
+        starts = [base.start(system, state, share * h) for share in self.tableau.gamma]
+        return tuple([base.past(start) for start in starts])
 
-    def observe(self, memory: Substeps) -> State:
-        """The state between the steps."""
-        return memory.state
-
-    def step(self, system: Any, t: float, memory: Substeps, h: float) -> Substeps:
-        """The substeps in turn; each has a past of its own, since steps of one length extrapolate
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
+        """The substeps in turn; each has a past of its own, since steps of the same length extrapolate
         best from their like.
         """
         state, kept = memory.state, []  # type: Any, list[Any]
-        for share, node, past in zip(self.tableau.gamma, self.tableau.nodes, memory.past):
+        for share, node, past in zip(self.tableau.gamma, self.tableau.nodes, memory.node):
             after = self.base.step(
                 system, t + node * h, self.base.resume(system, state, past, share * h), share * h
             )
             state, kept = self.base.observe(after), [*kept, self.base.past(after)]
-        return Substeps(state, tuple(kept))
+        return Memory(state, tuple(kept), ())
 
     def __repr__(self) -> str:
         base = self.tableau.base_order

@@ -82,7 +82,7 @@ class GroupLagrangian(DiscreteLagrangian):
         slope = gradient(
             lambda eta: self.on_group(group.compose_exp(g, eta), h), vec(*[0.0 for _ in xi])
         )
-        return retraction.dtau_dual(group, h * xi, slope, "left")
+        return retraction.dtau_dual(group, h * xi, slope)
 
 
 @record
@@ -141,7 +141,7 @@ class QuadratureLagrangian(DiscreteLagrangian):
 def _body_velocity(group: LieGroup, retraction: Retraction, place: Vec, speed: Vec) -> Vec:
     """dtau_X X', left-trivialised."""
     if not isinstance(retraction, Exponential):
-        return retraction.dtau(group, place, speed, "left")
+        return retraction.dtau(group, place, speed)
     term, found = speed, speed
     for k in 2, 3, 4:  # sum of (-ad_X)^(k-1) X'/k!
         term = (-1.0 / k) * group.ad(place, term)

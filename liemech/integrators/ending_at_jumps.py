@@ -9,7 +9,7 @@ from ..formulas import record, where
 from ..formulas.pytree import fields_of, with_fields
 from ..formulas.tables import Table, entry
 from ..systems.tabulated import NEAR, ROUNDING, during, has_inputs, inputs, jump_ahead, reached
-from .method import Method
+from .method import Method, Wrapping
 
 MARGIN = 4
 """Units in the last place by which steps keep away from a jump of the velocity that a user has
@@ -95,7 +95,7 @@ def overshoot(method: Any) -> float:
 
 
 @record
-class EndingAtJumps(Method):
+class EndingAtJumps(Wrapping):
     """A method whose steps are cut where an input jumps: what drivers get instead of the method.
 
     A step from t to t + h becomes one from t to the first jump, one from there to the next, ..., and
@@ -105,47 +105,18 @@ class EndingAtJumps(Method):
     remains so.
 
     breaks : a Table of rising times.  count : how many there are, in case there are none.
-    anew : does the method remember what is of steps of one length, in one field?
+    anew : does the method remember what is of fixed steps, in one field?
     every : does it see an input as a power series, so that its steps must end at every knot?
     beyond : the part of a step by which its stages lie beyond the ends of the step, or None.
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6,
     "Discontinuous equations".
     """
 
-    method: Method
     breaks: Any
     count: float
     anew: bool
     every: bool
     beyond: Any
-
-    @property
-    def name(self) -> str:
-        """That of the method."""
-        return self.method.name
-
-    @property
-    def order(self) -> Any:
-        """That of the method; so are symmetry and symplecticity."""
-        return self.method.order  # type: ignore[attr-defined]
-
-    @property
-    def symmetric(self) -> bool:  # type: ignore[override]
-        """As the method."""
-        return self.method.symmetric
-
-    @property
-    def symplectic(self) -> bool:  # type: ignore[override]
-        """As the method."""
-        return self.method.symplectic
-
-    def start(self, system: Any, state: Any, h: float) -> Any:
-        """What the method begins with."""
-        return self.method.start(system, state, h)
-
-    def observe(self, memory: Any) -> Any:
-        """The state in it."""
-        return self.method.observe(memory)
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
         """The steps from jump to jump; of another length than h a method that remembers begins

@@ -166,7 +166,7 @@ class ExactFreeBody(Method):
 
 @record
 class Orbit(Record):
-    """What all steps of an orbit share; u^2 is a common factor, u = -wp'(1)/2, that saves
+    """The constants of all steps of an orbit; u^2 is a common factor, u = -wp'(1)/2, that saves
     divisions.
 
     K : J^-1 times half the step.  per_square : 1/G^2.  turning : 2 G tan(psi/2).

@@ -20,7 +20,8 @@ from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
-from .implicit import Implicit, Memory, extrapolated
+from .implicit import Implicit
+from .memory import Memory, extrapolated
 from .rkmk import combination
 from .variational import with_inertia
 
@@ -71,7 +72,7 @@ class GalerkinVariational(Implicit):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """It is symmetric with one node, which lies in the middle of the path exp(t x)."""
+        """Symmetric with one node, which lies in the middle of the path exp(t x)."""
         return self.order == 2 and isinstance(self.retraction, Exponential)
 
     @property
@@ -130,23 +131,23 @@ class GalerkinVariational(Implicit):
         xi = system.velocity(plain(state.mu))
         return tuple([xi for _ in self.tableau[1]])
 
-    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for the velocities at the nodes from the extrapolated ones, then add what the field
         does, and move.
         """
-        body, b, start = _body(system), self.tableau[1], plain(self.observe(state))
-        guess = tuple([extrapolated(*node) for node in zip(*self.past(state))])
+        body, b, start = _body(system), self.tableau[1], plain(memory.state)
+        guess = tuple([extrapolated(*node) for node in zip(*memory.past)])
         middle = _middle(body, combination(b, guess), start.mu, h)
         kick = None if body is system else 0.0 * start.mu
         velocities, kick = fixed_point(
             lambda last: self._sweep(system, t, start, h, middle, last[0]), (guess, kick), self, h
         )
-        x, mu = combination(b, velocities, h), state.mu if kick is None else state.mu + kick
+        x, state = combination(b, velocities, h), memory.state
+        mu = state.mu if kick is None else state.mu + kick
         if not self.retraction.is_chart(body.group, x):
             raise self._out_of_chart(h, f"|x| = {norm(x):.2g}")
-        return self.after(
-            state, body.displaced(self.retraction, BodyState(mu, state.g), x), velocities
-        )
+        moved = body.displaced(self.retraction, BodyState(mu, state.g), x)
+        return self.after(memory, moved, velocities)
 
     def _sweep(
         self,
@@ -191,20 +192,20 @@ class GalerkinVariational(Implicit):
         )
         momenta, rates, misfits = [], [], []  # type: list[Vec], list[Vec], list[Vec]
         for i, (x, v) in enumerate(zip(places, velocities)):
-            xi = tau.dtau(group, x, v, "left")
+            xi = tau.dtau(group, x, v)
             p = body.lagrangian.momentum(xi)
             rate, size = group.ad_star(xi, p), size + one_norms(p, group.unit_blocks)
             if kick is not None:
                 force = _force(system, t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
                 rate, kick = rate + force, kick + (h * b[i]) * tau.tau_Ad_star(group, -x, force)
             P, F = tangent(
-                lambda y: tau.dtau_dual(group, _half(y, 0), _half(y, 1), "left"),
+                lambda y: tau.dtau_dual(group, _half(y, 0), _half(y, 1)),
                 vec(*x, *p),
                 vec(*v, *rate),
             )
             momenta, rates = [*momenta, P], [*rates, F]
-        end = tau.dtau_dual(
-            group, combination(b, velocities, h), start.mu if kick is None else start.mu + kick
+        end = tau.dtau_dual(  # right-trivialised
+            group, -combination(b, velocities, h), start.mu if kick is None else start.mu + kick
         )
         for x, p, row in zip(places, momenta, later):
             r = (p + combination(row, rates, h)) - end
@@ -284,7 +285,7 @@ def _body(system: Any) -> Any:
 
 
 def _force(system: MechanicalSystem, t: float, xi: Vec, g: Any) -> Vec:
-    """What field and load do together."""
+    """The force of field and load together."""
     force = system.force(g)
     return force if system.load is None else force + system.load.covector(t, xi, g)
 

@@ -321,7 +321,7 @@ class SymmetricHamiltonJacobi(Method):
         return "Symmetric " + HamiltonJacobi(self.order, kind=self.kind).name
 
     def require(self, system: Any) -> None:
-        """What the halves ask for."""
+        """The needs of the halves."""
         self.halves[0].require(system)
 
     def step(self, system: Any, t: float, state: CanonicalState, h: float) -> CanonicalState:

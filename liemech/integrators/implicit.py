@@ -1,38 +1,22 @@
-"""What methods whose step is an equation share: the unknowns of the last steps, from which the next
-guess is extrapolated.
-"""
+"""Methods whose step is an equation."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from ..errors import NoConvergence, OutsideChart
-from ..formulas import Element, Record, Vec, record, sqrt
+from ..formulas import record, sqrt
 from ..solvers import LIMIT
 from ..systems.lie_poisson import BodyState
-from .method import Method
+from .memory import Memory, Remembering, followed, repeated
 
 
 @record
-class Memory(Record):
-    """What such a method carries from step to step: the state at the node, and its unknowns in the
-    last three steps.
-    """
-
-    mu: Vec
-    g: Element | None
-    last: Any
-    last_1: Any
-    last_2: Any
-
-
-@record
-class Implicit(Method):
+class Implicit(Remembering):
     """A method for Lie-Poisson systems that solves an equation in every step; abstract.
 
     1. A subclass writes `first`, the guess at the start, and `step`, which begins with a guess that
-    is `extrapolated` and ends with
-       `after`.
+    is `extrapolated` from the past and ends with `after`.
     2. The memory, and what compositions ask of it, follow.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.1 (starting
@@ -43,26 +27,13 @@ class Implicit(Method):
         """The guess for the first step."""
         raise NotImplementedError(f"{type(self).__name__} must define `first`")
 
-    def start(self, system: Any, state: BodyState, h: float) -> Memory:
-        """The state, and a past in which every step had the first guess as its unknown."""
-        unknown = self.first(system, state, h)
-        return Memory(state.mu, state.g, unknown, unknown, unknown)
-
-    def observe(self, memory: Memory) -> BodyState:
-        """Momentum and attitude at the node."""
-        return BodyState(memory.mu, memory.g)
-
-    def past(self, memory: Memory) -> tuple[Any, Any, Any]:
-        """The unknowns of the last three steps."""
-        return memory.last, memory.last_1, memory.last_2
-
-    def resume(self, system: Any, state: BodyState, past: tuple[Any, Any, Any], h: float) -> Memory:
-        """Momentum and attitude from elsewhere, unknowns to extrapolate from the past."""
-        return Memory(state.mu, state.g, *past)
+    def beginning(self, system: Any, state: BodyState, h: float) -> tuple[Any, Any, Any]:
+        """A past in which every step had the first guess as its unknown."""
+        return repeated(self.first(system, state, h))
 
     def after(self, memory: Memory, state: BodyState, unknown: Any) -> Memory:
         """The memory after a step that led to this state and had this unknown."""
-        return Memory(state.mu, state.g, unknown, memory.last, memory.last_1)
+        return Memory(state, memory.node, followed(memory.past, unknown))
 
     def _unsolved(self, h: float, size: float, enough: float, detail: str = "") -> NoConvergence:
         """The error of a step whose equation Newton's method did not solve; `size` and `enough` are
@@ -100,8 +71,3 @@ class Implicit(Method):
             "fold or at the chart's edge, and another one would be no continuation of the motion. "
             f"The step h = {h:g} is too large for this motion; try {cure}"
         )
-
-
-def extrapolated(last: Any, last_1: Any, last_2: Any) -> Any:
-    """The value that continues three equidistant ones, by the parabola through them."""
-    return 3.0 * last + (last_2 - 3.0 * last_1)

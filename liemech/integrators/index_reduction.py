@@ -11,12 +11,12 @@ from ..formulas import plain, record
 from ..systems.canonical import CanonicalState
 from ..systems.constrained import ConstrainedSystem
 from .composition import Composition
-from .method import Method
+from .method import Method, Wrapping
 from .on_constraints import OnConstraints
 
 
 @record
-class IndexReduction(Method):
+class IndexReduction(Wrapping):
     """A constrained system by a method that knows nothing of constraints, with the multipliers put
     into the equation:
 
@@ -34,10 +34,10 @@ class IndexReduction(Method):
     (1.6) and (1.9).
     """
 
-    method: Method
     project: bool = False
 
     symmetric: ClassVar[bool] = False
+    symplectic: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -61,11 +61,6 @@ class IndexReduction(Method):
             )
 
     @property
-    def order(self) -> int:
-        """The order of the method."""
-        return self.method.order  # type: ignore[attr-defined]
-
-    @property
     def name(self) -> str:
         """The method, and whether it is projected."""
         return f"{self.method.name}, reduced{' and projected' if self.project else ''}"
@@ -78,22 +73,6 @@ class IndexReduction(Method):
                 f"which {self.method!r} may take as it is"
             )
         self.method.require(system)
-
-    def start(self, system: Any, state: CanonicalState, h: float) -> Any:
-        """What the method carries along."""
-        return self.method.start(system, state, h)
-
-    def observe(self, memory: Any) -> CanonicalState:
-        """The state in what the method carries along."""
-        return self.method.observe(memory)  # type: ignore[return-value]
-
-    def past(self, memory: Any) -> tuple[Any, ...]:
-        """What the method remembers beside the state."""
-        return self.method.past(memory)
-
-    def resume(self, system: Any, state: CanonicalState, past: Any, h: float) -> Any:
-        """What the method carries along, from a state and a past."""
-        return self.method.resume(system, state, past, h)
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
         """A step of the method and, if asked for, the way back onto the constraints."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
-from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, record
+from ..formulas import Mat, Vec, dot, identity_matrix, jacobian, record
 from ..solvers import newton
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
@@ -20,25 +20,13 @@ from ..tableaus.splittings import (
     SplittingTableau,
 )
 from .exact_free_body import ExactFreeBody
+from .memory import Memory, Remembering
 from .method import Method, alternatives
 from .moser_veselov import ExactMoserVeselov
 
 
 @record
-class Flight(Record):
-    """What a splitting carries along: the state, what the free motion remembers of each drift, and
-    the force at the node.
-
-    force : of the field; None if a step begins with a drift.
-    """
-
-    state: BodyState
-    past: tuple[Any, ...]
-    force: Any
-
-
-@record
-class FieldSplitting(Method):
+class FieldSplitting(Remembering):
     """Kicks and drifts in turn, by a `tableau`; the drifts are made by a `free` method; abstract.
 
     A subclass has both, as fields or properties.
@@ -55,33 +43,22 @@ class FieldSplitting(Method):
             )
         self.free.require(system.body)  # type: ignore[attr-defined]
 
-    def start(self, system: Any, state: BodyState, h: float) -> Flight:
-        """Every drift begins with no other past than the state."""
-        drifts = self.tableau.drifts  # type: ignore[attr-defined]
-        return self.resume(
-            system, state, tuple([self._begun(system, state, a * h) for a in drifts]), h
-        )
+    def at_node(self, system: Any, state: BodyState, h: float) -> Any:
+        """The force of the field; None if a step begins with a drift."""
+        return system.force(state.g) if self.tableau.kicks[0] != 0.0 else None  # type: ignore[attr-defined]
+
+    def beginning(self, system: Any, state: BodyState, h: float) -> tuple[Any, ...]:
+        """The pasts of the drifts in the free motion: each begins with the state alone."""
+        return tuple([self._begun(system, state, a * h) for a in self.tableau.drifts])  # type: ignore[attr-defined]
 
     def _begun(self, system: Any, state: BodyState, h: float) -> Any:
         return self.free.past(self.free.start(system.body, state, h))  # type: ignore[attr-defined]
 
-    def observe(self, memory: Flight) -> BodyState:
-        """Momentum and configuration at the node."""
-        return memory.state
-
-    def past(self, memory: Flight) -> tuple[Any, ...]:
-        """What the free motion remembers of each drift."""
-        return memory.past
-
-    def resume(self, system: Any, state: BodyState, past: tuple[Any, ...], h: float) -> Flight:
-        """Momentum and configuration from elsewhere, pasts of drifts of the same lengths."""
-        return Flight(state, past, system.force(state.g) if self.tableau.kicks[0] != 0.0 else None)  # type: ignore[attr-defined]
-
-    def step(self, system: Any, t: float, memory: Flight, h: float) -> Flight:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Kick, drift, kick, ...; one force for each kick, the last one carried on to the next
         step.
         """
-        free, tableau, state, force = self.free, self.tableau, memory.state, memory.force  # type: ignore[attr-defined]
+        free, tableau, state, force = self.free, self.tableau, memory.state, memory.node  # type: ignore[attr-defined]
         kept: list[Any] = []
         ends = len(tableau.drifts)
         for i in range(ends + 1):
@@ -97,7 +74,7 @@ class FieldSplitting(Method):
                     system.body, time, free.resume(system.body, state, memory.past[i], drift), drift
                 )
                 state, kept = free.observe(after), [*kept, free.past(after)]
-        return Flight(state, tuple(kept), force if tableau.kicks[0] != 0.0 else None)
+        return Memory(state, force if tableau.kicks[0] != 0.0 else None, tuple(kept))
 
     def _kick(
         self,
@@ -222,12 +199,12 @@ class KickDrift(FieldSplitting):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """It is symmetric if the method for the free motion is."""
+        """Is the method for the free motion symmetric?"""
         return self.free.symmetric
 
     @property
     def symplectic(self) -> bool:  # type: ignore[override]
-        """It is symplectic if the method for the free motion is."""
+        """Is the method for the free motion symplectic?"""
         return self.free.symplectic
 
     def require(self, system: Any) -> None:

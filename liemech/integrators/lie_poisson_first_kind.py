@@ -15,20 +15,14 @@ from ..solvers import newton
 from ..systems.lie_poisson import BodyState
 from .class_functions import ClassFunction, InvariantForm, inverse_differential
 from .derivability import require_derivatives
-from .implicit import Implicit, Memory, extrapolated
+from .implicit import Implicit
+from .memory import Memory, extrapolated
 from .motion_series import first_kind, velocity_at
 
 ORDERS = 1, 2, 3, 4
 
 FINER = 2.0**-46
 """The tolerance of Newton's method, whose matrix is that of order 1."""
-
-
-@record
-class Turned(Memory):
-    """The memory of an implicit method, and the factor c of the class function."""
-
-    scale: float
 
 
 @record
@@ -105,28 +99,30 @@ class FirstKindHamiltonJacobi(Implicit):
 
     # ---------------------------------------------------------------- one step
 
-    def start(self, system: Any, state: BodyState, h: float) -> Turned:
-        """The state, the scale, and a past in which xi was the turn."""
-        mu = plain(state.mu)
-        scale = (
-            self.s0.size(system.group, self.retraction, mu) if self.scale is None else self.scale
-        )
-        return Turned(state.mu, state.g, 0.0 * mu, 0.0 * mu, 0.0 * mu, scale)
+    def at_node(self, system: Any, state: BodyState, h: float) -> float:
+        """The factor c of the class function, which a run keeps."""
+        if self.scale is not None:
+            return self.scale
+        return self.s0.size(system.group, self.retraction, plain(state.mu))
 
-    def step(self, system: Any, t: float, state: Turned, h: float) -> Turned:
+    def first(self, system: Any, state: BodyState, h: float) -> Vec:
+        """No difference to the turn."""
+        return 0.0 * plain(state.mu)
+
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for xi, whose difference to the turn is extrapolated, move momentum and attitude,
         and turn the attitude back.
         """
-        mu, scale = plain(state.mu), state.scale
+        mu, scale = plain(memory.state.mu), memory.node
         turn = self.turn(system, mu, scale)
-        xi = self.displacement(system, h, mu, scale, turn + extrapolated(*self.past(state)), t + h)
-        moved = system.displaced(self.retraction, self.observe(state), xi)
+        xi = self.displacement(system, h, mu, scale, turn + extrapolated(*memory.past), t + h)
+        moved = system.displaced(self.retraction, memory.state, xi)
         g = moved.g
         if g is not None:
             g = system.displaced(
                 self.retraction, moved, -self.turn(system, plain(moved.mu), scale)
             ).g
-        return Turned(moved.mu, g, xi - turn, state.last, state.last_1, scale)
+        return self.after(memory, BodyState(moved.mu, g), xi - turn)
 
     def turn(self, system: Any, mu: Vec, scale: float) -> Vec:
         """The displacement that the class function alone generates at a momentum."""

@@ -28,7 +28,8 @@ from ..solvers import TOLERANCE, newton
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from .derivability import require_derivatives
-from .implicit import Implicit, Memory, extrapolated
+from .implicit import Implicit
+from .memory import Memory, extrapolated
 from .motion_series import second_kind, velocity_at
 from .variational import weight
 
@@ -46,7 +47,7 @@ class LiePoissonHamiltonJacobi(Implicit):
     """Steps whose generating function s(p), of the second kind, solves the Lie-Poisson
     Hamilton-Jacobi equation to an order in h.
 
-        s = h H + (h^3/6) s_3 + (h^5/120) s_5 + ...,   x = ds/dp,   (dtau^-1_x)* p = mu_i     solved for p by Newton's method
+        s = h H + (h^3/6) s_3 + (h^5/120) s_5 + ...,   x = ds/dp,   (dtau^-1_x)* p = mu_i  (right-trivialised)
         mu_i+1 = Ad*_tau(x) mu_i,   g_i+1 = g_i tau(x)
 
     The Hamilton-Jacobi equation ds/dt = H((dtau^-1_x)* p), left-trivialised, with s = 0 at t = 0
@@ -94,13 +95,13 @@ class LiePoissonHamiltonJacobi(Implicit):
         """p - mu = 0."""
         return 0.0 * plain(state.mu)
 
-    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for p, whose difference to mu is extrapolated, then move momentum and attitude by
         x(p).
         """
-        mu = plain(state.mu)
-        p, x = self.solution(system, h, mu, mu + extrapolated(*self.past(state)), t + 0.5 * h)
-        return self.after(state, system.displaced(self.retraction, self.observe(state), x), p - mu)
+        mu = plain(memory.state.mu)
+        p, x = self.solution(system, h, mu, mu + extrapolated(*memory.past), t + 0.5 * h)
+        return self.after(memory, system.displaced(self.retraction, memory.state, x), p - mu)
 
     def solution(
         self, system: Any, h: float, mu: Vec, guess: Vec, middle: float = 0.0

@@ -8,15 +8,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..formulas import Element, Mat, Record, Vec, dot, norm, plain, record, vec, vectors, where
+from ..formulas import Element, Mat, Vec, dot, norm, plain, record, vec, vectors, where
 from ..formulas.sizes import EPSILON
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE
 from ..systems.conditions import joint, led, pulled, solved_sparse, speeds, times
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.lie_poisson import BodyState
-from .implicit import extrapolated
-from .method import Method, alternatives
+from .memory import Memory, Remembering, extrapolated, followed, repeated
+from .method import alternatives
 from .solvability import CONTRACTION, INFINITY, SHORTEST
 from .variational import momentum_slope, with_inertia
 
@@ -36,30 +36,15 @@ DEPENDENT = 1e-12
 
 
 @record
-class Bound(Record):
-    """What the method carries along: the state, at its node the force and the derivative of the
-    constraint by rows, and the unknowns of the last three steps, displacement and impulses of the
-    constraint one after another.
-    """
-
-    state: BodyState
-    force: Vec
-    rows: Any
-    last: Any
-    last_1: Any
-    last_2: Any
-
-
-@record
-class LieRATTLE(Method):
+class LieRATTLE(Remembering):
     """RATTLE on a group: one step of Algorithm 1 between two kicks, by the field and by the
     constraint.
 
         m = mu_i + (h/2) f(g_i) - G(g_i)* l,   (dtau^-1_x)* J x/h = m,   g_i+1 = g_i tau(x),   c(g_i+1) = 0       for x and l
         mu_i+1 = Ad*_tau(x) m + (h/2) f(g_i+1) - G(g_i+1)* l',   G(g_i+1) J^-1 mu_i+1 = 0                       for l'
 
-    These are the discrete Euler-Lagrange equations of the sum of h l(xi_i) - h
-    (V(g_i) + V(g_i+1))/2 under c(g_i) = 0.
+    dtau is the right-trivialised one.  These are the discrete Euler-Lagrange equations of the sum
+    of h l(xi_i) - h (V(g_i) + V(g_i+1))/2 under c(g_i) = 0.
     retraction : Exponential() is the more accurate one.
     Order 2, symmetric; both constraints hold to rounding at every step; the two-form on the
     constrained phase space is kept, and so are momenta of common symmetries of potential and
@@ -93,11 +78,17 @@ class LieRATTLE(Method):
             )
         self.retraction.require(system.configurations)
 
-    def start(self, system: Any, state: BodyState, h: float) -> Bound:
-        """A past in which every step had the velocity and the multipliers of the start."""
+    def at_node(self, system: Any, state: BodyState, h: float) -> tuple[Vec, Any]:
+        """The force, and the derivative of the constraint by rows."""
+        g = plain(state.g)
+        return system.force(g), system.rows(g)
+
+    def beginning(self, system: Any, state: BodyState, h: float) -> tuple[Vec, Vec, Vec]:
+        """Displacement and impulses of the constraint one after another: a past in which every step
+        had the velocity and the multipliers of the start.
+        """
         impulses = (0.5 * h) * system.multipliers(state.mu, state.g)
-        unknown = vec(*(h * system.velocity(state.mu)), *impulses)
-        return self.resume(system, state, (unknown, unknown, unknown), h)
+        return repeated(vec(*(h * system.velocity(state.mu)), *impulses))
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
         """Refuse a step that the configuration of a body would not notice, as RATTLE does."""
@@ -123,37 +114,24 @@ class LieRATTLE(Method):
         xi = np.asarray(system.velocity(mu))
         return np.sqrt(np.einsum("ij,ij->i", xi.reshape(count, -1), mu.reshape(count, -1)))
 
-    def observe(self, memory: Bound) -> BodyState:
-        """Momentum and configuration at the node."""
-        return memory.state
-
-    def past(self, memory: Bound) -> tuple[Any, Any, Any]:
-        """The unknowns of the last three steps."""
-        return memory.last, memory.last_1, memory.last_2
-
-    def resume(self, system: Any, state: BodyState, past: tuple[Any, Any, Any], h: float) -> Bound:
-        """Momentum and configuration from elsewhere, unknowns to extrapolate from the past."""
-        g = plain(state.g)
-        return Bound(state, system.force(g), system.rows(g), *past)
-
-    def step(self, system: Any, t: float, memory: Bound, h: float) -> Bound:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for displacement and impulses, move, kick, and take away what leads off the
         constraint.
         """
-        state, free = memory.state, system.body.body
-        unknown = self._solved(system, h, memory, extrapolated(*self.past(memory)))
+        state, (force, rows), free = memory.state, memory.node, system.body.body
+        unknown = self._solved(system, h, memory, extrapolated(*memory.past))
         x, impulses = split(unknown, system.configurations.dim)
-        kick = (0.5 * h) * memory.force - pulled(system, memory.rows, impulses)
+        kick = (0.5 * h) * force - pulled(system, rows, impulses)
         state = free.displaced(self.retraction, BodyState(state.mu + kick, state.g), x)
-        g = plain(state.g)
-        force, rows = system.force(g), system.rows(g)
+        force, rows = self.at_node(system, state, h)
         mu = state.mu + (0.5 * h) * force
         mu = mu - pulled(system, rows, self._excess(system, rows, plain(mu)))
-        return Bound(BodyState(mu, state.g), force, rows, unknown, memory.last, memory.last_1)
+        past = followed(memory.past, unknown)
+        return Memory(BodyState(mu, state.g), (force, rows), past)
 
     # ---------------------------------------------------------------- the two systems of a step
 
-    def _solved(self, system: Any, h: float, memory: Bound, guess: Vec) -> Vec:
+    def _solved(self, system: Any, h: float, memory: Memory, guess: Vec) -> Vec:
         """Displacement and impulses: the solution that grows out of zero with h.
 
         The whole step is tried from the guess.  It counts if Newton's corrections shrink well, if
@@ -204,16 +182,17 @@ class LieRATTLE(Method):
         return solution
 
     def _correction(
-        self, system: Any, h: float, mu: Vec, g: Element, memory: Bound, unknown: Vec
+        self, system: Any, h: float, mu: Vec, g: Element, memory: Memory, unknown: Vec
     ) -> tuple[Vec, bool]:
-        """What Newton's method subtracts, by Schur complement, block for block; and whether
+        """The correction of Newton's method, by Schur complement, block for block; and whether
         determinants have the sign of h = 0.
 
         With r the mismatch of Algorithm 1 in every block,  A dx + B dl = r,  C dx = c  gives  (C A^-1 B) dl = C A^-1 r - c.
         """
         x, impulses = split(unknown, system.configurations.dim)
         rate, upright = 1.0 / h, True
-        momentum = mu + ((0.5 * h) * memory.force - pulled(system, memory.rows, impulses))
+        force, along = memory.node
+        momentum = mu + ((0.5 * h) * force - pulled(system, along, impulses))
         inertias, p = system.inertias, system.body.body.lagrangian.momentum(rate * x)
         c, C = self._condition(system, g, x)
         free, pushed = [], []  # type: list[Any], list[Any]  # A^-1 r and A^-1 B, block by block
@@ -221,7 +200,7 @@ class LieRATTLE(Method):
             y = x[start:end]
             r, by_p, by_x = self.retraction.residual(group, y, p[start:end], momentum[start:end])
             A = with_inertia(by_x, momentum_slope(by_p, rate * J))
-            B = [carried(self.retraction, group, y, by_p, memory.rows[a][i]) for a, i in held]
+            B = [carried(self.retraction, group, y, by_p, along[a][i]) for a, i in held]
             columns, good = eliminated(A, [r, *B], h)
             upright = upright and good
             free, pushed = [*free, columns[0]], [*pushed, columns[1:]]
@@ -250,7 +229,7 @@ class LieRATTLE(Method):
         )
         bends = [
             [
-                self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i], "left")
+                self.retraction.dtau_dual(blocks[b][0], parts[b], rows[a][i])
                 for i, (b, _) in enumerate(ties)
             ]
             for a, ties in enumerate(system.touches)
@@ -309,8 +288,10 @@ class LieRATTLE(Method):
 
 
 def carried(retraction: Retraction, group: Any, x: Vec, by_p: float | Mat, row: Vec) -> Vec:
-    """What a unit impulse along a row of G adds to the mismatch r = by_p (p - dtau_x* m)."""
-    dual = retraction.dtau_dual(group, x, row)
+    """The share of a unit impulse along a row of G in the mismatch r = by_p (p - dtau_x* m),
+    right-trivialised.
+    """
+    dual = retraction.dtau_dual(group, -x, row)
     return by_p @ dual if isinstance(by_p, vectors.Mat) else by_p * dual
 
 

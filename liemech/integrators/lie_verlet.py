@@ -18,7 +18,7 @@ class LieVerlet(FieldSplitting):
     l(xi_i) - h (V(g_i) + V(g_i+1))/2:
 
         m = mu_i + (h/2) f(g_i)                                                 half a kick
-        (dtau^-1_{h xi_i})* dl/dxi(xi_i) = m,   g_i+1 = g_i tau(h xi_i)         one step without the field
+        (dtau^-1_{h xi_i})* dl/dxi(xi_i) = m  (right-trivialised),   g_i+1 = g_i tau(h xi_i)         one step without the field
         mu_i+1 = Ad*_tau(h xi_i) m + (h/2) f(g_i+1)                             half a kick
 
     retraction : Exponential() is the more accurate one, Cayley() has a solution for every step

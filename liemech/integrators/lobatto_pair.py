@@ -138,7 +138,7 @@ def _entry(A: tuple[Row, ...], B: tuple[Row, ...], i: int, j: int) -> float:
 
 
 def _of_positions(blocks: tuple[int, ...], n: int) -> tuple[int, ...]:
-    """Those of the blocks of positions and momenta that n positions fill."""
+    """The blocks of positions and momenta that n positions fill."""
     found: list[int] = []
     filled = 0
     for size in blocks:

@@ -1,4 +1,4 @@
-"""What a method is: data, claims, and one pure step."""
+"""Methods: data, claims, and one pure step."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Method(Record):
         raise NotImplementedError(f"{type(self).__name__} must define `step`")
 
     def start(self, system: Any, state: Any, h: float) -> Any:
-        """What `step` carries along, from a state; the state itself unless the method has a memory."""
+        """The first memory of a run, from a state; the state itself unless the method has a memory."""
         return state
 
     def observe(self, memory: Any) -> State:
@@ -75,13 +75,13 @@ class Method(Record):
         return memory
 
     def past(self, memory: Any) -> tuple[Any, ...]:
-        """What the memory holds beside the state; with `resume`, for methods whose first guess
+        """The part of the memory beside the state; with `resume`, for methods whose first guess
         comes from the steps before.
         """
         return ()
 
     def resume(self, system: Any, state: Any, past: Any, h: float) -> Any:
-        """What `step` carries along, from a state and the past of steps of the same length
+        """A memory, from a state and the past of steps of the same length
         elsewhere; a new start by default.
         """
         return self.start(system, state, h)
@@ -112,12 +112,58 @@ class Method(Record):
             self.require(arguments["system"])
 
     def step_warning(self, system: Any, start: Any, h: float) -> str | None:
-        """What to warn of before a run with this start and step; nothing by default."""
+        """The warning before a run with this start and step; none by default."""
         return None
 
 
+@record
+class Wrapping(Method):
+    """A method that makes the steps of another one, under other conditions; abstract.
+
+    Its claims and its memory are those of the method inside, until a subclass says something else.
+    """
+
+    method: Method
+
+    @property
+    def name(self) -> str:
+        """The name of the method."""
+        return self.method.name
+
+    @property
+    def order(self) -> Any:
+        """The order of the method."""
+        return self.method.order  # type: ignore[attr-defined]
+
+    @property
+    def symmetric(self) -> bool:  # type: ignore[override]
+        """Is the method symmetric?"""
+        return self.method.symmetric
+
+    @property
+    def symplectic(self) -> bool:  # type: ignore[override]
+        """Is the method symplectic?"""
+        return self.method.symplectic
+
+    def start(self, system: Any, state: Any, h: float) -> Any:
+        """The first memory of the method."""
+        return self.method.start(system, state, h)
+
+    def observe(self, memory: Any) -> Any:
+        """The state in it."""
+        return self.method.observe(memory)
+
+    def past(self, memory: Any) -> Any:
+        """The past in the memory of the method."""
+        return self.method.past(memory)
+
+    def resume(self, system: Any, state: Any, past: Any, h: float) -> Any:
+        """A memory of the method, from a state and a past."""
+        return self.method.resume(system, state, past, h)
+
+
 def alternatives(system: Any, otherwise: str = System.alternatives) -> str:
-    """What to use where a method does not accept a system.  otherwise : if its class says nothing
+    """The methods to use where one does not accept a system.  otherwise : if its class says nothing
     of its own.
     """
     own = system.alternatives if isinstance(system, System) else otherwise

@@ -16,7 +16,8 @@ from ..solvers import fixed_point, newton
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
-from .implicit import Implicit, Memory, extrapolated
+from .implicit import Implicit
+from .memory import Memory, extrapolated
 from .method import Method
 from .rkmk import combination
 
@@ -60,13 +61,14 @@ class ImplicitMidpoint(Implicit):
         """The mean is the momentum itself."""
         return state.mu
 
-    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for the mean from the extrapolated one, then move momentum and attitude by the
         displacement that belongs to it.
         """
-        m = self.mean(system, h, state.mu, extrapolated(*self.past(state)))
+        state = memory.state
+        m = self.mean(system, h, state.mu, extrapolated(*memory.past))
         x = self.turn(system, h, m, state.mu)
-        return self.after(state, system.displaced(Cayley(), self.observe(state), x), m)
+        return self.after(memory, system.displaced(Cayley(), state, x), m)
 
     def mean(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The m with m - m x x(m)/2 = mu."""
@@ -167,13 +169,13 @@ class Isospectral(Implicit):
         first = system.group.algebra.hat(-h * system.velocity(state.mu))
         return tuple([first for _ in range(self.order // 2)])
 
-    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Iterate the stages from the extrapolated ones, then add what the step turns."""
-        guess = [extrapolated(*stage) for stage in zip(*self.past(state))]
+        state, guess = memory.state, [extrapolated(*stage) for stage in zip(*memory.past)]
         stages = self._iterated(system, h, state.mu, guess)
         turned = combination(self.tableau[1], stages)
         g = None if state.g is None else state.g + state.g @ turned.T
-        return self.after(state, BodyState(state.mu + turned @ state.mu, g), tuple(stages))
+        return self.after(memory, BodyState(state.mu + turned @ state.mu, g), tuple(stages))
 
     def _iterated(self, system: Any, h: float, mu: Vec, guess: list[Mat]) -> list[Mat]:
         """The Z_j = h B_j Q_j, iterated until they change no more."""

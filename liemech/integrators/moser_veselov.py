@@ -16,7 +16,8 @@ from ..solvers import beyond_fold, newton
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
 from .exact_free_body import ExactFreeBody
-from .implicit import Implicit, Memory, extrapolated
+from .implicit import Implicit
+from .memory import Memory, extrapolated
 from .method import Method
 from .variational import with_inertia
 
@@ -55,12 +56,12 @@ class MoserVeselov(Implicit):
         """The displacement at the velocity of the start."""
         return h * system.velocity(state.mu)
 
-    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for the displacement from the extrapolated one, then move momentum and attitude by
         it.
         """
-        x = self.displacement(system, h, state.mu, extrapolated(*self.past(state)))
-        return self.after(state, system.displaced(Cayley(), self.observe(state), x), x)
+        x = self.displacement(system, h, memory.state.mu, extrapolated(*memory.past))
+        return self.after(memory, system.displaced(Cayley(), memory.state, x), x)
 
     def inertia(self, system: Any) -> Vec | Mat:
         """The moments J, or their matrix."""
@@ -86,7 +87,7 @@ class MoserVeselov(Implicit):
 
 
 def _equation(inertia: Vec | Mat, algebra: Any, y: Vec, x: Vec) -> tuple[Vec, Mat, float]:
-    """The same for these moments."""
+    """The equation of a step for these moments."""
     s = 0.25 * dot(x, y)
     r = (inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x) - (
         y + (s * x - 0.5 * cross(x, y))
@@ -199,15 +200,15 @@ class ExactMoserVeselov(MoserVeselov):
             other = other or abs(found - wanted) > FITTED * abs(wanted)
         return where(other, NAN, h) * system.velocity(state.mu)
 
-    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """One step of the body with the other moments."""
-        if state.last[0] != state.last[0]:
+        if memory.past[0][0] != memory.past[0][0]:
             raise InconsistentState(
                 f"{self.name} was fitted to another motion, with h = {self.h:g}, |mu|^2 = "
                 f"{self.constants[0]:g} and energy {self.constants[1]:g}. Fit it to this one: "
                 "ExactMoserVeselov.of(body, start, h)"
             )
-        return super().step(system, t, state, h)
+        return super().step(system, t, memory, h)
 
     def inertia(self, system: Any) -> Vec | Mat:
         """The fitted moments."""

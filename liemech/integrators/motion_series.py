@@ -99,7 +99,7 @@ def motion(system: Any, h: float, m: Vec, pace: float, time: float = 0.0) -> tup
 
 
 def settle(m: Vec, terms: list[Vec]) -> None:
-    """Let the unknown series m be m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend
+    """Set the unknown series m to m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend
     on m.
     """
     for component, rest in zip(m, collected(terms)):
@@ -134,13 +134,13 @@ def _at(k: int, x: Vec) -> Vec:
 
 
 def _added_to_velocity(group: LieGroup, retraction: Retraction, x: Vec, v: Vec, k: int) -> Vec:
-    """What dtau^-1_x adds to v at t^k, left-trivialised.
+    """The change of v by dtau^-1_x at t^k, left-trivialised.
 
     The exponential: ad_x v = ad_x (v - x/t), where v - x/t begins with t: two brackets less to be
     nested.
     """
     if not isinstance(retraction, Exponential):
-        return _at(k, retraction.dtau_inv(group, x, v, "left")) - _at(k, v)
+        return _at(k, retraction.dtau_inv(group, x, v)) - _at(k, v)
     turning = vec(*[Series(None, *[a[j] - b[j + 1] for j in range(1, k)]) for a, b in zip(v, x)])
     return _at(k, _bernoulli(lambda y: group.ad(-x, y), group.ad(-x, turning), 1, k - 1))
 
@@ -148,13 +148,13 @@ def _added_to_velocity(group: LieGroup, retraction: Retraction, x: Vec, v: Vec, 
 def _added_to_momentum(
     group: LieGroup, retraction: Retraction, x: Vec, p: Vec, mu: Vec, k: int
 ) -> Vec:
-    """What (dtau^-1_x)* adds to p at t^k, left-trivialised, where p itself has no term yet.
+    """The change of p by (dtau^-1_x)* at t^k, left-trivialised, where p itself has no term yet.
 
     The exponential: what is odd in t comes from -ad*_x p/2 alone, with -x in the place of x, and so
     ad*_x p is known from mu.
     """
     if not isinstance(retraction, Exponential):
-        return _at(k, retraction.dtau_inv_dual(group, x, p, "left"))
+        return _at(k, retraction.dtau_inv_dual(group, x, p))
     odd = vec(*[Series(None, *[-2.0 * c[j] if j % 2 else None for j in range(1, k)]) for c in mu])
     return _at(k, _bernoulli(lambda y: group.ad_star(-x, y), group.ad_star(-x, odd), 2, k))
 

@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
-from ..formulas import Record, Vec, gradient, jacobian, plain, record
-from ..formulas.broadcasting import small
+from ..formulas import Vec, gradient, jacobian, plain, record
+from ..formulas.vectors import small
 from ..systems.canonical import CanonicalState
 from ..systems.multirate import MultirateSystem
 from ..systems.vector_field import SplitField, has_flow, recognised_field
+from .memory import Memory, Remembering
 from .method import Method, alternatives
 
 NEAR = 0.1
@@ -23,17 +24,7 @@ LOOKED_AT = 8
 
 
 @record
-class Impelled(Record):
-    """What multiple time steps carry along: the state, and the force of each part there; None for a
-    mollified one, and for fields.
-    """
-
-    state: Any
-    forces: Any
-
-
-@record
-class MultipleTimeSteps(Method):
+class MultipleTimeSteps(Remembering):
     """The impulse method (Verlet-I, r-RESPA): half a kick by the slow force, fast steps without it,
     half a kick.
 
@@ -108,7 +99,7 @@ class MultipleTimeSteps(Method):
                 raise InvalidType(f"MultipleTimeSteps: methods are Methods or None; got {method!r}")
             if method is not None and (method.fictive or not method.symmetric_on(None)):
                 raise InvalidInput(
-                    f"MultipleTimeSteps: {method!r} is not symmetric with steps of one length, and "
+                    f"MultipleTimeSteps: {method!r} is not symmetric with fixed steps, and "
                     "so the whole would not be. Splitting(order=2) is, and on R^n "
                     "RKMK(tableau=tableaus.gauss(1))"
                 )
@@ -181,7 +172,7 @@ class MultipleTimeSteps(Method):
         return None
 
     def _caution(self, system: Any, q: Vec, p: Vec, h: float) -> str | None:
-        """The same of one body; None where the forces have no derivative."""
+        """The warning for one body; None where the forces have no derivative."""
         last = len(self.ratios)
         try:
             by_p = np.array(jacobian(lambda x: system.velocity(q, x), p))
@@ -216,41 +207,34 @@ class MultipleTimeSteps(Method):
 
     # ---------------------------------------------------------------- one step
 
-    def start(self, system: Any, state: Any, h: float) -> Impelled:
-        """The state and the forces there; of fields the state."""
+    def at_node(self, system: Any, state: Any, h: float) -> Any:
+        """The force of each part, None for a mollified one; nothing of fields."""
         if isinstance(system, SplitField):
-            return Impelled(state, None)
-        q = plain(state.q)
-        slowest = None if self.mollified else system.part_force(len(self.ratios), q)
-        return Impelled(
-            state, (*[system.part_force(k, q) for k in range(len(self.ratios))], slowest)
-        )
+            return None
+        q, parts = plain(state.q), len(self.ratios)
+        slowest = None if self.mollified else system.part_force(parts, q)
+        return (*[system.part_force(k, q) for k in range(parts)], slowest)
 
-    def observe(self, memory: Impelled) -> Any:
-        """The state."""
-        return memory.state
-
-    def step(self, system: Any, t: float, memory: Impelled, h: float) -> Impelled:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Kicks at all rates, each half before and half after those that are faster."""
-        state, forces = memory.state, memory.forces
+        state, forces = memory.state, memory.node
         if isinstance(system, SplitField):
-            return Impelled(self._of_fields(system, len(self.ratios), state, h), None)
+            return Memory(self._of_fields(system, len(self.ratios), state, h), None, ())
         if not self.mollified:
-            return self._advanced(system, len(self.ratios), state, forces, h)
+            return Memory(*self._advanced(system, len(self.ratios), state, forces, h), ())
         fast = (forces[0],)
         kicked = CanonicalState(
             state.q, state.p + (0.5 * h) * self._mollified(system, plain(state.q), h)
         )
         for _ in range(self.ratios[0]):
-            after = self._advanced(system, 0, kicked, fast, h / self.ratios[0])
-            kicked, fast = after.state, after.forces
+            kicked, fast = self._advanced(system, 0, kicked, fast, h / self.ratios[0])
         slow = self._mollified(system, plain(kicked.q), h)
-        return Impelled(CanonicalState(kicked.q, kicked.p + (0.5 * h) * slow), (fast[0], None))
+        return Memory(CanonicalState(kicked.q, kicked.p + (0.5 * h) * slow), (fast[0], None), ())
 
     def _advanced(
         self, system: Any, k: int, state: CanonicalState, forces: Any, h: float
-    ) -> Impelled:
-        """A step of length h with the parts 0 to k."""
+    ) -> tuple[CanonicalState, Any]:
+        """A step of length h with the parts 0 to k: the state, and the forces there."""
         state = CanonicalState(state.q, state.p + (0.5 * h) * forces[k])
         faster = forces[:k]
         if k == 0:
@@ -259,10 +243,9 @@ class MultipleTimeSteps(Method):
             )
         else:
             for _ in range(self.ratios[k - 1]):
-                after = self._advanced(system, k - 1, state, faster, h / self.ratios[k - 1])
-                state, faster = after.state, after.forces
+                state, faster = self._advanced(system, k - 1, state, faster, h / self.ratios[k - 1])
         force = system.part_force(k, plain(state.q))
-        return Impelled(CanonicalState(state.q, state.p + (0.5 * h) * force), (*faster, force))
+        return CanonicalState(state.q, state.p + (0.5 * h) * force), (*faster, force)
 
     def _of_fields(self, system: Any, k: int, state: Any, h: float) -> Any:
         """A step of length h of the fields 0 to k."""

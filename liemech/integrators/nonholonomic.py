@@ -19,6 +19,7 @@ class LagrangeDAlembert(LieRATTLE):
         m = mu_i + (h/2) f(g_i) - A(g_i)* l,  (dtau^-1_x)* J x/h = m,  (A(g_i) + A(g_i tau(x))) x = 0        for x and l
         g_i+1 = g_i tau(x),  mu_i+1 = Ad*_tau(x) m + (h/2) f(g_i+1) - A(g_i+1)* l',  A(g_i+1) J^-1 mu_i+1 = 0  for l'
 
+    dtau is the right-trivialised one.
     retraction : Exponential() is the more accurate one.
     Order 2, symmetric; the constraint holds to rounding at every node.  There is no two-form to be
     kept.  The energy, which the motion keeps, is kept up to O(h^2), and may stay off by as much for

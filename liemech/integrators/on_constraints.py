@@ -1,4 +1,4 @@
-"""What symplectic methods on the constraints share: which systems they take, and which steps they
+"""Symplectic methods on the constraints: which systems they take, and which steps they
 refuse.
 """
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InconsistentState, InvalidInput, NoConvergence
 from ..formulas import Mat, Vec, dot, norm, record
-from ..formulas.broadcasting import small
 from ..formulas.sizes import EPSILON
+from ..formulas.vectors import small
 from ..systems.constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated, pushed
 from .method import Method, alternatives
 

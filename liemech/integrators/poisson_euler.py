@@ -8,13 +8,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..formulas import Record, Vec, derivative, plain, record, vec
+from ..formulas import Vec, derivative, plain, record, vec
 from ..formulas.anything import degree, looked_at, made_of
 from ..systems.poisson import PoissonState, PoissonSystem
+from .memory import Memory, Remembering
 from .method import Method
 
 ROUNDING = 2.0**-40
-"""What is below this, relative to its terms, is zero up to rounding."""
+"""A sum below this, relative to its terms, is zero up to rounding."""
 
 PROBES = [
     (float(u), float(v))
@@ -197,15 +198,7 @@ class PoissonEuler(PlanarEuler):
 
 
 @record
-class Leaning(Record):
-    """A state, and the slope L'(v) there."""
-
-    state: PoissonState
-    slope: float
-
-
-@record
-class PoissonVerlet(PlanarEuler):
+class PoissonVerlet(PlanarEuler, Remembering):
     """Half a step of PoissonEuler and half a step of its adjoint: the method of Stormer and Verlet
     as a Poisson map.
 
@@ -217,16 +210,12 @@ class PoissonVerlet(PlanarEuler):
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
 
-    def start(self, system: Any, state: PoissonState, h: float) -> Leaning:
-        """The state and L'(v)."""
-        return Leaning(state, system.gradient(plain(state.y))[1])
+    def at_node(self, system: Any, state: PoissonState, h: float) -> float:
+        """The slope L'(v)."""
+        return system.gradient(plain(state.y))[1]
 
-    def observe(self, memory: Leaning) -> PoissonState:
-        """The state."""
-        return memory.state
-
-    def step(self, system: Any, t: float, memory: Leaning, h: float) -> Leaning:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Half a step u first, half a step v first; L' at the end is that of the next beginning."""
-        y, slope = self.u_first(system, memory.state.y, memory.slope, 0.5 * h)
+        y, slope = self.u_first(system, memory.state.y, memory.node, 0.5 * h)
         y, slope = self.v_first(system, y, slope, 0.5 * h)
-        return Leaning(PoissonState(y), slope)
+        return Memory(PoissonState(y), slope, ())

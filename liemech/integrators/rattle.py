@@ -8,28 +8,16 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Record, Vec, jacobian, norm, plain, record, sqrt, vec, where
+from ..formulas import Mat, Vec, jacobian, norm, plain, record, sqrt, vec, where
 from ..solvers import newton
 from ..systems.canonical import CanonicalState
 from ..systems.constrained import FAR, cross_products, in_order, inverse_sizes, pushed
-from .implicit import extrapolated
+from .memory import Memory, Remembering, extrapolated, followed, repeated
 from .on_constraints import OnConstraints
 
 
 @record
-class Held(Record):
-    """What such a method carries along: the state, and the impulses of the last three steps, the
-    multipliers times h.
-    """
-
-    state: CanonicalState
-    last: Vec
-    last_1: Vec
-    last_2: Vec
-
-
-@record
-class Projected(OnConstraints):
+class Projected(OnConstraints, Remembering):
     """Steps of a constrained system whose two ends are put on the constraints by impulses;
     abstract.
 
@@ -47,31 +35,16 @@ class Projected(OnConstraints):
         """b and a, b + a = 1."""
         raise NotImplementedError(f"{type(self).__name__} must define `shares`")
 
-    def start(self, system: Any, state: CanonicalState, h: float) -> Held:
-        """The state, and half of its multipliers, times h, as a guess."""
+    def beginning(self, system: Any, state: CanonicalState, h: float) -> tuple[Vec, Vec, Vec]:
+        """Impulses, the multipliers times h: half of those of the state, as a guess."""
         here = plain(state)
-        guess = (0.5 * h) * system.multipliers(here.q, here.p)
-        return Held(state, guess, guess, guess)
+        return repeated((0.5 * h) * system.multipliers(here.q, here.p))
 
-    def observe(self, memory: Held) -> CanonicalState:
-        """Positions and momenta."""
-        return memory.state
-
-    def past(self, memory: Held) -> tuple[Vec, Vec, Vec]:
-        """The impulses of the last three steps."""
-        return memory.last, memory.last_1, memory.last_2
-
-    def resume(
-        self, system: Any, state: CanonicalState, past: tuple[Vec, Vec, Vec], h: float
-    ) -> Held:
-        """A state from elsewhere, impulses to extrapolate from the past."""
-        return Held(state, *past)
-
-    def step(self, system: Any, t: float, memory: Held, h: float) -> Held:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Onto g = 0 by an impulse at the beginning, into the tangent space by one at the end."""
         here, (_, after) = plain(memory.state), self.shares
         q, p, G = here.q, here.p, system.constraint_jacobian(here.q)
-        guess = extrapolated(*self.past(memory))
+        guess = extrapolated(*memory.past)
         find = self._explicitly if system.separable else self._implicitly
         there, drift, free, pull, impulses, size, enough = find(system, h, q, p, G, guess)
         if not size <= enough:
@@ -84,7 +57,7 @@ class Projected(OnConstraints):
         impulse, pivots = system.tangent_impulse(there, p + kick)
         self.check_branch(system, h, q, there, p + kick, G, pivots)
         state = CanonicalState(memory.state.q + drift, memory.state.p + (kick + impulse))
-        return Held(state, impulses, memory.last, memory.last_1)
+        return Memory(state, None, followed(memory.past, impulses))
 
     # ---------------------------------------------------------------- the first half of the step
 

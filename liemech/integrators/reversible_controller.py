@@ -16,7 +16,7 @@ from .moser_veselov import ExactMoserVeselov
 
 @record
 class Controlled(Record):
-    """What the controller carries along: what its method does, physical time, z, and the growth
+    """The memory of the controller: that of its method, physical time, z, and the growth
     rate of sigma there.
 
     kind : of the states that show it.
@@ -31,7 +31,7 @@ class Controlled(Record):
 
 @record
 class ReversibleController(Method):
-    """Steps of about sigma(y) eps around a symmetric method Phi, for equal steps eps of a fictive
+    """Steps of about sigma(y) eps around a symmetric method Phi, for fixed steps eps of a fictive
     time, dt = sigma dtau:
 
         z = z_n + (eps/2) G(y_n),   y_n+1 = Phi_(eps/z)(y_n),   t_n+1 = t_n + eps/z,   z_n+1 = z + (eps/2) G(y_n+1)
@@ -72,7 +72,7 @@ class ReversibleController(Method):
                 "CovariantVariational(Exponential()) and compositions of them are"
             )
         if isinstance(method, ExactMoserVeselov) or method.fictive:
-            raise InvalidInput(f"ReversibleController: {method!r} is for steps of one length")
+            raise InvalidInput(f"ReversibleController: {method!r} is for fixed steps")
         object.__setattr__(self, "sigma", time_scale("ReversibleController", self.sigma))
         super().__post_init__()
 
@@ -99,7 +99,7 @@ class ReversibleController(Method):
             )
 
     def step_warning(self, system: Any, start: Any, h: float) -> str | None:
-        """What the method says of the first step."""
+        """The warning of the method of the first step."""
         return self.method.step_warning(system.system, system.without(start), h / start.z)
 
     def start(self, system: Any, state: Any, h: float) -> Controlled:

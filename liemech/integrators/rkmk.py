@@ -8,6 +8,7 @@ from ..errors import InvalidInput, InvalidType, OrderWarning, warn
 from ..formulas import Record, Vec, plain, record, sqrt, vec, where
 from ..formulas.sizes import one_norms
 from ..groups.bernoulli import BERNOULLI, TERMS
+from ..groups.lie_algebra import sided
 from ..groups.vector_space import VectorSpace
 from ..retractions import Exponential, Retraction
 from ..solvers import fixed_point
@@ -103,7 +104,7 @@ class RKMK(Method):
             )
 
     def symmetric_on(self, system: Any) -> bool:
-        """It is where everything commutes, on vector spaces, if the tableau is; the midpoint rule
+        """Where everything commutes, on vector spaces, if the tableau is symmetric; the midpoint rule
         is everywhere.
         """
         if not self.tableau.symmetric:
@@ -261,15 +262,16 @@ class RKMK(Method):
                 tableau.A_extra, tableau.c_extra, slopes, system, t, start, first, h
             )
             return tuple([combination(weights, slopes, h) for weights in zip(*tableau.interpolant)])
-        end = h * self.retraction.dtau_inv(system.group, omega, velocity, system.side)
+        end = h * self.retraction.dtau_inv(system.group, sided(omega, system.side), velocity)
         return h * first, 3.0 * omega - (2.0 * h * first + end), (h * first + end) - 2.0 * omega
 
     def slope(self, system: System, t: float, start: Any, omega: Vec) -> Vec:
         """dtau^-1_Omega xi(t, the start displaced by tau(Omega)), trivialised like the velocity."""
         xi = system.rate(t, system.displaced(self.retraction, start, omega))
+        place = sided(omega, system.side)
         if isinstance(self.truncation, str):
-            return self.retraction.dtau_inv(system.group, omega, xi, system.side)
-        return system.group.algebra.dexp_inv_series(omega, xi, self.truncation, system.side)
+            return self.retraction.dtau_inv(system.group, place, xi)
+        return system.group.algebra.dexp_inv_series(place, xi, self.truncation)
 
     def __repr__(self) -> str:
         parts = [f"order={self.order}"]

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
-from ..formulas import Record, plain, record
+from ..formulas import plain, record
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from ..systems.parts import OfParts
 from ..systems.separable import SeparableSystem
@@ -24,17 +24,8 @@ from ..tableaus.splittings import (
     SYMPLECTIC_EULER,
     SplittingTableau,
 )
+from .memory import Memory, Remembering
 from .method import Method, alternatives
-
-
-@record
-class Kicked(Record):
-    """What a splitting carries along: the state, and the force there; None if a step evaluates all
-    its forces.
-    """
-
-    state: Any
-    force: Any
 
 
 @record
@@ -53,7 +44,7 @@ class OfTableau(Method):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """It is symmetric if the tableau is."""
+        """Is the tableau symmetric?"""
         return self.tableau.symmetric  # type: ignore[attr-defined]
 
 
@@ -122,7 +113,7 @@ class ChosenByOrder(OfTableau):
 
 
 @record
-class SeparableSplitting(OfTableau):
+class SeparableSplitting(OfTableau, Remembering):
     """Kicks p += b_i h f(q) and drifts q += a_i h v(p) in turn, by a `tableau`, or the motions of
     all parts; abstract.
 
@@ -181,37 +172,32 @@ class SeparableSplitting(OfTableau):
             )
         return f"got {system!r}. {alternatives(system)}"
 
-    def start(self, system: Any, state: Any, h: float) -> Kicked:
-        """The state and, if a step begins with the force at which the one before ended, this force."""
-        if isinstance(system, OfParts):
-            return Kicked(state, None)
+    def at_node(self, system: Any, state: Any, h: float) -> Any:
+        """The force, if a step begins with the one at which the step before ended."""
+        if isinstance(system, OfParts) or not self.tableau.carries_force:  # type: ignore[attr-defined]
+            return None
         here = plain(state)
-        return Kicked(state, system.force(here.q, here.p) if self.tableau.carries_force else None)  # type: ignore[attr-defined]
+        return system.force(here.q, here.p)
 
-    def observe(self, memory: Kicked) -> Any:
-        """The state."""
-        return memory.state
-
-    def step(self, system: Any, t: float, memory: Kicked, h: float) -> Kicked:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Kick, drift, kick, ..., or the motions of the parts in turn."""
         if isinstance(system, OfParts):
             turns = self.tableau_for(system).sequence(len(system.parts))
-            return Kicked(
-                system.in_turn(memory.state, [(part, share * h) for part, share in turns]), None
-            )
-        tableau, force = self.tableau, memory.force  # type: ignore[attr-defined]
+            moved = system.in_turn(memory.state, [(part, share * h) for part, share in turns])
+            return Memory(moved, None, ())
+        tableau, force = self.tableau, memory.node  # type: ignore[attr-defined]
         q, p = memory.state.q, memory.state.p
         for i, b in enumerate(tableau.kicks):
             if b != 0.0:
                 force = (
-                    memory.force
+                    memory.node
                     if i == 0 and tableau.carries_force
                     else system.force(plain(q), plain(p))
                 )
                 p = p + (b * h) * force
             if i < len(tableau.drifts):
                 q = q + (tableau.drifts[i] * h) * system.velocity(plain(q), plain(p))
-        return Kicked(CanonicalState(q, p), force if tableau.carries_force else None)
+        return Memory(CanonicalState(q, p), force if tableau.carries_force else None, ())
 
 
 @record

@@ -17,7 +17,8 @@ from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System
 from .discrete_lagrangian import DiscreteLagrangian
-from .implicit import Implicit, Memory, extrapolated
+from .implicit import Implicit
+from .memory import Memory, extrapolated
 from .solvability import first_fold, grown, largest_impulse, surely_solvable, turns_freely
 
 LEAST, MOST = 2.0**-336, 2.0**339
@@ -31,10 +32,10 @@ about 1e289; J up to which the square of its inverse is an ordinary float, about
 
 @record
 class CovariantVariational(Implicit):
-    """Algorithm 1: the discrete Euler-Poincare equations of the action sum l_d(xi_i) with
-    g_i+1 = g_i tau(h xi_i).
+    """Algorithm 1, a Lie group variational integrator: the discrete Euler-Poincare equations of the
+    action sum l_d(xi_i) with g_i+1 = g_i tau(h xi_i).
 
-        (1/h) (dtau^-1_{h xi_i})* dl_d/dxi(xi_i) = mu_i            solved for h xi_i by Newton's method
+        (1/h) (dtau^-1_{h xi_i})* dl_d/dxi(xi_i) = mu_i  (right-trivialised),    solved for h xi_i by Newton's method
         mu_i+1 = Ad*_tau(h xi_i) mu_i,   g_i+1 = g_i tau(h xi_i)
 
     lagrangian : a DiscreteLagrangian, the action l_d of one step; by default h l(xi), of the body's
@@ -79,7 +80,7 @@ class CovariantVariational(Implicit):
 
     @property
     def symmetric(self) -> bool:  # type: ignore[override]
-        """It is symmetric if the discrete Lagrangian is, as h l(xi)."""
+        """Is the discrete Lagrangian symmetric, as h l(xi) is?"""
         return self.lagrangian is None or self.lagrangian.symmetric
 
     @property
@@ -92,14 +93,13 @@ class CovariantVariational(Implicit):
         """The displacement at the velocity of the start, h J^-1 mu."""
         return h * system.velocity(state.mu)
 
-    def step(self, system: Any, t: float, state: Memory, h: float) -> Memory:
+    def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for the displacement of the interval from the extrapolated one, then move momentum
         and attitude by it.
         """
-        last, last_1, last_2 = self.past(state)
-        guess = extrapolated(narrow(last), narrow(last_1), narrow(last_2))
-        x = self.displacement(system, h, plain(state.mu), guess)
-        return self.after(state, system.displaced(self.retraction, self.observe(state), x), x)
+        guess = extrapolated(*[narrow(x) for x in memory.past])
+        x = self.displacement(system, h, plain(memory.state.mu), guess)
+        return self.after(memory, system.displaced(self.retraction, memory.state, x), x)
 
     def displacement(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The x = h xi whose momentum dl/dxi fits mu.
@@ -169,11 +169,11 @@ class CovariantVariational(Implicit):
 
     def momentum(self, system: Any, xi: Vec, h: float) -> Vec:
         """The momentum at the node before a step of length h with velocity xi, (dtau^-1_{h xi})*
-        dl/dxi: to start from a velocity.
+        dl/dxi, right-trivialised: to start from a velocity.
 
         xi : (dim,), in 1/s.  h : in s.  Returns (dim,).
         """
-        return self.retraction.dtau_inv_dual(system.group, h * xi, self._momentum(system, xi, h))
+        return self.retraction.dtau_inv_dual(system.group, -(h * xi), self._momentum(system, xi, h))
 
     def velocity(self, system: Any, mu: Vec, h: float) -> Vec:
         """The velocity xi of the step of length h after a node with momentum mu; `momentum`
@@ -223,7 +223,7 @@ class CovariantVariational(Implicit):
         return limit / (most * math.sqrt(np.einsum("...i,...i", mu, mu).max()))
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
-        """What to tell before a run whose step is larger than the `largest_step`; None if it is
+        """The warning before a run whose step is larger than the `largest_step`; None if it is
         not.
 
         Raises InvalidInput for units in which Newton's method would leave the range of floats: it
@@ -299,7 +299,7 @@ def first_size(inertia: Vec | Mat) -> float:
 
 
 def weight(by_p: float | Mat) -> float:
-    """What the square of a mismatch is to be compared with, over that of the momentum: it may be a
+    """The scale of the square of a mismatch, over that of the momentum: it may be a
     multiple of r.
     """
     return 1.0 if isinstance(by_p, vectors.Mat) else by_p * by_p

@@ -31,7 +31,7 @@ from ..formulas import (
 )
 from ..groups.poisson_structure import PoissonStructure
 from ..systems.hamiltonian import Hamiltonian
-from ..systems.parts import Part, SplitHamiltonian, Straight
+from ..systems.parts import Part, SplitHamiltonian, StraightLineFlow
 from ..systems.poisson import PoissonSystem
 from .maxwell_bloch import HalfSquare
 
@@ -66,7 +66,7 @@ class MagneticField(Record):
 
 @record
 class UniformField(MagneticField):
-    """The same field everywhere.
+    """A uniform field, B constant.
 
     strength : B, (3,).  Source: Landau and Lifshitz, The Classical Theory of Fields, section 21.
     """
@@ -264,7 +264,7 @@ class ChargedParticle(PoissonSystem):
         if type(self.field).integral is MagneticField.integral:
             parts = [HalfSquare(3 + i, 6) for i in range(3)]
         if self.potential is not None:
-            parts.append(Straight(ElectricEnergy(self.potential)))
+            parts.append(StraightLineFlow(ElectricEnergy(self.potential)))
         object.__setattr__(self, "hamiltonian", SplitHamiltonian(tuple(parts)))
         super().__post_init__()
 

@@ -21,12 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .decimals import DIGITS, PI, cos_sin
 from .jacobi import Jacobi
-
-DIGITS = 100
-PI = Decimal(
-    "3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798214808651"
-)
 
 
 class Swing(NamedTuple):
@@ -76,7 +72,7 @@ def pendulum(
         square = abs(Decimal(gravity)) / Decimal(length)
         angle = Decimal(theta) - (PI if gravity < 0.0 else 0)
         reduced = angle - 2 * PI * (angle / (2 * PI)).to_integral_value()
-        cosine, sine = _cos_sin(reduced)
+        cosine, sine = cos_sin(reduced)
         speed = Decimal(momentum) / (Decimal(mass) * Decimal(length) ** 2)
         fall = speed * speed / (4 * square)
         high, low = (1 + cosine) / 2, (1 - cosine) / 2
@@ -98,20 +94,3 @@ def pendulum(
         else jacobi.argument(sign * S / k, C if not jacobi.k1 else V / k)
     )
     return Swing(jacobi, turns, k, frequency, begin, sign, shift)
-
-
-def _cos_sin(x: Decimal) -> tuple[Decimal, Decimal]:
-    """cos x and sin x, |x| <= pi, by their series at x/8."""
-    y = x / 8
-    cosine, sine, term, n = Decimal(0), Decimal(0), Decimal(1), 0
-    while abs(term) > Decimal(10) ** -(DIGITS + 18):
-        part = term if n % 4 < 2 else -term
-        if n % 2:
-            sine += part
-        else:
-            cosine += part
-        n += 1
-        term = term * y / n
-    for _ in range(3):
-        cosine, sine = 1 - 2 * sine * sine, 2 * sine * cosine
-    return cosine, sine

@@ -163,7 +163,7 @@ _MOVED = batch.Driver(moved)
 
 
 class _Prepared(NamedTuple):
-    """What the motions of a body from one start have in common.  start : g(0) P(e(0))^T in the
+    """The data that all times of a motion from one start share.  start : g(0) P(e(0))^T in the
     principal frame.
     """
 
@@ -202,7 +202,7 @@ class _Unit(NamedTuple):
 
     @property
     def factors(self) -> tuple[float, float]:
-        """What makes times those of the motion, and its momenta those of the caller."""
+        """Factors from the caller's times to those of the motion, and from its momenta to the caller's."""
         return (
             (1.0, 1.0)
             if self.extreme

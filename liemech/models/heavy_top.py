@@ -53,7 +53,7 @@ class HeavyTop(MechanicalSystem):
 
     @property
     def reduced(self) -> ReducedHeavyTop:
-        """The same top on se(3)*."""
+        """This top on se(3)*."""
         return ReducedHeavyTop(self.inertia, self.weight, self.centre)
 
 
@@ -196,7 +196,7 @@ class ReducedHeavyTop(LiePoissonSystem):
 
     @property
     def alternatives(self) -> str:  # type: ignore[override]
-        """What to use where a method refuses this form of the top."""
+        """Advice for a method that refuses this form of the top."""
         top = f"HeavyTop({self.inertia!r}, {self.weight!r}, {self.centre!r})"
         return (
             f"{top} is the same top as a body in a field, for LieVerlet() and KickDrift(); in this "

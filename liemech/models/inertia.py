@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, check_finite, real_array
-from ..formulas.broadcasting import at_a_glance
+from ..formulas.arrays import at_a_glance
 
 SYMMETRY = 1e-12
 """An inertia matrix less symmetric than this, relative to its size, is a mistake and not a rounding

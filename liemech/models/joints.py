@@ -28,7 +28,7 @@ REST = vec(0.0, 0.0, 0.0)
 
 @record
 class Joint(Record):
-    """What holds two rigid bodies together; abstract.
+    """A joint, which holds two rigid bodies together; abstract.
 
     first : the number of a body.  second : that of another one, or None for the ground.
     Points and axes are given in the axes of the body that they belong to, points from its centre of
@@ -88,7 +88,8 @@ class Joint(Record):
 class BallJoint(Joint):
     """A point of one body stays on a point of the other one: x_1 = x_2, three conditions, in m.
 
-    at_first, at_second : the point in each body, (3,), in m.
+    at_first, at_second : the point in each body, (3,), in m.  `BallJoint(body, None, at, point)` holds
+    a point of a body at a point of space.
 
     Source: Nikravesh (1988), section 7.2 (spherical joint).
     """
@@ -105,16 +106,6 @@ class BallJoint(Joint):
     def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
         """Of the points."""
         return tuple([(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES])
-
-
-def FixedPoint(body: int, at: Any, point: Any = (0.0, 0.0, 0.0)) -> BallJoint:
-    """A point of a body that stays in place: a BallJoint to the ground.
-
-    at : the point in the body, from its centre of mass, (3,).  point : where it stays, in space,
-    (3,), both in m.
-    Source: Nikravesh (1988), section 7.2.
-    """
-    return BallJoint(body, None, at, point)
 
 
 @record

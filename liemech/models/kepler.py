@@ -96,64 +96,42 @@ class Kepler(SeparableSystem):
 
     def period(self, start: CanonicalState) -> float:
         """The time of a revolution, 2 pi (a^3/k)^(1/2), in s."""
-        q, p = _single(start, "Kepler.period")
-        return float(
-            2.0 * np.pi * np.sqrt(self._axis(q, p, "Kepler.period") ** 3 / self.attraction)
-        )
-
-    def exact(self, start: CanonicalState, t: Any) -> CanonicalState:
-        """The exact motion on an ellipse, by Kepler's equation.  t : () or (n,), in s, from the
-        start.  Returns q, p : (..., 2).
-
-            E - e sin E = M,  M = M_0 + n t,     q(t) = f q + g p,  p(t) = f' q + g' p
-
-        Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., chapter 6 (Kepler's equation, f
-        and g).
-        """
-        name = "Kepler.exact"
-        q, p = _single(start, name)
-        t, k = exact_times(t, name), self.attraction
-        a, r0, sigma = self._axis(q, p, name), np.hypot(*q), q @ p / np.sqrt(k)
-        n = np.sqrt(k / a**3)
-        e_cos, e_sin = 1.0 - r0 / a, sigma / np.sqrt(a)  # e cos E_0, e sin E_0
-        e, E0 = np.hypot(e_cos, e_sin), np.arctan2(e_sin, e_cos)
-        past = np.remainder(t, 2.0 * np.pi / n)
-        change = kepler_equation(e, E0 - e_sin + n * past) - E0
-        c, s = np.cos(change), np.sin(change)
-        r = a * (1.0 - e_cos * c + e_sin * s)
-        versine = 2.0 * np.sin(0.5 * change) ** 2
-        f, g = 1.0 - a / r0 * versine, past - (change - s) / n
-        df, dg = -np.sqrt(k * a) / (r * r0) * s, 1.0 - a / r * versine
-        return CanonicalState(
-            f[..., None] * q + g[..., None] * p, df[..., None] * q + dg[..., None] * p
-        )
-
-    def _axis(self, q: np.ndarray, p: np.ndarray, name: str) -> float:
-        """The semi-major axis."""
-        energy = 0.5 * (p @ p) - self.attraction / np.hypot(*q)
+        _alone(start, "Kepler.period")
+        energy = float(self.energy(start.q, start.p))
         if not energy < 0.0:
             raise InvalidInput(
-                f"{name}: the orbit is no ellipse, its energy is {energy:.3g}; integrate it"
+                f"Kepler.period: the orbit is no ellipse, its energy is {energy:.3g}"
             )
-        return float(-0.5 * self.attraction / energy)
+        axis = -0.5 * self.attraction / energy
+        return float(2.0 * np.pi * np.sqrt(axis**3 / self.attraction))
+
+    def exact(self, start: CanonicalState, t: Any) -> CanonicalState:
+        """The exact motion on an ellipse, a parabola or a hyperbola, by Kepler's equation in
+        universal variables.  t : () or (n,), in s, from the start.  Returns q, p : (..., 2).
+
+            t - t_0 = p s c_1 + k s^3 c_3,  c_n Stumpff's functions of b s^2,  r = p + k e s^2 c_2
+
+        p is the distance of the pericentre, b = -2 H, e the eccentricity.  A planet without angular
+        momentum comes back from the sun.
+
+        Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., section 6.9.
+        """
+        from .exact_kepler import exact_kepler
+
+        name = "Kepler.exact"
+        _alone(start, name)
+        times = exact_times(t, name)
+        rows = exact_kepler(start.q, start.p, self.attraction, times.reshape(-1))
+        if not np.isfinite(rows).all():
+            met = times.reshape(-1)[~np.isfinite(rows).all(axis=1)][0]
+            raise InvalidInput(
+                f"{name}: at t = {met:.6g} the planet meets the sun, or numbers leave the range of floats"
+            )
+        return CanonicalState(
+            rows[:, :2].reshape(*times.shape, 2), rows[:, 2:].reshape(*times.shape, 2)
+        )
 
 
-def kepler_equation(e: float, M: Any) -> np.ndarray:
-    """The eccentric anomaly, E - e sin E = M, of a mean anomaly in rad, by Newton's method.
-
-    Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., section 6.6.
-    """
-    M = np.asarray(M, dtype=float)
-    E = M + 0.85 * e * np.sign(np.sin(M))
-    for _ in range(20):
-        correction = (E - e * np.sin(E) - M) / (1.0 - e * np.cos(E))
-        E = E - correction
-        if (np.abs(correction) <= 1e-9 * (1.0 + np.abs(E))).all():
-            break
-    return E
-
-
-def _single(start: CanonicalState, name: str) -> tuple[np.ndarray, np.ndarray]:
+def _alone(start: CanonicalState, name: str) -> None:
     if start.bodies is not None:
         raise InvalidInput(f"{name} takes one planet at a time; loop over the ensemble")
-    return np.array(start.q), np.array(start.p)

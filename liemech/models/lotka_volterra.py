@@ -12,7 +12,7 @@ from ..formulas import Mat, Vec, log, mat, real_array, record, vec
 from ..groups.matrix_group import whole_number
 from ..groups.poisson_structure import LogCanonical
 from ..systems.hamiltonian import Hamiltonian
-from ..systems.parts import OfCoordinate, SplitHamiltonian
+from ..systems.parts import FunctionOfCoordinate, SplitHamiltonian
 from ..systems.poisson import PoissonState, PoissonSystem, positive
 
 
@@ -78,7 +78,7 @@ class LotkaVolterra(PoissonSystem):
                 )
         object.__setattr__(self, "structure", structure)
         parts = [
-            OfCoordinate(Species(i, n, d, p), i)
+            FunctionOfCoordinate(Species(i, n, d, p), i)
             for i, (d, p) in enumerate(zip(*(row.tolist() for row in rows), strict=True))
         ]
         object.__setattr__(self, "hamiltonian", SplitHamiltonian(tuple(parts)))

@@ -8,7 +8,7 @@ from typing import ClassVar
 from ..formulas import Mat, Vec, mat, record, vec
 from ..groups.poisson_structure import PoissonStructure
 from ..systems.hamiltonian import Hamiltonian
-from ..systems.parts import OfCoordinate, SplitHamiltonian
+from ..systems.parts import FunctionOfCoordinate, SplitHamiltonian
 from ..systems.poisson import PoissonSystem
 
 
@@ -81,6 +81,6 @@ class MaxwellBloch(PoissonSystem):
     hamiltonian: SplitHamiltonian = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        parts = OfCoordinate(HalfSquare(1, 3), 1), OfCoordinate(HalfSquare(2, 3), 2)
+        parts = FunctionOfCoordinate(HalfSquare(1, 3), 1), FunctionOfCoordinate(HalfSquare(2, 3), 2)
         object.__setattr__(self, "hamiltonian", SplitHamiltonian(parts))
         super().__post_init__()

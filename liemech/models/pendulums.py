@@ -170,7 +170,7 @@ class DoublePendulum(HamiltonianSystem):
         )
 
     def _weights(self) -> Any:
-        """What multiplies -cos a and -cos b in the potential energy."""
+        """The factors of -cos a and -cos b in the potential energy."""
         m, l = self.masses, self.lengths
         return (m[0] + m[1]) * self.gravity * l[0], m[1] * self.gravity * l[1]
 

@@ -10,61 +10,36 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, NoConvergence
-from ..formulas import Vec, check_finite, dot, norm, plain, real_array, record, sqrt, vec, where
+from ..formulas import Vec, check_finite, dot, norm, plain, real_array, record, vec, where
 from ..groups.poisson_structure import Canonical, PoissonStructure
 from ..systems.hamiltonian import Hamiltonian
-from ..systems.parts import Part, SplitHamiltonian, Straight
+from ..systems.parts import Part, SplitHamiltonian, StraightLineFlow
 from ..systems.poisson import PoissonState, PoissonSystem
 from .n_body import NBody
 from .pendulums import check_positive
-
-LIMIT = 60
-"""Iterations of Kepler's equation; a good step takes three to six."""
+from .universal_variables import solved
 
 
 def kepler_step(q: Vec, v: Vec, k: float, t: float) -> tuple[Vec, Vec]:
-    """What q and v gain in the time t under the attraction -k q/|q|^3: on ellipses, parabolas and
+    """The change of q and v in the time t under the attraction -k q/|q|^3: on ellipses, parabolas and
     hyperbolas.
 
-        t = r_0 G_1 + e_0 G_2 + k G_3,  G_n = s^n c_n(b s^2),  b = 2k/r_0 - |v|^2,  e_0 = q . v
+    The search for s begins with its series in powers of t, for short times correct to t^4.
+    q, v : (3,).  Raises NoConvergence.
 
-    with Stumpff's functions c_n and Laguerre's iteration for s, whose derivative of t is the
-    distance r.  It begins with the series of s in powers of t, for short times correct to t^4, and
-    ends when the next error, of third order in the correction, is below rounding; that correction
-    is made to the G_n, by their series.  q, v : (3,).
-
-    Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., section 6.9 (universal variables);
-    Conway, Celest. Mech. 39 (1986).
+    Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., section 6.9 (universal variables).
     """
     r0 = norm(q)
     over = 1.0 / r0
     b, e0 = 2.0 * k * over - dot(v, v), dot(q, v)
     z = k - b * r0
-    s, last, turns, searching = first_guess(t * over, e0 * over, z * over, b), float("inf"), 0, True
-    G0 = G1 = G2 = G3 = d = 0.0
-    while searching:
-        G0, c1, c2, c3 = stumpff(b * (s * s))
-        G1, G2, G3 = s * c1, s * s * c2, s * s * s * c3
-        excess = s * (r0 * c1 + s * (e0 * c2 + s * (k * c3))) - t
-        r = r0 * G0 + s * (e0 * c1 + s * (k * c2))
-        bend, turn = e0 * G0 + z * G1, z * G0 - b * e0 * G1  # r', r''
-        d = -5.0 * excess / (r + sqrt(abs(16.0 * r * r - 20.0 * excess * bend)))
-        size, turns = abs(d), turns + 1
-        next_error = size * size * size * (bend * bend + abs(r * turn))
-        near = size <= 2.0**-18 * abs(s) and next_error <= 2.0**-54 * abs(s) * (r * r)
-        searching = not near and (size < last or size > 2.0**-30 * abs(s))
-        s, last = where(searching, s + d, s), size
-        if turns > LIMIT:
-            raise NoConvergence(
-                "Kepler's equation was not solved: a planet meets the "
-                "sun, or the step is many periods long"
-            )
-    half = 0.5 * d
-    G1, G2, G3 = (
-        G1 + d * (G0 - half * (b * G1)),
-        G2 + d * (G1 + half * G0),
-        G3 + d * (G2 + half * G1),
-    )
+    s = first_guess(t * over, e0 * over, z * over, b)
+    G1, G2, G3, ended = solved(r0, e0, k, b, t, s)
+    if not ended:
+        raise NoConvergence(
+            "Kepler's equation was not solved: a planet meets the "
+            "sun, or the step is many periods long"
+        )
     pull = k / (r0 + e0 * G1 + z * G2)  # k/r
     f, g = -k * G2 * over, t - k * G3
     df, dg = -pull * G1 * over, -pull * G2
@@ -78,27 +53,6 @@ def first_guess(u: float, e: float, z: float, b: float) -> float:
     A, B, C = (0.5 * e) * u, (z * u) * (u * (1.0 / 6.0)), (b * u) * (u * u) * (e * (-1.0 / 24.0))
     short = abs(A) + abs(B) + abs(C) < 0.25
     return where(short, u * (1.0 - A + (2.0 * A * A - B) + (5.0 * A * (B - A * A) - C)), u)
-
-
-def stumpff(z: float) -> tuple[float, float, float, float]:
-    """c_n(z) = sum (-z)^j/(n + 2j)!, n = 0, 1, 2, 3: the series of z/4^m, and quadruplings.
-
-    Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., section 6.9.
-    """
-    halvings = 0
-    while abs(z) > 0.1:
-        z, halvings = 0.25 * z, halvings + 1
-    c3, c2 = 1.0, 1.0
-    for j in range(6, 0, -1):
-        c3 = 1.0 - c3 * (z * (1.0 / ((2.0 * j + 2.0) * (2.0 * j + 3.0))))
-        c2 = 1.0 - c2 * (z * (1.0 / ((2.0 * j + 1.0) * (2.0 * j + 2.0))))
-    c3, c2 = (1.0 / 6.0) * c3, 0.5 * c2
-    c1, c0 = 1.0 - z * c3, 1.0 - z * c2
-    while halvings > 0:
-        c3, c2, z = 0.25 * (c2 + c0 * c3), 0.5 * (c1 * c1), 4.0 * z
-        c1, c0 = c0 * c1, 1.0 - z * c2  # not 2 c_0^2 - 1, which quadruples the error
-        halvings = halvings - 1
-    return c0, c1, c2, c3
 
 
 @record
@@ -145,7 +99,7 @@ class KeplerMotions(Part):
 
 @record
 class Perturbation(Hamiltonian):
-    """What is left: the attraction between planets, and that of the sun less the one of Kepler's
+    """The rest of the energy: the attraction between planets, and that of the sun less the one of Kepler's
     orbits; a function of positions.
 
     masses : of all bodies, the sun first.  gravity : G.
@@ -250,7 +204,7 @@ class PlanetarySystem(PoissonSystem):
             Vec.of(reduced.tolist()),
             Vec.of(pulls.tolist()),
         )
-        rest = Straight(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
+        rest = StraightLineFlow(Perturbation(Vec.of(m.tolist()), float(self.gravity)))
         object.__setattr__(self, "hamiltonian", SplitHamiltonian((kepler, rest)))
         super().__post_init__()
 

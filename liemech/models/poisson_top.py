@@ -11,7 +11,7 @@ from ..formulas import Vec, cos, plain, record, sin, vec
 from ..groups.poisson_structure import LiePoissonStructure, PoissonStructure
 from ..groups.se3 import SE3
 from ..systems.hamiltonian import Hamiltonian
-from ..systems.parts import Part, SplitHamiltonian, Straight
+from ..systems.parts import Part, SplitHamiltonian, StraightLineFlow
 from ..systems.poisson import PoissonSystem
 from .inertia import checked_inertia
 
@@ -106,6 +106,6 @@ class PoissonTop(PoissonSystem):
         object.__setattr__(
             self,
             "hamiltonian",
-            SplitHamiltonian((*turns, Straight(Height(self.weight, self.centre)))),
+            SplitHamiltonian((*turns, StraightLineFlow(Height(self.weight, self.centre)))),
         )
         super().__post_init__()

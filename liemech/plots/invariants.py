@@ -1,4 +1,4 @@
-"""What a motion should keep, over time: how far it is from what it was, beside what rounding alone
+"""The constants of a motion, over time: how far it is from what it was, beside what rounding alone
 does.
 """
 
@@ -109,7 +109,7 @@ def changes(run: Any, name: str) -> Array:
 
 
 def noise(run: Any) -> Array:
-    """What rounding alone does to a constant until each sample, (n,): EPSILON sqrt(steps)."""
+    """The change of a constant by rounding alone until each sample, (n,): EPSILON sqrt(steps)."""
     passed = np.abs(_time(run) - _time(run)[0])
     return EPSILON * np.sqrt(1.0 + run.steps * passed / (passed[-1] or 1.0))
 
@@ -128,7 +128,7 @@ def _time(run: Any) -> Array:
 
 
 def _label(run: Any) -> str:
-    """What `_time` is."""
+    """The name of the axis of `_time`."""
     return (
         "time $t$"
         if run.t.ndim == 1

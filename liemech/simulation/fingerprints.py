@@ -10,7 +10,7 @@ import types
 from collections.abc import Iterator
 from typing import Any
 
-from ..formulas.broadcasting import bare
+from ..formulas.signatures import bare
 
 LIBRARY = __name__.partition(".")[0]
 LETTERS = 16

@@ -21,8 +21,8 @@ from ..errors import (
     is_mistake,
 )
 from ..formulas import Record
-from ..formulas.broadcasting import small
 from ..formulas.pytree import layout_of
+from ..formulas.vectors import small
 from ..systems.system import State
 from .carry import Carry
 from .checkpoint import Checkpoint

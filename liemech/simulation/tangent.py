@@ -14,7 +14,6 @@ import numpy as np
 from ..compiler.driver import attempt, read
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, is_mistake
 from ..formulas import Record, Vec, derivative, record
-from ..formulas.broadcasting import small
 from ..formulas.dual import Dual
 from ..formulas.pytree import (
     NUMBER,
@@ -26,6 +25,7 @@ from ..formulas.pytree import (
     leaves,
     with_slopes,
 )
+from ..formulas.vectors import small
 from ..integrators.ending_at_jumps import cuts
 from ..integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi

@@ -33,7 +33,7 @@ from two different bodies.
 
 
 ROUNDING = 2.0**-46
-"""What a slope in one unit may be off by, relative to all terms: where it cancels it is rounding."""
+"""The error that a slope in one unit may have, relative to all terms: where it cancels it is rounding."""
 
 
 def parts_in_units(x: Vec, blocks: tuple[int, ...]) -> list[Vec]:

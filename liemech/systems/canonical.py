@@ -25,6 +25,19 @@ class CanonicalState(State):
     p: Any
 
 
+def degrees_of(record: Any) -> int:
+    """The number of degrees of freedom that the class of a record says.  Raises InvalidInput if it
+    says none.
+    """
+    n = getattr(record, "degrees", None)
+    if type(n) is not int or n < 1:
+        raise InvalidInput(
+            f"{type(record).__name__} must say its degrees of freedom, "
+            f"degrees: ClassVar[int] = 2; got {n!r}"
+        )
+    return n
+
+
 @record
 class PhaseSpace(System):
     """Positions q and momenta p in R^n, as points that R^2n moves by addition; abstract.
@@ -37,12 +50,7 @@ class PhaseSpace(System):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        n = getattr(self, "degrees", None)
-        if type(n) is not int or n < 1:
-            raise InvalidInput(
-                f"{type(self).__name__} must say its degrees of freedom, "
-                f"degrees: ClassVar[int] = 2; got {n!r}"
-            )
+        degrees_of(self)
 
     # ---------------------------------------------------------------- how it moves
 

@@ -11,7 +11,7 @@ from ..formulas import Record, Vec, derivative, dot, gradient, jacobian, record,
 from ..formulas.dual import Dual, value_of
 from ..formulas.series import Series
 from ..solvers import newton
-from .canonical import HamiltonianSystem
+from .canonical import HamiltonianSystem, degrees_of
 from .driven import DrivenHamiltonianSystem
 
 DERIVATIVES = 3
@@ -45,13 +45,8 @@ class CanonicalTransformation(Record):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        n = getattr(self, "degrees", None)
-        if type(n) is not int or n < 1:
-            raise InvalidInput(
-                f"{type(self).__name__} must say its degrees of freedom, "
-                f"degrees: ClassVar[int] = 2; got {n!r}"
-            )
-        somewhere, what = vec(*[0.5 + 0.125 * i for i in range(n)]), type(self).__name__
+        n, what = degrees_of(self), type(self).__name__
+        somewhere = vec(*[0.5 + 0.125 * i for i in range(n)])
         try:
             value: Any = self.generating(0.25, somewhere, 1.5 * somewhere)
         except (ArithmeticError, ValueError, NotDefined):  # no value there, or told later
@@ -185,7 +180,7 @@ class InNewVariables(DrivenHamiltonianSystem):
 
     @property
     def degrees(self) -> int:  # type: ignore[override]
-        """Those of the system."""
+        """The degrees of freedom of the system."""
         return self.transformation.degrees
 
     def energy(self, t: float, q: Vec, p: Vec) -> float:

@@ -73,7 +73,7 @@ class Clocked(Record):
         return state.time
 
     def essential_part(self, state: Any) -> Any:
-        """What the motion depends on: time and z too."""
+        """The arguments of the motion: time and z too."""
         inner = self.system.essential_part(self.without(state))
         return type(state)(*inner.parts.values(), state.time, state.z)
 

@@ -18,7 +18,7 @@ from ..formulas import Mat, Vec, dot, vec, vectors
 
 
 def connections(touches: Sequence[Sequence[int]], blocks: int) -> dict[str, Any]:
-    """Who depends on whom.  touches : of each condition the blocks of the algebra that it depends
+    """The blocks and conditions that depend on each other.  touches : of each condition the blocks of the algebra that it depends
     on.
 
     touches : the same, each block with the place of the condition among those that hold it.

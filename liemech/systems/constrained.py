@@ -24,10 +24,12 @@ from ..formulas import (
     vec,
     where,
 )
-from ..formulas.broadcasting import small
 from ..formulas.derivatives import tangent
 from ..formulas.derived import derived
+from ..formulas.numbers import Pair
+from ..formulas.series import Series
 from ..formulas.vectors import Vec as SmallVec
+from ..formulas.vectors import small
 from ..solvers import correction, newton
 from .canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
 from .separable import SeparableEnergy, SeparableSystem
@@ -154,7 +156,7 @@ class ConstrainedSystem(CanonicalSystem):
         return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
 
     def _terms(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
-        """What g(q) and G H_p are compared with, (m,) each: s, and the speeds."""
+        """The scales of g(q) and G H_p, (m,) each: s, and the speeds."""
         G, v, f = self.constraint_jacobian(q), self.velocity(q, p), self.force(q, p)
         sizes = vec(*[dot(abs(row), abs(q)) for row in G])
         gained = [sqrt(s * dot(abs(row), abs(f))) for s, row in zip(sizes, self.normals(q, p))]
@@ -584,7 +586,7 @@ class Constrained(ConstrainedSystem):
 
     @property
     def separable(self) -> bool:  # type: ignore[override]
-        """It is separable if the system is."""
+        """Is the system separable?"""
         return isinstance(self.system, SeparableSystem)
 
     def energy(self, q: Vec, p: Vec) -> float:
@@ -651,19 +653,19 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
     """
     n = len(rhs)
     if n == 1:
-        return vec(rhs[0] / where(constant(m[0, 0]) != 0.0, m[0, 0], 1.0)), vec(m[0, 0])
+        return vec(_over(rhs[0], m[0, 0])), vec(m[0, 0])
     if n == 2:  # by Cramer's rule: one division before the solution
         volume = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
-        scale = 1.0 / where(constant(volume) != 0.0, volume, 1.0)
+        scale = _over(1.0, volume)
         both = vec(
             scale * (m[1, 1] * rhs[0] - m[0, 1] * rhs[1]),
             scale * (m[0, 0] * rhs[1] - m[1, 0] * rhs[0]),
         )
-        return both, vec(m[0, 0], volume / where(constant(m[0, 0]) != 0.0, m[0, 0], 1.0))
+        return both, vec(m[0, 0], _over(volume, m[0, 0]))
     rows: list[Vec] = [vec(*m[i], rhs[i]) for i in range(n)]
     inverse: list[Any] = []
     for k in range(n):
-        inverse = [*inverse, 1.0 / where(constant(rows[k][k]) != 0.0, rows[k][k], 1.0)]
+        inverse = [*inverse, _over(1.0, rows[k][k])]
         for i in range(k + 1, n):
             rows[i] = rows[i] - (rows[i][k] * inverse[k]) * rows[k]
     x = [0.0 for _ in range(n)]
@@ -671,6 +673,17 @@ def eliminated(m: Mat, rhs: Vec) -> tuple[Vec, Vec]:
         rest = rows[k][n] - sum([rows[k][j] * x[j] for j in range(k + 1, n)])
         x[k] = rest * inverse[k]
     return vec(*x), vec(*[rows[k][k] for k in range(n)])
+
+
+def _over(x: Any, pivot: Any) -> Any:
+    """x/pivot, x itself for zero.
+
+    The quotient of plain numbers does not wait for the comparison; a power series, whose later
+    terms are not made yet, is chosen first.
+    """
+    if isinstance(pivot, (Pair, Series)):
+        return x / where(constant(pivot) != 0.0, pivot, 1.0)
+    return x / pivot if pivot != 0.0 else x
 
 
 def in_order(m: Mat, rhs: Vec) -> Vec:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence, NotDefined
 from ..formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
-from ..formulas.broadcasting import small
+from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 from .conditions import connections, joint, led, pulled, solved_sparse, speeds, times
@@ -93,7 +93,7 @@ class BoundBody(System):
         raise NotDefined(f"{type(self).__name__} must define `_count`")
 
     def _connect(self, conditions: int) -> None:
-        """Who depends on whom, for sums that leave out what is known to be zero: `connections`.
+        """The blocks and conditions that depend on each other, for sums that leave out what is known to be zero: `connections`.
 
         A block is what the inertia leaves to itself.  places : of each block where its coordinates
         begin and end.
@@ -478,7 +478,7 @@ class ConstrainedBody(BoundBody):
                 [Vec.of(x[slice(*place)]) for place in self.places],
             )
             bent = [
-                [algebras[b].dexp_dual(pieces[b], part, "left") for part, (b, _) in zip(row, ties)]
+                [algebras[b].dexp_dual(pieces[b], part) for part, (b, _) in zip(row, ties)]
                 for row, ties in zip(self.rows(there), self.touches)
             ]
             G = self._matrix(bent)

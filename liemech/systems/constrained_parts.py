@@ -11,8 +11,8 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, LiemechError, NotDefined
 from ..formulas import Record, Vec, derivative, dot, gradient, plain, record, vec, where
 from ..formulas.anything import looked_at, made_of
-from ..formulas.broadcasting import small
 from ..formulas.vectors import Vec as SmallVec
+from ..formulas.vectors import small
 from .canonical import CanonicalState
 from .constrained import CONSISTENT, ConstrainedSystem, cross_products, eliminated
 from .parts import OfParts

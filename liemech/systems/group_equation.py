@@ -48,7 +48,7 @@ class GroupEquation(System):
         omega = as_precise(omega, state.g)
         if self.side == "left":
             return Position(retraction.compose_tau(self.group, state.g, omega))
-        return Position(self.group.compose(retraction.tau(self.group, omega), state.g))
+        return Position(retraction.tau_compose(self.group, omega, state.g))
 
     @final
     def variation(self, state: Position, omega: Vec) -> tuple[Vec, Vec]:

@@ -64,7 +64,7 @@ class HomogeneousEquation(System):
 
     @final
     def variation(self, state: Point, omega: Vec) -> tuple[Vec, Vec]:
-        """What omega does to x, beside |x|."""
+        """The change of x by omega, beside |x|."""
         return self.action.infinitesimal(omega, state.x), vec(*[abs(a) for a in state.x])
 
     @final

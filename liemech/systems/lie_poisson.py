@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Vec, record, vec
-from ..formulas.broadcasting import at_a_glance
+from ..formulas.arrays import at_a_glance
 from ..formulas.pytree import fill, laid_out
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction

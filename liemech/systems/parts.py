@@ -17,7 +17,7 @@ from .hamiltonian import Hamiltonian
 from .system import System
 
 ROUNDING = 2.0**-44
-"""What is below this, relative to its terms, is zero up to rounding."""
+"""A sum below this, relative to its terms, is zero up to rounding."""
 
 LEAST = 3
 """A motion is recognised only if the part has a velocity at this many points or more."""
@@ -55,7 +55,7 @@ class Part(Hamiltonian):
     A subclass writes `energy(y)`, and `flow`.  Parts that are T(p), V(q), a function of one
     coordinate, or at most quadratic where the structure is constant, need no flow: they are
     Hamiltonians, and recognised by what their formulas do at all points.  A part that compares, as
-    a wall does, says what it is: `Straight(part)`, `OfCoordinate(part, i)`.
+    a wall does, says what it is: `StraightLineFlow(part)`, `FunctionOfCoordinate(part, i)`.
     """
 
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
@@ -125,7 +125,7 @@ class Recognised(Part):
 
 
 @record
-class Straight(Recognised):
+class StraightLineFlow(Recognised):
     """An energy that moves every point along a straight line, at a constant velocity: T(p), V(q).
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.5.
@@ -138,7 +138,7 @@ class Straight(Recognised):
 
 
 @record
-class OfCoordinate(Recognised):
+class FunctionOfCoordinate(Recognised):
     """An energy that depends on one coordinate, which it leaves where it is.
 
     index : the coordinate, from 0.
@@ -185,7 +185,7 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
     if reason:
         return (
             f"the motion of {part!r} is not known: its formula need not be the same at all points "
-            f"({reason}). Say what it is, Straight(part) or OfCoordinate(part, i), or derive it "
+            f"({reason}). Say what it is, StraightLineFlow(part) or FunctionOfCoordinate(part, i), or derive it "
             "from Part and write `flow`"
         )
     try:
@@ -194,13 +194,13 @@ def recognised(structure: PoissonStructure, part: Hamiltonian) -> Part | str:
             return f"{part!r} has a velocity at {len(points)} of the points where it was looked at, too few to know it; {error}"
         energy, speeds = found
         if straight(velocity, speeds, points):
-            return Straight(part)
+            return StraightLineFlow(part)
         polynomial = max(map(degree, speeds)) < inf
         slopes = [np.array(gradient(lambda x: part.energy(x), y), dtype=float) for y in points]
         felt = np.flatnonzero(np.any(slopes, axis=0))
         if len(felt) == 1 and (len(made_of(energy)) == 1 or polynomial):
             structure.coordinate_flow(points[0], int(felt[0]), 0.5)
-            return OfCoordinate(part, int(felt[0]))
+            return FunctionOfCoordinate(part, int(felt[0]))
         rates = affine(velocity, speeds, points)
         if rates is not None:
             return Affine(part, rates)

@@ -112,7 +112,7 @@ class PoissonSystem(OfParts, VectorField):
         return kept | {f"Casimir {i + 1}": casimirs[..., i] for i in range(casimirs.shape[-1])}
 
     def _check_formulas(self, y: np.ndarray) -> None:
-        """It is B dH."""
+        """B dH."""
 
     @final
     def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, NotDefined
+from ..errors import IncompatibleSystem, NotDefined, OrderWarning, warn
 from ..formulas import Vec, record, vec
 from ..formulas.remembered import common
 from ..groups.lie_group import LieGroup
@@ -18,6 +18,7 @@ from ..groups.vector_space import VectorSpace
 from ..retractions import Retraction
 from .clocked import ClockedState, clocked
 from .system import State, System
+from .tabulated import inputs
 from .time_scales import TimeScale, time_scale
 
 
@@ -32,6 +33,16 @@ class InFictiveTime(System):
     fictive: ClassVar[bool] = True
 
     system: System
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if any(table.jumping > 0.0 for table in inputs(self.system)):
+            warn(
+                f"{type(self).__name__}: an input of {self.system!r} jumps; steps in fictive time "
+                "are not cut there and lose their order, for the physical time of a jump is no time "
+                "of theirs. ReversibleController(method, sigma) cuts its steps",
+                OrderWarning,
+            )
 
     def bound(self, start: Any) -> Any:
         """The system for the motion from a start."""
@@ -64,7 +75,7 @@ class SundmanTransformed(InFictiveTime):
 
         y' = sigma(y) f(t, y),   t' = sigma(y)
 
-    The points of the motion are the same, equal steps of tau are steps of about sigma h in t.
+    The points of the motion are the same, fixed steps of tau are steps of about sigma h in t.
     system : any, on groups too, driven or not.  sigma : a TimeScale such as EqualArc(), or a
     function of parts of the state.
 
@@ -96,14 +107,14 @@ class SundmanTransformed(InFictiveTime):
         super().__post_init__()
 
     def bound(self, start: Any) -> SundmanTransformed:
-        """The same system with the sigma that belongs to a start."""
+        """This system with the sigma that belongs to a start."""
         return dataclasses.replace(self, sigma=self.sigma.bound(self.system, start))
 
     # ---------------------------------------------------------------- how it moves
 
     @property
     def side(self) -> str:  # type: ignore[override]
-        """That of the system."""
+        """The side of the system."""
         return self.system.side
 
     @property  # type: ignore[misc]
@@ -136,13 +147,13 @@ class SundmanTransformed(InFictiveTime):
         return type(state)(*parts, state.time + omega[n])
 
     def essential_part(self, state: Any) -> Any:
-        """What the motion depends on: time too."""
+        """The arguments of the motion: time too."""
         inner = self.system.essential_part(state.without_clock())
         return type(state)(*[getattr(inner, name) for name in state.names], state.time)
 
     @final
     def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
-        """That of the system, and of the time."""
+        """The variation of the system, and that of the time."""
         n = self.system.group.dim
         change, large = self.system.variation(
             state.without_clock(), vec(*[omega[i] for i in range(n)])

@@ -1,4 +1,4 @@
-"""What a system is: a state that a group carries along, and the velocity with which it does."""
+"""Systems: a state that a group carries along, and the velocity with which it does."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ import numpy as np
 
 from ..errors import InvalidInput, NotDefined
 from ..formulas import Complex, Record, Vec, check_finite, real_array, record, vec
-from ..formulas.broadcasting import MEMBERSHIP, at_a_glance, bare, small
+from ..formulas.arrays import at_a_glance
+from ..formulas.batches import MEMBERSHIP
 from ..formulas.double_double import DoubleDouble, is_long
 from ..formulas.fields import array_held, frozen_array
 from ..formulas.pytree import exact, fields_of, names_of
 from ..formulas.remembered import Remembered
+from ..formulas.signatures import bare
 from ..formulas.vectors import Vec as SmallVec
+from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 from .trial import require_results
@@ -60,7 +63,7 @@ def state_of(kind: Any, arrays: Mapping[str, Any]) -> Any:
 
 
 def small_state(kind: Any, arrays: Mapping[str, Any]) -> Any:
-    """The same of one body, as formulas take it."""
+    """The state of one body, as formulas take it."""
     return state_of(kind, {name: small(np.asarray(x)) for name, x in arrays.items()})
 
 
@@ -141,7 +144,7 @@ class System(Record):
         return state
 
     def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
-        """What a small displacement omega changes in the state, and the sizes of what it changes:
+        """The changes of the state by a small displacement omega, and the sizes of what it changes:
         for adaptive steps.
         """
         return omega, self.group.scale(None)
@@ -154,7 +157,7 @@ class System(Record):
         return self._vouched(state)
 
     def _vouched(self, state: State) -> Any:
-        """The same, when nobody can have passed anything else."""
+        """`vouched` of a state that nobody else can have passed."""
         _checked.set(state, (type(self), self.group, self if self.bounded else None))
         return state
 
@@ -164,7 +167,7 @@ class System(Record):
         return self._knows(state)
 
     def _knows(self, state: Any) -> bool:
-        """The same, when nobody can have passed anything else."""
+        """`knows` of a state that nobody else can have passed."""
         known = _checked.get(state)
         if known is None or known[:2] != (type(self), self.group):
             return False
@@ -251,7 +254,7 @@ def members_of(group: LieGroup, value: Any, name: str) -> np.ndarray:
 
 
 def _other_rotation(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """What to do with rotations that are given in another way than the group's."""
+    """The cure for rotations that are given in another way than the group's."""
     if shape == (4,) and found[-2:] == (3, 3):
         return (
             ": of a matrix take UnitQuaternions().from_matrix(R), of a scipy Rotation r "
@@ -296,7 +299,7 @@ def exact_times(t: Any, name: str) -> np.ndarray:
 def exact_motion(
     motion: Callable[[np.ndarray], tuple[Any, ...]], times: np.ndarray, name: str
 ) -> tuple[Any, ...]:
-    """What a motion, arrays of the times, gives; refused where a phase is beyond the largest
+    """The values of a motion at arrays of times; refused where a phase is beyond the largest
     number.
     """
     with np.errstate(over="ignore", invalid="ignore"):

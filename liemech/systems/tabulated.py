@@ -15,7 +15,7 @@ from ..formulas.pytree import Layout, exchanged, inside, layout_of, with_fields
 from ..formulas.tables import Table, entry
 
 OUTSIDE = ("refuse", "hold", "repeat")
-"""What may be done beyond a table."""
+"""The ways to go on beyond a table."""
 
 ROUNDING = 2.0**-48
 """Part of the times of a table by which a stage of a step may miss its ends."""

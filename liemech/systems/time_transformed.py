@@ -89,7 +89,7 @@ class TimeTransformed(ExtendedSystem):
         K = sigma (H - H_0),   q' = sigma dH/dp + (H - H_0) dsigma/dp,   p' = -sigma dH/dq - (H - H_0) dsigma/dq,   t' = sigma
 
     H_0 is the energy of the start, so that K = 0 and the motion that of H, in another time.  A
-    symplectic method with equal steps in tau takes steps of about sigma h in t, and its energy does
+    symplectic method with fixed steps in tau takes steps of about sigma h in t, and its energy does
     not drift.
     system : any HamiltonianSystem.  sigma : a TimeScale such as DistancePower(1.5), or a function
     of q, or of q and p.
@@ -113,7 +113,7 @@ class TimeTransformed(ExtendedSystem):
         super().__post_init__()
 
     def bound(self, start: CanonicalState) -> TimeTransformed:
-        """The same system with the sigma that belongs to a start."""
+        """This system with the sigma that belongs to a start."""
         return dataclasses.replace(self, sigma=self.sigma.bound(self.system, start))
 
     def scale(self, q: Vec, p: Vec) -> float:

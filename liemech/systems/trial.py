@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..formulas.broadcasting import bare, small
 from ..formulas.overriding import WrongResult, theirs
 from ..formulas.pytree import fields_of
 from ..formulas.records import Record
+from ..formulas.signatures import bare
+from ..formulas.vectors import small
 
 if TYPE_CHECKING:
     from .system import System
 
 TRIED = "energy", "kinetic", "potential", "constraint", "velocity", "force"
-"""What a system has of formulas that users write."""
+"""The formulas of a system that users write."""
 
 LARGEST = 64
 """Of more components nothing is tried."""

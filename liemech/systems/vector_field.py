@@ -12,9 +12,9 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Mat, Vec, derivative, plain, record, vec
 from ..formulas.anything import looked_at
-from ..formulas.broadcasting import small
 from ..formulas.remembered import common
 from ..formulas.vectors import Vec as SmallVec
+from ..formulas.vectors import small
 from ..groups.matrix_functions import phi1m
 from ..groups.matrix_group import whole_number
 from ..groups.poisson_structure import require_formula
@@ -208,7 +208,7 @@ class SplitField(OfParts, VectorField):
 
     @property
     def dim(self) -> int:
-        """That of the parts."""
+        """The dimension of the parts."""
         return self.parts[0].dim
 
     def velocity(self, y: Vec) -> Vec:
@@ -255,11 +255,11 @@ class RecognisedField(VectorField):
 
     @property
     def dim(self) -> int:
-        """That of the field."""
+        """The dimension of the field."""
         return self.field.dim
 
     def velocity(self, y: Vec) -> Vec:
-        """That of the field.  y : (n,)."""
+        """The velocity of the field.  y : (n,)."""
         return self.field.velocity(y)
 
 

@@ -20,7 +20,7 @@ BY_ORDER = {
     7: VERNER7,
     8: DOP853,
 }
-"""The explicit method that `RKMK(order=...)` stands for; steps of one length are made with `.bare`."""
+"""The explicit method that `RKMK(order=...)` stands for; fixed steps are made with `.bare`."""
 
 PAIRS = {
     2: pairs.HEUN_EULER2,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 
 from ..errors import InvalidInput
-from .tableau import ButcherTableau, shipped
+from .tableau import ButcherTableau
 
 MOST_STAGES = 20
 
@@ -80,7 +80,7 @@ def _computed(name: str, s: int) -> ButcherTableau:
     from .collocation_digits import rounded
 
     order = 2 * s - {"Gauss": 0, "Radau IIA": 1}.get(name, 2)
-    return shipped(
+    return ButcherTableau.shipped(
         f"{name} {order}",
         order,
         *rounded(name, s),

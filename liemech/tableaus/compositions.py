@@ -20,7 +20,8 @@ from functools import cached_property
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, LawViolation
-from ..formulas import Record, record
+from ..formulas import record
+from .coefficients import Coefficients, numbers
 from .trees import Row
 
 Word = tuple[int, ...]  # the degrees of its letters
@@ -29,7 +30,7 @@ _CLOSE = 64.0 * sys.float_info.epsilon
 
 
 @record
-class CompositionTableau(Record):
+class CompositionTableau(Coefficients):
     """The coefficients of a symmetric composition, Phi_(gamma_s h) o ... o Phi_(gamma_1 h) with
     gamma_s+1-i = gamma_i.
 
@@ -49,16 +50,12 @@ class CompositionTableau(Record):
     base_order: int = 2
     source: str = ""
 
-    def __post_init__(self) -> None:
-        self._tidy()
-        self.check()
-
     @classmethod
     def of(
         cls, gamma: Any, base_order: int = 2, name: str = "own composition"
     ) -> CompositionTableau:
         """The composition with these substeps, of the order that they have."""
-        tableau = shipped(name, 1, gamma, "", base_order)
+        tableau = cls.shipped(name, 1, gamma, base_order)
         order = 1
         while order < MOST and not tableau._failing(order + 1):
             order += 1
@@ -177,26 +174,6 @@ def _words(degree: int, letters: Word) -> list[Word]:
     ]
 
 
-def shipped(
-    name: str, order: int, gamma: Any, source: str, base_order: int = 2
-) -> CompositionTableau:
-    """A composition of this library: its laws are checked by the tests, so that an import does not
-    wait for them.
-    """
-    tableau: CompositionTableau = object.__new__(CompositionTableau)
-    values = {
-        "name": name,
-        "order": order,
-        "gamma": gamma,
-        "base_order": base_order,
-        "source": source,
-    }
-    for field, value in values.items():
-        object.__setattr__(tableau, field, value)
-    tableau._tidy()
-    return tableau
-
-
 # ---------------------------------------------------------------- from any even order to the next
 
 
@@ -227,9 +204,8 @@ def triple_jump(base_order: int = 2) -> CompositionTableau:
     base_order = _order("triple_jump", base_order)
     side = 1.0 / (2.0 - 2.0 ** (1.0 / (base_order + 1)))
     gamma = side, 1.0 - 2.0 * side, side
-    return shipped(
-        f"triple jump {base_order + 2}", base_order + 2, gamma, "Yoshida 1990; HLW II.4", base_order
-    )
+    name, source = f"triple jump {base_order + 2}", "Yoshida 1990; HLW II.4"
+    return CompositionTableau.shipped(name, base_order + 2, gamma, base_order, source)
 
 
 def suzuki(base_order: int = 2) -> CompositionTableau:
@@ -241,56 +217,62 @@ def suzuki(base_order: int = 2) -> CompositionTableau:
     base_order = _order("suzuki", base_order)
     side = 1.0 / (4.0 - 4.0 ** (1.0 / (base_order + 1)))
     gamma = side, side, 1.0 - 4.0 * side, side, side
-    return shipped(
-        f"Suzuki {base_order + 2}", base_order + 2, gamma, "Suzuki 1990; HLW II.4", base_order
-    )
+    name, source = f"Suzuki {base_order + 2}", "Suzuki 1990; HLW II.4"
+    return CompositionTableau.shipped(name, base_order + 2, gamma, base_order, source)
 
 
 # ---------------------------------------------------------------- from order 2 at once
 
 
-def _mirrored(*half: float) -> Row:
+def _mirrored(text: str) -> Row:
     """The coefficients up to the middle one, and back."""
+    half = numbers(text)
     return (*half, *half[-2::-1])
 
 
 TRIPLE_JUMP4, SUZUKI4 = triple_jump(), suzuki()
 
-YOSHIDA6 = shipped(
-    "Yoshida 6", 6,
-    _mirrored(
-        0.78451361047755726381949763, 0.23557321335935813368479318, -1.17767998417887100694641568, 1.31518632068391121888424973,
-    ),
-    "Yoshida 1990, solution A; HLW V.3.2, (3.9)",
-)  # fmt: skip
+YOSHIDA6 = CompositionTableau.shipped(
+    "Yoshida 6",
+    6,
+    _mirrored("""
+        0.78451361047755726381949763 0.23557321335935813368479318 -1.17767998417887100694641568
+        1.31518632068391121888424973
+    """),
+    source="Yoshida 1990, solution A; HLW V.3.2, (3.9)",
+)
 
-KAHAN_LI6 = shipped(
-    "Kahan-Li 6", 6,
-    _mirrored(
-        0.39216144400731413927925056, 0.33259913678935943859974864, -0.70624617255763935980996482,
-        0.08221359629355080023149045, 0.79854399093482996339895035,
-    ),
-    "Kahan and Li, Math. Comp. 66 (1997); HLW V.3.2, (3.11)",
-)  # fmt: skip
+KAHAN_LI6 = CompositionTableau.shipped(
+    "Kahan-Li 6",
+    6,
+    _mirrored("""
+        0.39216144400731413927925056 0.33259913678935943859974864 -0.70624617255763935980996482
+        0.08221359629355080023149045 0.79854399093482996339895035
+    """),
+    source="Kahan and Li, Math. Comp. 66 (1997); HLW V.3.2, (3.11)",
+)
 
-SUZUKI_UMENO8 = shipped(
-    "Suzuki-Umeno 8", 8,
-    _mirrored(
-        0.74167036435061295344822780, -0.40910082580003159399730010, 0.19075471029623837995387626, -0.57386247111608226665638773,
-        0.29906418130365592384446354, 0.33462491824529818378495798, 0.31529309239676659663205666, -0.79688793935291635401978884,
-    ),
-    "Suzuki and Umeno 1993; McLachlan 1995; HLW V.3.2, (3.12)",
-)  # fmt: skip
+SUZUKI_UMENO8 = CompositionTableau.shipped(
+    "Suzuki-Umeno 8",
+    8,
+    _mirrored("""
+        0.74167036435061295344822780 -0.40910082580003159399730010 0.19075471029623837995387626
+        -0.57386247111608226665638773 0.29906418130365592384446354 0.33462491824529818378495798
+        0.31529309239676659663205666 -0.79688793935291635401978884
+    """),
+    source="Suzuki and Umeno 1993; McLachlan 1995; HLW V.3.2, (3.12)",
+)
 
-KAHAN_LI8 = shipped(
-    "Kahan-Li 8", 8,
-    _mirrored(
-        0.13020248308889008087881763, 0.56116298177510838456196441, -0.38947496264484728640807860,
-        0.15884190655515560089621075, -0.39590389413323757733623154, 0.18453964097831570709183254,
-        0.25837438768632204729397911, 0.29501172360931029887096624, -0.60550853383003451169892108,
-    ),
-    "Kahan and Li, Math. Comp. 66 (1997); HLW V.3.2, (3.13)",
-)  # fmt: skip
+KAHAN_LI8 = CompositionTableau.shipped(
+    "Kahan-Li 8",
+    8,
+    _mirrored("""
+        0.13020248308889008087881763 0.56116298177510838456196441 -0.38947496264484728640807860
+        0.15884190655515560089621075 -0.39590389413323757733623154 0.18453964097831570709183254
+        0.25837438768632204729397911 0.29501172360931029887096624 -0.60550853383003451169892108
+    """),
+    source="Kahan and Li, Math. Comp. 66 (1997); HLW V.3.2, (3.13)",
+)
 
 COMPOSITIONS = {
     t.name: t for t in (TRIPLE_JUMP4, SUZUKI4, YOSHIDA6, KAHAN_LI6, SUZUKI_UMENO8, KAHAN_LI8)

@@ -21,7 +21,8 @@ from collections.abc import Callable
 from functools import cached_property
 
 from ..errors import InvalidType, LawViolation
-from ..formulas import Record, record
+from ..formulas import record
+from .coefficients import Coefficients, numbers
 from .trees import Row
 
 Rows = tuple[Row, ...]
@@ -31,7 +32,7 @@ _CLOSE = 64.0 * sys.float_info.epsilon
 
 
 @record
-class FlowTableau(Record):
+class FlowTableau(Coefficients):
     """The coefficients of an explicit method made of flows: for each stage, and at last for the
     step, rows of weights.
 
@@ -53,10 +54,6 @@ class FlowTableau(Record):
     flows: tuple[Rows, ...]
     origins: tuple[int, ...] = ()
     source: str = ""
-
-    def __post_init__(self) -> None:
-        self._tidy()
-        self.check()
 
     def _tidy(self) -> None:
         try:
@@ -191,55 +188,39 @@ def text(word: Word) -> str:
 # -------------------------------------------------------------------- the methods
 
 
-def _shipped(
-    name: str, order: int, flows: tuple[Rows, ...], origins: tuple[int, ...], source: str
-) -> FlowTableau:
-    """A tableau of this library: its laws are checked by the tests, so that an import does not wait
-    for them.
+def _crouch_grossman(name: str, order: int, weights: str, source: str) -> FlowTableau:
+    """Every weight is a flow of its own.  weights : a line for each stage from the second on, and for
+    the step.
     """
-    tableau: FlowTableau = object.__new__(FlowTableau)
-    for field, value in {
-        "name": name,
-        "order": order,
-        "flows": flows,
-        "origins": origins,
-        "source": source,
-    }.items():
-        object.__setattr__(tableau, field, value)
-    tableau._tidy()
-    return tableau
+    rows = [(), *map(numbers, weights.strip().splitlines())]
+    flows = tuple(tuple((0.0,) * j + (b,) for j, b in enumerate(row) if b) for row in rows)
+    return FlowTableau.shipped(name, order, flows, (), source)
 
 
-def _crouch_grossman(name: str, order: int, weights: tuple[Row, ...], source: str) -> FlowTableau:
-    """Every weight is a flow of its own."""
-    flows = tuple(tuple((0.0,) * j + (b,) for j, b in enumerate(row) if b) for row in weights)
-    return _shipped(name, order, flows, (), source)
-
-
-def _low_storage(name: str, order: int, keep: Row, follow: Row, source: str) -> FlowTableau:
+def _low_storage(name: str, order: int, keep: str, follow: str, source: str) -> FlowTableau:
     """Williamson's form: D_i = keep_i D_i-1 + k_i is what is remembered, and one flow follow_i D_i
     leads on from the last stage.
     """
     flows: list[Rows] = [()]
     remembered: Row = ()
-    for a, b in zip(keep, follow):
+    for a, b in zip(numbers(keep), numbers(follow)):
         remembered = (*(a * x for x in remembered), 1.0)
         flows.append((tuple(b * x for x in remembered),))
-    return _shipped(name, order, tuple(flows), (0, *range(len(keep))), source)
+    return FlowTableau.shipped(name, order, tuple(flows), (0, *range(len(flows) - 1)), source)
 
 
-LIE_EULER = _shipped("Lie-Euler", 1, ((), ((1,),)), (), "Euler 1768")
-LIE_MIDPOINT = _shipped(
+LIE_EULER = FlowTableau.shipped("Lie-Euler", 1, ((), ((1,),)), (), "Euler 1768")
+LIE_MIDPOINT = FlowTableau.shipped(
     "Lie-midpoint", 2, ((), ((1 / 2,),), ((0, 1),)), (), "Runge 1895; Crouch and Grossman (1993)"
 )
 
-CF3 = _shipped(
+CF3 = FlowTableau.shipped(
     "CF3", 3,
     ((), ((1 / 3,),), ((0, 2 / 3),), ((-1 / 12, 0, 3 / 4),)),
     (0, 0, 0, 1),
     "Celledoni, Marthinsen, Owren, Future Gener. Comput. Syst. 19 (2003)",
 )  # fmt: skip
-CF4 = _shipped(
+CF4 = FlowTableau.shipped(
     "CF4", 4,
     ((), ((1 / 2,),), ((0, 1 / 2),), ((-1 / 2, 0, 1),), ((1 / 4, 1 / 6, 1 / 6, -1 / 12), (-1 / 12, 1 / 6, 1 / 6, 1 / 4))),
     (0, 0, 0, 1, 0),
@@ -247,41 +228,51 @@ CF4 = _shipped(
 )  # fmt: skip
 
 CG3 = _crouch_grossman(
-    "CG3", 3, ((), (3 / 4,), (119 / 216, 17 / 108), (13 / 51, -2 / 3, 24 / 17)),
+    "CG3",
+    3,
+    """
+    3/4
+    119/216 17/108
+    13/51 -2/3 24/17
+    """,
     "Crouch and Grossman, J. Nonlinear Sci. 3 (1993); Hairer, Lubich, Wanner, IV.8.1",
-)  # fmt: skip
+)
 CG4 = _crouch_grossman(
-    "CG4", 4,
-    (
-        (),
-        (0.8177227988124852,),
-        (0.3199876375476427, 0.0659864263556022),
-        (0.9214417194464946, 0.4997857776773573, -1.0969984448371582),
-        (0.3552358559023322, 0.2390958372307326, 1.3918565724203246, -1.1092979392113465),
-        (0.1370831520630755, -0.0183698531564020, 0.7397813985370780, -0.1907142565505889, 0.3322195591068374),
-    ),
+    "CG4",
+    4,
+    """
+    0.8177227988124852
+    0.3199876375476427 0.0659864263556022
+    0.9214417194464946 0.4997857776773573 -1.0969984448371582
+    0.3552358559023322 0.2390958372307326 1.3918565724203246 -1.1092979392113465
+    0.1370831520630755 -0.0183698531564020 0.7397813985370780 -0.1907142565505889 0.3322195591068374
+    """,
     "Jackiewicz, Marthinsen, Owren, Adv. Comput. Math. 13 (2000)",
-)  # fmt: skip
+)
 
 LUSCHER3 = _low_storage(
-    "Luscher 3", 3, (0, -17 / 32, -32 / 27), (1 / 4, 8 / 9, 3 / 4),
+    "Luscher 3",
+    3,
+    "0 -17/32 -32/27",
+    "1/4 8/9 3/4",
     "Williamson, J. Comput. Phys. 35 (1980); Luscher, JHEP 08 (2010) 071, appendix C",
-)  # fmt: skip
+)
 CARPENTER_KENNEDY4 = _low_storage(
-    "Carpenter-Kennedy 4", 4,
-    (
-        0,
-        -567301805773 / 1357537059087,
-        -2404267990393 / 2016746695238,
-        -3550918686646 / 2091501179385,
-        -1275806237668 / 842570457699,
-    ),
-    (
-        1432997174477 / 9575080441755,
-        5161836677717 / 13612068292357,
-        1720146321549 / 2090206949498,
-        3134564353537 / 4481467310338,
-        2277821191437 / 14882151754819,
-    ),
+    "Carpenter-Kennedy 4",
+    4,
+    """
+    0
+    -567301805773/1357537059087
+    -2404267990393/2016746695238
+    -3550918686646/2091501179385
+    -1275806237668/842570457699
+    """,
+    """
+    1432997174477/9575080441755
+    5161836677717/13612068292357
+    1720146321549/2090206949498
+    3134564353537/4481467310338
+    2277821191437/14882151754819
+    """,
     "Carpenter and Kennedy, NASA TM-109112 (1994); on groups Bazavov, BIT 62 (2022)",
-)  # fmt: skip
+)

@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..errors import InvalidInput, InvalidType, LawViolation
-from ..formulas import Record, record
+from ..formulas import record
+from .coefficients import Coefficients, numbers
 from .trees import (
     MOST,
     ElementaryWeights,
@@ -29,7 +31,7 @@ _CLOSE = 32.0 * sys.float_info.epsilon
 
 
 @record
-class ButcherTableau(Record):
+class ButcherTableau(Coefficients):
     """The coefficients of a Runge-Kutta method, explicit or implicit:
 
         c | A         k_i = f(t + c_i h, y + h sum_j a_ij k_j),
@@ -69,10 +71,6 @@ class ButcherTableau(Record):
     interpolant_order: int = 0
     A_extra: tuple[Row, ...] = ()
     c_extra: Row = ()
-
-    def __post_init__(self) -> None:
-        self._tidy()
-        self.check()
 
     @classmethod
     def of(
@@ -177,7 +175,7 @@ class ButcherTableau(Record):
 
     @functools.cached_property
     def bare(self) -> ButcherTableau:
-        """The same step, without the stages that only its error estimate or interpolant uses."""
+        """This tableau without the stages that only its error estimate or interpolant uses."""
         needed: set[int] = set()
         ahead = {i for i, w in enumerate(self.b) if w}
         while ahead:
@@ -188,7 +186,7 @@ class ButcherTableau(Record):
             return self
         A = tuple(tuple(self.A[i][j] for j in keep if j < len(self.A[i])) for i in keep)
         b, c = tuple(self.b[i] for i in keep), tuple(self.c[i] for i in keep)
-        return shipped(self.name.partition("(")[0].rstrip(), self.order, A, b, c, self.source)
+        return self.shipped(self.name.partition("(")[0].rstrip(), self.order, A, b, c, self.source)
 
     def measured_order(self) -> int:
         """The order that the coefficients have, whatever `order` says; from trees up to 10, from
@@ -383,32 +381,42 @@ class ButcherTableau(Record):
         return "\n".join([f"{self!r}", *shown[: self.stages], rule, *shown[self.stages :]])
 
 
-def shipped(
-    name: str, order: int, A: Sequence[Any], b: Any, c: Any, source: str, **more: Any
+def printed(
+    name: str, order: int, table: str, source: str, interpolant: str = "", **more: Any
 ) -> ButcherTableau:
-    """A tableau of this library: its laws are checked by the tests, so that an import does not wait
-    for them.
+    """A tableau of this library as books print it: rows `c | a_1 a_2 ...`, then those of b, b_hat and
+    b_low, then those of further slopes.
+
+    A row goes on in the next line if that has no bar; rows of the interpolant go on after a `+`.
     """
-    tableau: ButcherTableau = object.__new__(ButcherTableau)
-    for field, value in {
-        **_DEFAULTS,
-        "name": name,
-        "order": order,
-        "A": A,
-        "b": b,
-        "c": c,
-        "source": source,
+    rows: list[list[str]] = []
+    for line in table.strip().splitlines():
+        label, bar, entries = line.rpartition("|")
+        if bar:
+            rows.append([label.strip(), entries])
+        else:
+            rows[-1][1] += entries
+    last = max(i for i, (label, _) in enumerate(rows) if label.startswith("b"))
+    weights = {label: numbers(entries) for label, entries in rows if label.startswith("b")}
+    parts = rows[: last + 1 - len(weights)], rows[last + 1 :]
+    (A, c), (A_extra, c_extra) = (
+        ([numbers(entries) for _, entries in part], numbers(" ".join(label for label, _ in part)))
+        for part in parts
+    )
+    slopes = re.sub(r"\n *\+", "", interpolant.strip()).splitlines()
+    return ButcherTableau.shipped(
+        name,
+        order,
+        A,
+        weights.pop("b"),
+        c,
+        source,
+        **weights,
+        A_extra=A_extra,
+        c_extra=c_extra,
+        interpolant=[numbers(row) for row in slopes],
         **more,
-    }.items():
-        object.__setattr__(tableau, field, value)
-    tableau._tidy()
-    return tableau
-
-
-_DEFAULTS: dict[str, Any] = {
-    "b_hat": (), "embedded_order": 0, "b_low": (), "low_order": 0,
-    "interpolant": (), "interpolant_order": 0, "A_extra": (), "c_extra": (),
-}  # fmt: skip
+    )
 
 
 def _listed(value: Any, what: str) -> list[Any]:

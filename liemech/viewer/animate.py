@@ -37,7 +37,7 @@ def animate(
 
     show, title, seconds, frames : as in Scene.  h, steps, or t_end and rtol, t0 : as in
     `integrate`.  Only the parts of the state that are shown, and those the motion depends on, are
-    recorded; of a momentum no attitude.  Of steps of one length every k-th is kept, so that there
+    recorded; of a momentum no attitude.  Of fixed steps every k-th is kept, so that there
     are about `frames`; adaptive ones give the states at `frames` times.
 
     Returns the Scene; `scene.runs[0]` is the run.  Raises what Scene and `integrate` raise.

@@ -1,4 +1,4 @@
-"""What a scene shows if nobody says: the contents that tell most about a system."""
+"""The contents of a scene unless they are named: those that tell most about a system."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ KNOWN: dict[str, type[Content]] = {
     "points": Points,
     "links": Links,
 }
-"""What can be asked for by name."""
+"""Contents by name."""
 
 
 def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content, ...]:

@@ -240,7 +240,7 @@ class Page:
             self.browser.listen(0.02)
 
     def picture(self) -> bytes:
-        """What is to be seen now, as PNG."""
+        """The page as it looks now, as PNG."""
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
 
     def close(self) -> None:

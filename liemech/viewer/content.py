@@ -1,4 +1,4 @@
-"""What a scene can show of a motion: one class each, which says what it needs and draws it."""
+"""Contents of a scene: a class each, which says what of a motion it needs and draws it."""
 
 from __future__ import annotations
 

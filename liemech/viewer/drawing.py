@@ -1,4 +1,4 @@
-"""What is put into a scene: nodes of a tree, where they are, and the tracks along which they move."""
+"""The drawing of a scene: nodes of a tree, where they are, and the tracks along which they move."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Pen(Drawing):
         self.nodes[f"{self.panel.path}/{self.name}/{path}"] = now
 
     def once(self, path: str, shape: Shape, **channels: ArrayLike) -> None:
-        """What all runs share is there already."""
+        """Nothing to do: all runs share what is there already."""
 
     def trail(self, path: str, points: NDArray[np.float64], color: str | None = None) -> None:
         """The newest point."""

@@ -73,7 +73,7 @@ class Motion:
 
     @classmethod
     def of(cls, run: Any, frames: int, body: int | None = None, smooth: bool = False) -> Motion:
-        """What is shown of a run: at most `frames` samples of it, evenly chosen, the first and the
+        """The motion of a run that is shown: at most `frames` samples of it, evenly chosen, the first and the
         last among them.
 
         body : the one to show of an ensemble.  smooth : of a run with dense output, which has few
@@ -144,7 +144,7 @@ class Motion:
         return self.states[part]
 
     def thinned(self, frames: int) -> Motion:
-        """The same with fewer samples."""
+        """This motion with fewer samples."""
         return self if len(self) <= frames else replace(Motion.of(self, frames), bodies=self.bodies)
 
 

@@ -120,7 +120,7 @@ def _upright(points: Array) -> Array:
 
 
 def _given(points: Any, n: int) -> Array:
-    """What a user's function gave, checked."""
+    """The values of a user's function, checked."""
     array = np.asarray(points, dtype=float)
     if array.ndim != 3 or array.shape[0] != n or array.shape[2] not in (2, 3):
         raise InvalidInput(

@@ -33,7 +33,7 @@ ENSEMBLE_FRAMES, ENSEMBLE_DOTS = 300, 60_000
 
 
 BALL = np.concatenate([np.eye(3), -np.eye(3)])
-"""What contents need that do not say how far they reach: the ball of radius 1 about the origin."""
+"""The extent of contents that give none: the ball of radius 1 about the origin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Shown:
 
 
 class Scene:
-    """What is shown of one or several runs, side by side and in time: a page that plays them in any
+    """A picture that moves, of one or several runs, side by side and in time: a page that plays them in any
     browser.
 
         Scene(run).show()

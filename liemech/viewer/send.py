@@ -20,7 +20,7 @@ CODES = {"Uint8Array": 0x12, "Uint16Array": 0x14, "Uint32Array": 0x16, "Float32A
 
 
 class Command:
-    """What a Visualizer's window sends: something that can be lowered to a dictionary."""
+    """A message to a Visualizer's window: something that can be lowered to a dictionary."""
 
     def __init__(self, content: dict[str, Any]) -> None:
         self.content = content

@@ -26,7 +26,10 @@ MOMENTS = np.array([1.0, 1.5, 2.0])
 def cases(n: int) -> dict[str, tuple[Any, Any, Any, float, float, Any]]:
     """System, starts, method, last time, tolerance, and the equations for heyoka with their starts."""
     rng = np.random.default_rng(1)
-    body, top = lm.RigidBody(MOMENTS), lm.HeavyTop(MOMENTS, weight=1.0, centre=[0.0, 0.0, 1.0])
+    body, top = (
+        lm.RigidBody(MOMENTS),
+        lm.models.HeavyTop(MOMENTS, weight=1.0, centre=[0.0, 0.0, 1.0]),
+    )
     kepler, mu, e = lm.Kepler(), rng.normal(size=(n, 3)), rng.uniform(0.0, 0.7, size=n)
     q = np.stack([1.0 - e, 0.0 * e], axis=1)
     p = np.stack([0.0 * e, np.sqrt((1.0 + e) / (1.0 - e))], axis=1)

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-DOCS = Path(__file__).parents[2] / "docs"
-PAGE, TABLES = DOCS / "leader_board.md", DOCS / "work_precision.md"
+PROOF = Path(__file__).parents[2] / "docs" / "proof"
+PAGE, TABLES = PROOF / "leader_board.md", PROOF / "work_precision.md"
 MARKS = "<!-- measured: tests/benchmarks/leader_board.py -->\n", "<!-- end -->"
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 Best = tuple[float, str] | None
@@ -42,7 +42,7 @@ quartiles.
   a run has the same bits in plain Python, in native code, in lanes. heyoka has a column with it and
   one without; who is ahead is told with it.
 * **R^n** after a name: our Taylor series of the plain equations that other packages have, too
-  ([how](taylor.md#in-rn)). Momenta leave their orbit and attitudes the group with the error of the
+  ([how](../taylor.md#in-rn)). Momenta leave their orbit and attitudes the group with the error of the
   method, as theirs do. Ours on the group stay there to rounding, and have a column of their own.
 
 """
@@ -309,7 +309,7 @@ def tables(measured: dict[str, Any]) -> str:
 
 
 def write_pages(measured: dict[str, Any]) -> None:
-    """docs/leader_board.md, and the tables of docs/work_precision.md."""
+    """docs/proof/leader_board.md, and the tables of docs/proof/work_precision.md."""
     PAGE.write_text(page(measured), encoding="utf-8")
     before, _, rest = TABLES.read_text(encoding="utf-8").partition(MARKS[0])
     TABLES.write_text(

@@ -5,8 +5,8 @@ of reliability.
 
 --run measures these again, each by its own benchmark, and keeps the rows in `budgets.json`; a
 benchmark that does not finish within its share of the minutes is named, and its rows stay.  Then
-docs/budgets.md is written from them, from `leader_board.json`, from the table of
-docs/reliability.md and from `tests/stress/long_runs.json`.
+docs/proof/budgets.md is written from them, from `leader_board.json`, from the table of
+docs/proof/reliability.md and from `tests/stress/long_runs.json`.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from typing import Any
 
 import harness
 import numpy as np
-from board_page import best, error, number, time_for
+from board_page import best, error, number, quickest
 
 import liemech as lm
 
 HERE = Path(__file__).parent
-KEPT, PAGE = HERE / "budgets.json", HERE.parents[1] / "docs" / "budgets.md"
+KEPT, PAGE = HERE / "budgets.json", HERE.parents[1] / "docs" / "proof" / "budgets.md"
 STRESS = HERE.parent / "stress"
 Row = dict[str, Any]
 HEAD = """# Budgets
@@ -291,7 +291,7 @@ def problems(board: Any) -> list[Row]:
             for target in (1e-6, 1e-9):
                 ours = best([c for c in race["curves"] if c["package"] == "liemech"], target)
                 times = [
-                    time_for(c["points"], target)
+                    quickest(c["points"], target)
                     for c in race["curves"]
                     if c["package"] == package and method in c["method"]
                 ]
@@ -402,7 +402,7 @@ def table(rows: list[Row]) -> str:
 
 
 def reliability() -> list[Row]:
-    """The goals of docs/reliability.md."""
+    """The goals of docs/proof/reliability.md."""
     rows = []
     for line in (PAGE.parent / "reliability.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.split(" | ")]
@@ -422,7 +422,7 @@ def reliability() -> list[Row]:
 
 
 def write_page() -> None:
-    """docs/budgets.md."""
+    """docs/proof/budgets.md."""
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     text, page = "", HEAD
     if kept.get("machine"):

@@ -111,12 +111,12 @@ def body(method: Any, lanes: bool = False) -> Case:
 
 
 def top(method: Any, lanes: bool = False) -> Case:
-    system = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
+    system = lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
     return system, method, _start(system, np.array([0.5, 0.1, 0.75**0.5]), np.eye(3), lanes), 0.1
 
 
 def kirchhoff(method: Any, lanes: bool = False) -> Case:
-    system = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
+    system = lm.models.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
     return (
         system,
         method,
@@ -145,16 +145,16 @@ def chain(method: Any, links: int = 2, lanes: bool = False) -> Case:
     half, places = np.array([0.0, 0.0, 0.5]), np.tile(np.eye(4), (links, 1, 1))
     places[:, 2, 3] = -0.5 - np.arange(links)
     joints = [
-        lm.BallJoint(k, k - 1 if k else None, half, -half if k else 0.0 * half)
+        lm.joints.BallJoint(k, k - 1 if k else None, half, -half if k else 0.0 * half)
         for k in range(links)
     ]
-    system = lm.Linkage([lm.Link(1.0, [0.1, 0.1, 0.05])] * links, joints, 9.81)
+    system = lm.joints.Linkage([lm.joints.Link(1.0, [0.1, 0.1, 0.05])] * links, joints, 9.81)
     start = system.assembled(places, np.full((links, 6), 0.1))
     return system, method, _start(system, np.array(start.mu), np.array(start.g), lanes), 0.01
 
 
 def planets(method: Any, lanes: bool = False) -> Case:
-    system, start = lm.PlanetarySystem.outer_solar_system()
+    system, start = lm.models.PlanetarySystem.outer_solar_system()
     if lanes:
         start = system.state(np.tile(np.array(start.y), (kernel.lanes(), 1)))
     return system, method, start, 100.0
@@ -176,7 +176,7 @@ def run(case: Case, tangent: bool = False, **options: Any) -> Case:
 
 def satellite(method: Any, lanes: bool = False, clocked: bool = True) -> Case:
     """On an eccentric orbit, with steps by its distance."""
-    system = lm.OrbitingBody([1e-4, 1.5e-4, 2e-4], mass=1.0, attraction=1.0)
+    system = lm.models.OrbitingBody([1e-4, 1.5e-4, 2e-4], mass=1.0, attraction=1.0)
     circle = system.circular_orbit(0.3)
     controlled = lm.ReversibleController(
         method, lambda g: (g[9] * g[9] + g[10] * g[10] + g[11] * g[11]) ** 0.75

@@ -24,7 +24,7 @@ import liemech as lm
 SOURCE = Path(__file__).with_name("constrained.c")
 SPHERE, CHAIN = (
     lm.SphericalPendulum(gravity=9.81),
-    lm.ChainPendulum([1.0, 0.5], [1.0, 0.8], 9.81, dimension=2),
+    lm.models.ChainPendulum([1.0, 0.5], [1.0, 0.8], 9.81, dimension=2),
 )
 SWINGING = SPHERE.state([0.6, 0.0, -0.8], [0.4, 1.5, 0.3])
 HANGING = CHAIN.consistent(

@@ -96,7 +96,7 @@ class ByHand(lm.Method):
 
     def velocity(self, system: Any, mu: lm.Vec, omega: lm.Vec, terms: int) -> lm.Vec:
         xi = system.hamiltonian.gradient(system.group.exp_Ad_star(omega, mu))
-        return system.group.algebra.dexp_inv_series(omega, xi, terms, "left")
+        return system.group.algebra.dexp_inv_series(omega, xi, terms)
 
     def displaced(self, system: Any, state: Any, omega: lm.Vec) -> Any:
         g = None if state.g is None else system.group.compose_exp(state.g, omega)

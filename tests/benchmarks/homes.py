@@ -42,7 +42,7 @@ def fixed(
     race: Race, name: str, at: Start, method: Any, settings: tuple[float, ...], outputs: Callable[..., np.ndarray],
     parts: tuple[str, ...] = ("mu", "g"), closed: bool = False,
 ) -> Entry:  # fmt: skip
-    """Steps of one length, so many between two outputs, and down to an eighth as many."""
+    """Fixed steps, so many between two outputs, and down to an eighth as many."""
     fewest = max(1, round(settings[0]) // 8)
     settings = (*[n for n in doubled(1, 20) if fewest <= n < settings[0]], *settings)
 
@@ -187,7 +187,7 @@ def free(race: Race) -> list[Entry]:
 
 def heavy_top(race: Race) -> list[Entry]:
     """The heavy top, on SO(3) and on se(3)*."""
-    top = lm.HeavyTop(TOP_MOMENTS, 1.0, TOP_LOAD)
+    top = lm.models.HeavyTop(TOP_MOMENTS, 1.0, TOP_LOAD)
     whole = top.state(mu=race.start[:3], g=matrices(np.array([race.start[3:]])).reshape(3, 3))
     at, dual = (top, whole), (top.reduced, top.reduced.from_top(whole))
 
@@ -215,7 +215,7 @@ def heavy_top(race: Race) -> list[Entry]:
 def kirchhoff(race: Race) -> list[Entry]:
     """Kirchhoff's body: the inertia is the inverse of the matrix of the energy of the impulse."""
     A, D, M = (np.array(block) for block in BLOCKS)
-    body = lm.KirchhoffBody(np.linalg.inv(np.block([[A, D], [D.T, M]])))
+    body = lm.models.KirchhoffBody(np.linalg.inv(np.block([[A, D], [D.T, M]])))
     g = np.eye(4)
     g[:3, :3], g[:3, 3] = matrices(np.array([race.start[6:10]])).reshape(3, 3), race.start[10:13]
     at = body, body.state(mu=race.start[:6], g=g)
@@ -325,7 +325,7 @@ def kepler(race: Race) -> list[Entry]:
         transformed(
             "controller, splitting 8",
             system,
-            lm.ReversibleController(lm.Splitting(order=8), lm.DistancePower(1.5)),
+            lm.ReversibleController(lm.Splitting(order=8), lm.time_scales.DistancePower(1.5)),
             halved,
         ),
         adaptive(race, "Taylor 12", at, lm.Taylor(12), outputs, parts),
@@ -355,7 +355,10 @@ def spherical_pendulum(race: Race) -> list[Entry]:
 
 def solar_system(race: Race) -> list[Entry]:
     """The outer planets: Kepler's motions and what planets do to each other, or plain equations."""
-    system, bodies = lm.PlanetarySystem(SUNS, PULL), lm.NBody(masses=SUNS, gravity=PULL)
+    system, bodies = (
+        lm.models.PlanetarySystem(SUNS, PULL),
+        lm.models.NBody(masses=SUNS, gravity=PULL),
+    )
     first, masses = np.array(race.start), np.repeat(SUNS, 3)
     q, p = first[:18], masses * first[18:]
     split, plain = (system, system.state_of(q, p)), (bodies, bodies.state(q, p))

@@ -34,9 +34,9 @@ def cost(
     return made, min(times) / steps * 1e9
 
 
-def hanging(count: int) -> tuple[lm.Linkage, lm.State]:
+def hanging(count: int) -> tuple[lm.joints.Linkage, lm.State]:
     """A chain, bent, at rest."""
-    chain, poses, end = lm.chain(count), np.tile(np.eye(4), (count, 1, 1)), np.zeros(3)
+    chain, poses, end = lm.joints.chain(count), np.tile(np.eye(4), (count, 1, 1)), np.zeros(3)
     for b in range(count):
         R = np.array(lm.SO3().exp([0.2 * b, 0.7, 0.1]))
         poses[b, :3, :3], poses[b, :3, 3], end = R, end - 0.5 * R[:, 2], end - R[:, 2]
@@ -68,7 +68,7 @@ def long_chains(most: int) -> None:
 
 
 def main() -> None:
-    """Print the tables of docs/joints.md."""
+    """Print the tables of docs/proof/costs.md, joints."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -85,8 +85,10 @@ def main() -> None:
         return
     moments, mass, centre = np.array([1.0, 1.5, 0.7]), 2.0, np.array([0.3, 0.1, 0.4])
     about_point = np.diag(moments) + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    top = lm.HeavyTop(about_point, mass * 9.81, centre)
-    body = lm.Linkage([lm.Link(mass, moments)], [lm.FixedPoint(0, -centre)], 9.81)
+    top = lm.models.HeavyTop(about_point, mass * 9.81, centre)
+    body = lm.joints.Linkage(
+        [lm.joints.Link(mass, moments)], [lm.joints.BallJoint(0, None, -centre)], 9.81
+    )
     w, pose = np.array([0.3, 0.6, 1.1]), np.eye(4)
     pose[:3, 3] = centre
     start = body.assembled([pose], [[*w, *np.cross(w, centre)]])

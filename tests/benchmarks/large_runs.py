@@ -74,7 +74,9 @@ def interrupted() -> None:
     exact = lm.Plan(BODY, lm.CovariantVariational(lm.Cayley()), 0.05, every=10**6, **quick)
     rkmk = lm.Plan(BODY, lm.RKMK(order=4), 0.05, every=10**5, **quick)
     adaptive = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-9, **quick)
-    controller = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.5))
+    controller = lm.ReversibleController(
+        lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.5)
+    )
     clocked = lm.Plan(kepler, controller, 0.01, every=10**5, **quick)
     times, product = np.linspace(0.0, 5e6, 1000), [("product", lambda t, s: s.mu[0] * s.mu[1])]
     runs: dict[str, Callable[[], Any]] = {
@@ -121,7 +123,7 @@ def tangents() -> None:
         "| motion | directions n | tangent map | n + 1 runs, one by one | n + 1 runs, an ensemble |"
     )
     print("| --- | --- | --- | --- | --- |")
-    top: Any = lm.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 1.0])
+    top: Any = lm.models.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 1.0])
     kepler = lm.Kepler()
     for name, system, method, start in (
         ("free body, RKMK4", BODY, lm.RKMK(order=4), BODY.state(mu=[0.5, 0.1, 0.8], g=np.eye(3))),

@@ -40,7 +40,7 @@ def place(problem: Problem) -> Place:
     """A rigid body, or a heavy top on SO(3)."""
     with warnings.catch_warnings(action="ignore", category=lm.errors.InertiaWarning):
         body = (
-            lm.HeavyTop(problem.inertia, 1.0, problem.load)
+            lm.models.HeavyTop(problem.inertia, 1.0, problem.load)
             if problem.heavy
             else lm.RigidBody(problem.inertia)
         )

@@ -23,8 +23,8 @@ from liemech.tableaus import SPLITTINGS, STRANG
 
 YEAR = 365.25  # days
 SAMPLES = 400
-SYSTEM, START = lm.PlanetarySystem.outer_solar_system()
-BODIES, BEGIN = lm.NBody.outer_solar_system()
+SYSTEM, START = lm.models.PlanetarySystem.outer_solar_system()
+BODIES, BEGIN = lm.models.NBody.outer_solar_system()
 
 METHODS: dict[str, tuple[Any, float, str]] = {
     "Wisdom and Holman, 200 d": (STRANG.exchanged, 200.0, "whfast"),

@@ -17,7 +17,7 @@ import liemech as lm
 from liemech.tableaus.splittings import STRANG
 
 SOURCE = Path(__file__).with_name("poisson.c")
-SPECIES = lm.LotkaVolterra()
+SPECIES = lm.models.LotkaVolterra()
 START, H = SPECIES.state([1.5, 1.0]), 0.01
 VERLET = lm.PoissonVerlet()
 STEPS: dict[str, tuple[str, Any]] = {

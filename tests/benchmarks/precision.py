@@ -14,9 +14,9 @@ import liemech as lm
 
 BODY, TOP = (
     lm.RigidBody([1.0, 1.6, 2.3]),
-    lm.LagrangeTop(transverse=1.0, axial=0.5, weight=1.0, length=1.0),
+    lm.models.LagrangeTop(transverse=1.0, axial=0.5, weight=1.0, length=1.0),
 )
-GALAXY, ROD = lm.HenonHeiles(), lm.SphericalPendulum()
+GALAXY, ROD = lm.models.HenonHeiles(), lm.SphericalPendulum()
 SCENES = {
     "free body, momentum": (BODY, BODY.state([0.3, 0.8, -0.5]), 0.1),
     "free body, attitude too": (BODY, BODY.state([0.3, 0.8, -0.5], np.eye(3)), 0.1),

@@ -38,7 +38,7 @@ BUDGETS = {"C++ off": 1.1, "C++ fast": 1.25}
 COLUMNS = ["method", "records", "liemech", "C++", "ratio", "C++ fused", "ratio"]
 
 with warnings.catch_warnings(action="ignore", category=lm.errors.InertiaWarning):
-    BODY, TOP = lm.RigidBody(INERTIA), lm.HeavyTop(INERTIA, 1.0, LOAD)
+    BODY, TOP = lm.RigidBody(INERTIA), lm.models.HeavyTop(INERTIA, 1.0, LOAD)
 
 ALGORITHM_1 = {
     "Cayley": lm.CovariantVariational(lm.Cayley()),

@@ -22,7 +22,7 @@ STEPS = {
     "StormerVerlet()": lm.StormerVerlet(),
     **{f"Splitting(order={p})": lm.Splitting(order=p) for p in (4, 6, 8)},
 }
-PLANETS, GALAXY = lm.Kepler(), lm.HenonHeiles()
+PLANETS, GALAXY = lm.Kepler(), lm.models.HenonHeiles()
 SYSTEMS = {
     "kepler": (PLANETS, PLANETS.pericentre(0.6), 0.01),
     "galaxy": (GALAXY, GALAXY.state([0.0, 0.1], [0.5, 0.0]), 0.1),

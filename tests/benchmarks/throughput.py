@@ -4,7 +4,7 @@ alone, two workers beside one, and beside them the C++ in two threads and in one
     python tests/benchmarks/throughput.py [--quick] [--write] [--out results.json]
 
 Times are those of the clock, of whole calls from given starts to the last states; runs that are
-compared take turns.  --write puts the tables into docs/performance.md.  Let nothing else run.
+compared take turns.  --write puts the tables into docs/proof/performance.md.  Let nothing else run.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ OPPONENTS = {
     "Algorithm 1, Cayley": ("Algorithm 1, Cayley", "Algorithm 1, Cayley, one unknown"),
 }
 GOALS = {20: 0.85, 200: 0.9}
-PAGE = Path(__file__).parents[2] / "docs" / "performance.md"
+PAGE = Path(__file__).parents[2] / "docs" / "proof" / "performance.md"
 MARKS = "<!-- throughput -->", "<!-- end of throughput -->"
 
 

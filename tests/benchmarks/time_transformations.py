@@ -25,7 +25,7 @@ SOURCE = Path(__file__).with_name("time_transformations.c")
 KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.9)
 PERIODS = 1000
-POWER = lm.DistancePower(1.5)
+POWER = lm.time_scales.DistancePower(1.5)
 LOGARITHMIC, POWERS = lm.LogarithmicHamiltonian(KEPLER), lm.TimeTransformed(KEPLER, POWER)
 
 VERLET, EIGHT = STRANG.exchanged, SplittingTableau.of(KAHAN_LI8).exchanged
@@ -157,7 +157,7 @@ COARSE = {
         lm.ReversibleController(lm.Splitting(order=8), POWER),
         None,
     ),
-    "Splitting(order=8), equal steps": (KEPLER, lm.Splitting(order=8), None),
+    "Splitting(order=8), fixed steps": (KEPLER, lm.Splitting(order=8), None),
 }
 
 
@@ -177,7 +177,7 @@ def thousand_periods(repetitions: int, quick: bool) -> list[dict[str, Any]]:
     curves: dict[str, list[tuple[float, float]]] = {}
     ratio = 0.5 if quick else 0.84
     for name, (system, method, compensated) in COARSE.items():
-        alone = name.endswith("equal steps")
+        alone = name.endswith("fixed steps")
         h, curve = (0.02 if alone else 1.2), []
         while not curve or (min(e for _, e in curve) > 1e-6 and len(curve) < 24):
             run = equal_steps(h) if alone else ours(system, method, h, compensated)

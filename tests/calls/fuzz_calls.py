@@ -24,7 +24,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
-from liemech.formulas.broadcasting import _class_text, bare
+from liemech.formulas.signatures import bare
+from liemech.formulas.signatures import class_text as _class_text
 
 PATIENCE = 2.0
 """Seconds of the processor that a call may take."""
@@ -74,7 +75,7 @@ def groups() -> list[lm.LieGroup]:
         lm.SO3(), lm.SE3(), lm.SE2(), lm.UnitQuaternions(), lm.VectorSpace(3), lm.Heisenberg(1), lm.Heisenberg(2),
         lm.SO(4), lm.SU(2), lm.SU(3), lm.U(2), lm.SL(2), lm.SL(3), lm.GL(2), lm.Sp(2), lm.SO(5),
         lm.ProductGroup(lm.SO3(), lm.VectorSpace(3)), lm.ProductGroup(lm.SU(2), lm.SO3()),
-        lm.SemidirectProduct(lm.SO3(), lm.LinearAction(lm.SO3())), lm.SemidirectProduct(lm.SE3(), lm.coadjoint(lm.SE3())),
+        lm.SemidirectProduct(lm.SO3(), lm.actions.LinearAction(lm.SO3())), lm.SemidirectProduct(lm.SE3(), lm.coadjoint(lm.SE3())),
     ]  # fmt: skip
 
 
@@ -100,15 +101,17 @@ def subjects() -> tuple[Subject, ...]:
     found = [Subject(g, g) for g in groups()]
     found += [Subject(g.algebra, g) for g in groups()]
     found += [Subject(lm.coadjoint(g), g, vector=g.dim) for g in (so3, se3, lm.SU(2))]
-    found += [Subject(lm.AdjointAction(se3), se3, vector=6)]
-    found += [Subject(lm.RotationAction(lm.UnitQuaternions()), lm.UnitQuaternions(), vector=3)]
+    found += [Subject(lm.actions.AdjointAction(se3), se3, vector=6)]
     found += [
-        Subject(lm.LinearAction(lm.SL(2)), lm.SL(2), vector=2),
-        Subject(lm.LeftMultiplication(so3), so3),
+        Subject(lm.actions.RotationAction(lm.UnitQuaternions()), lm.UnitQuaternions(), vector=3)
     ]
     found += [
-        Subject(lm.TranslationAction(4), lm.VectorSpace(4), vector=4),
-        Subject(lm.SphereAction(3), so3, vector=3),
+        Subject(lm.actions.LinearAction(lm.SL(2)), lm.SL(2), vector=2),
+        Subject(lm.actions.LeftMultiplication(so3), so3),
+    ]
+    found += [
+        Subject(lm.actions.TranslationAction(4), lm.VectorSpace(4), vector=4),
+        Subject(lm.actions.SphereAction(3), so3, vector=3),
     ]
     for retraction in (lm.Exponential(), lm.Cayley(), lm.CayleyAdjoint()):
         for g in (so3, se3, lm.UnitQuaternions(), lm.SU(2)):
@@ -117,25 +120,25 @@ def subjects() -> tuple[Subject, ...]:
     found += [
         Subject(lm.RigidBody(inertia), so3),
         Subject(lm.RigidBody(inertia).hamiltonian, so3),
-        Subject(lm.HeavyTop(inertia, 1.0, [0.0, 0.1, 1.0]), so3),
-        Subject(lm.LagrangeTop(1.0, 0.5, 1.0, 1.0), so3),
-        Subject(lm.ReducedHeavyTop(inertia, 1.0, [0.0, 0.1, 1.0]), se3),
-        Subject(lm.ReducedHeavyTop(inertia, 1.0, [0.0, 0.1, 1.0]).hamiltonian, se3),
-        Subject(lm.KirchhoffBody(np.diag([1.0, 1.6, 2.3, 1.0, 2.0, 3.0])), se3),
-        Subject(lm.FallingBody(inertia, mass=1.7), se3),
+        Subject(lm.models.HeavyTop(inertia, 1.0, [0.0, 0.1, 1.0]), so3),
+        Subject(lm.models.LagrangeTop(1.0, 0.5, 1.0, 1.0), so3),
+        Subject(lm.models.ReducedHeavyTop(inertia, 1.0, [0.0, 0.1, 1.0]), se3),
+        Subject(lm.models.ReducedHeavyTop(inertia, 1.0, [0.0, 0.1, 1.0]).hamiltonian, se3),
+        Subject(lm.models.KirchhoffBody(np.diag([1.0, 1.6, 2.3, 1.0, 2.0, 3.0])), se3),
+        Subject(lm.models.FallingBody(inertia, mass=1.7), se3),
         Subject(
-            lm.OrbitingBody([0.05, 0.08, 0.11], mass=1.7, attraction=1.0),
+            lm.models.OrbitingBody([0.05, 0.08, 0.11], mass=1.7, attraction=1.0),
             lm.ProductGroup(so3, lm.VectorSpace(3)),
         ),
-        Subject(lm.FixedPointGravity(1.0, [0.0, 0.0, 1.0]), so3, {"group": so3}),
-        Subject(lm.UniformGravity(1.0), se3, {"group": se3}),
+        Subject(lm.models.FixedPointGravity(1.0, [0.0, 0.0, 1.0]), so3, {"group": so3}),
+        Subject(lm.models.UniformGravity(1.0), se3, {"group": se3}),
         Subject(lm.NoPotential(), so3, {"group": so3}),
         Subject(lm.Kepler(), lm.VectorSpace(4), vector=2),
-        Subject(lm.HenonHeiles(), lm.VectorSpace(4), vector=2),
-        Subject(lm.Pendulum(), lm.VectorSpace(2), vector=1),
-        Subject(lm.DoublePendulum(), lm.VectorSpace(4), vector=2),
+        Subject(lm.models.HenonHeiles(), lm.VectorSpace(4), vector=2),
+        Subject(lm.models.Pendulum(), lm.VectorSpace(2), vector=1),
+        Subject(lm.models.DoublePendulum(), lm.VectorSpace(4), vector=2),
         Subject(Turning(so3), so3),
-        Subject(Circling(lm.SphereAction(3)), so3, vector=3),
+        Subject(Circling(lm.actions.SphereAction(3)), so3, vector=3),
     ]
     return tuple(found)
 
@@ -220,7 +223,7 @@ def shape_of(method: Method, name: str, text: str) -> tuple[int, ...] | None:
         return (subject.vector,)
     if isinstance(subject.thing, lm.MechanicalSystem) and name == "omega":
         return (subject.thing.group.dim,)
-    if isinstance(subject.thing, lm.LeftMultiplication) and name == "x":
+    if isinstance(subject.thing, lm.actions.LeftMultiplication) and name == "x":
         return subject.group.element_shape
     return (subject.group.dim,)
 
@@ -251,12 +254,14 @@ def right(
             text in ("Element", "Ambient") or name in ("g", "h")
         ):
             return subject.group.random(rng, lead)
-        if isinstance(subject.thing, lm.SphereAction) and name == "x":
+        if isinstance(subject.thing, lm.actions.SphereAction) and name == "x":
             return subject.thing.random(rng, lead)
         numbers = rng.normal(size=(*lead, *shape))
         return numbers if shape else float(numbers) if not lead else numbers
-    if name == "start" and isinstance(subject.thing, lm.ReducedHeavyTop):
-        return lm.HeavyTop([1.0, 1.6, 2.3], 1.0, [0.0, 0.1, 1.0]).state([1.0, 2.0, 3.0], np.eye(3))
+    if name == "start" and isinstance(subject.thing, lm.models.ReducedHeavyTop):
+        return lm.models.HeavyTop([1.0, 1.6, 2.3], 1.0, [0.0, 0.1, 1.0]).state(
+            [1.0, 2.0, 3.0], np.eye(3)
+        )
     if text.endswith("State") or text in ("Position", "Point") or name in ("state", "start"):
         return state_of(subject)
     choices: dict[str, Any] = {
@@ -408,6 +413,8 @@ def ending(method: Method, args: tuple[Any, ...], options: dict[str, Any]) -> st
         if isinstance(error, (lm.errors.InvalidInput, lm.errors.InvalidType)):
             somebody = re.search(r"\w(\(.*\))?\.\w+(:| has| gave) \w+", str(error)) is not None
             named = (somebody and f".{method.name}" in str(error)) or method.name in HOOKS
+            if "unexpected keyword" in str(error):  # which is none of its arguments
+                return "" if not counted and f"{method.name}()" in str(error) else "which keyword"
             return "" if named else f"unnamed: {type(error).__name__}: {error}"
         return "" if str(error) else "no message"
     except TypeError as error:

@@ -34,43 +34,43 @@ def makers() -> tuple[Maker, ...]:
     rng = np.random.default_rng(8)
     so3, body = lm.SO3(), lm.RigidBody([1.0, 1.6, 2.3])
     mu, g, q = [0.3, 0.2, 0.8], so3.random(rng), [0.4, 0.1]
-    models: Any = lm
+    library: Any = lm
     algorithm: Any = lm.CovariantVariational()
     hj: Any = lm.LiePoissonHamiltonJacobi(order=4)
     state = body.state(mu, g)
-    kepler, eye = models.Kepler(), np.eye(3)
+    kepler, eye = library.Kepler(), np.eye(3)
     tableaus: Any = lm.tableaus
     table = ([0.0, 1.0, 2.0], [[0.0, 1.0], [1.0, 2.0], [0.5, 0.0]])
     tops = {"inertia": [1.0, 1.5, 0.7], "weight": 1.3, "centre": [0.6, 0.0, 0.8]}
     return (
-        (models.RigidBody, {"inertia": [1.0, 1.6, 2.3]}),
-        (models.HeavyTop, tops),
-        (models.LagrangeTop, {"weight": 1.0, "transverse": 0.5, "axial": 1.0, "length": 1.0}),
-        (models.ReducedHeavyTop, tops),
-        (models.KirchhoffBody, {"inertia": [1.0, 1.6, 2.3, 1.0, 2.0, 3.0]}),
-        (models.KirchhoffBody.of_blocks, {"angular": [1.2, 2.0, 2.6], "linear": [1.3, 1.8, 2.5], "coupling": 0.1 * eye}),
-        (models.FallingBody, {"inertia": [1.0, 1.6, 2.3], "mass": 1.0}),
-        (models.OrbitingBody, {"inertia": [0.05, 0.08, 0.11], "mass": 1.7, "attraction": 1.0}),
-        (models.Kepler, {"attraction": 1.0}),
-        (models.Pendulum, {}),
-        (models.DoublePendulum, {"masses": [1.0, 0.5], "lengths": [1.0, 0.8]}),
-        (models.SphericalPendulum, {"length": 1.0}),
-        (models.ChainPendulum, {"masses": [1.0, 0.5], "lengths": [1.0, 0.8]}),
-        (models.NBody, {"masses": [1.0, 0.5, 0.2]}),
-        (models.PlanetarySystem, {"masses": [1.0, 0.001]}),
-        (models.TodaLattice, {"particles": 3}),
-        (models.FermiPastaUlam, {"particles": 3}),
-        (models.LotkaVolterra, {}),
-        (models.MaxwellBloch, {}),
-        (models.PoissonTop, {"moments": [1.0, 1.5, 0.7], "weight": 1.3, "centre": [0.6, 0.0, 0.8]}),
-        (models.Link, {"mass": 1.0, "inertia": [0.1, 0.2, 0.2]}),
-        (models.KineticEnergy, {"inertia": [1.0, 2.0, 3.0]}),
-        (models.LiePoissonSystem, {"group": so3, "hamiltonian": models.KineticEnergy([1.0, 2.0, 3.0])}),
-        (models.ConstantStructure, {"values": [[0.0, 1.0], [-1.0, 0.0]]}),
-        (models.LogCanonical, {"values": [[0.0, 1.0], [-1.0, 0.0]]}),
-        (models.PiecewisePolynomial.linear, {"t": table[0], "values": table[1]}),
-        (models.PiecewisePolynomial.cubic, {"t": table[0], "values": table[1]}),
-        (models.PiecewisePolynomial.constant, {"t": [0.0, 1.0, 2.0, 3.0], "values": table[1]}),
+        (library.RigidBody, {"inertia": [1.0, 1.6, 2.3]}),
+        (library.models.HeavyTop, tops),
+        (library.models.LagrangeTop, {"weight": 1.0, "transverse": 0.5, "axial": 1.0, "length": 1.0}),
+        (library.models.ReducedHeavyTop, tops),
+        (library.models.KirchhoffBody, {"inertia": [1.0, 1.6, 2.3, 1.0, 2.0, 3.0]}),
+        (library.models.KirchhoffBody.of_blocks, {"angular": [1.2, 2.0, 2.6], "linear": [1.3, 1.8, 2.5], "coupling": 0.1 * eye}),
+        (library.models.FallingBody, {"inertia": [1.0, 1.6, 2.3], "mass": 1.0}),
+        (library.models.OrbitingBody, {"inertia": [0.05, 0.08, 0.11], "mass": 1.7, "attraction": 1.0}),
+        (library.Kepler, {"attraction": 1.0}),
+        (library.models.Pendulum, {}),
+        (library.models.DoublePendulum, {"masses": [1.0, 0.5], "lengths": [1.0, 0.8]}),
+        (library.SphericalPendulum, {"length": 1.0}),
+        (library.models.ChainPendulum, {"masses": [1.0, 0.5], "lengths": [1.0, 0.8]}),
+        (library.models.NBody, {"masses": [1.0, 0.5, 0.2]}),
+        (library.models.PlanetarySystem, {"masses": [1.0, 0.001]}),
+        (library.models.TodaLattice, {"particles": 3}),
+        (library.models.FermiPastaUlam, {"particles": 3}),
+        (library.models.LotkaVolterra, {}),
+        (library.models.MaxwellBloch, {}),
+        (library.models.PoissonTop, {"moments": [1.0, 1.5, 0.7], "weight": 1.3, "centre": [0.6, 0.0, 0.8]}),
+        (library.joints.Link, {"mass": 1.0, "inertia": [0.1, 0.2, 0.2]}),
+        (library.KineticEnergy, {"inertia": [1.0, 2.0, 3.0]}),
+        (library.LiePoissonSystem, {"group": so3, "hamiltonian": library.KineticEnergy([1.0, 2.0, 3.0])}),
+        (library.structures.ConstantStructure, {"values": [[0.0, 1.0], [-1.0, 0.0]]}),
+        (library.structures.LogCanonical, {"values": [[0.0, 1.0], [-1.0, 0.0]]}),
+        (library.PiecewisePolynomial.linear, {"t": table[0], "values": table[1]}),
+        (library.PiecewisePolynomial.cubic, {"t": table[0], "values": table[1]}),
+        (library.PiecewisePolynomial.constant, {"t": [0.0, 1.0, 2.0, 3.0], "values": table[1]}),
         (lm.MatrixLieGroup.of, {"generators": so3.generators if hasattr(so3, "generators") else lm.SO(3).generators}),
         (lm.SO, {"n": 3}), (lm.SU, {"n": 2}), (lm.U, {"n": 2}), (lm.SL, {"n": 2}), (lm.GL, {"n": 2}), (lm.Sp, {"n": 2}),
         (lm.VectorSpace, {"n": 3}), (lm.Heisenberg, {"n": 1}),
@@ -80,8 +80,9 @@ def makers() -> tuple[Maker, ...]:
         (lm.GalerkinVariational, {"order": 4}), (lm.CovariantVariational, {"retraction": lm.Cayley()}),
         (lm.Composition, {"base": lm.StormerVerlet(), "order": 4}), (lm.KickDrift, {"order": 2}),
         (lm.MoserVeselov, {}), (lm.MultipleTimeSteps, {"ratios": (3,)}), (lm.AdaptiveVerlet, {}),
-        (lm.ReversibleController, {"method": lm.StormerVerlet(), "sigma": lm.DistancePower(1.5)}),
-        (models.DistancePower, {"power": 1.5}), (lm.TimeTransformed, {"system": kepler, "sigma": lm.DistancePower(1.5)}),
+        (lm.ReversibleController, {"method": lm.StormerVerlet(), "sigma": lm.time_scales.DistancePower(1.5)}),
+        (library.time_scales.DistancePower, {"power": 1.5}),
+        (lm.TimeTransformed, {"system": kepler, "sigma": lm.time_scales.DistancePower(1.5)}),
         *((getattr(tableaus, name), {"stages": 3})
           for name in ("gauss", "lobatto_iiia", "lobatto_iiib", "lobatto_iiic", "radau_iia")),
         (tableaus.suzuki, {"base_order": 2}), (tableaus.triple_jump, {"base_order": 2}),
@@ -93,12 +94,12 @@ def makers() -> tuple[Maker, ...]:
         (hj.require, {"system": body}),
         (lm.check_group, {"group": so3, "seed": 0}),
         (lm.check_retraction, {"retraction": lm.Cayley(), "group": so3, "seed": 0}),
-        (lm.check_poisson, {"structure": lm.ConstantStructure([[0.0, 1.0], [-1.0, 0.0]])}),
+        (lm.check_poisson, {"structure": lm.structures.ConstantStructure([[0.0, 1.0], [-1.0, 0.0]])}),
         (kepler.pericentre, {"eccentricity": 0.3}),
         (kepler.state, {"q": q, "p": q}),
         (body.state, {"mu": mu, "g": g}),
         (body.exact, {"start": state, "t": [0.0, 1.0]}),
-        (models.RigidBody(inertia=[1.0, 1.6, 2.3]).velocity, {"mu": mu}),
+        (library.RigidBody(inertia=[1.0, 1.6, 2.3]).velocity, {"mu": mu}),
         (lm.integrate, {"system": body, "method": lm.RKMK(), "start": state, "h": 0.1, "steps": 2, "compiled": False}),
         (lm.integrate, {"system": body, "method": lm.RKMK(order=5), "start": state, "t_end": 0.1, "rtol": 1e-6, "atol": 1e-9,
                         "compiled": False, "t0": 0.0}),
@@ -154,7 +155,7 @@ def overridables() -> tuple[Overridable, ...]:
     body: Any = lm.RigidBody([1.0, 1.6, 2.3])
     mu, eye, q = [0.3, 0.2, 0.8], np.eye(3), [0.4, 0.1]
     in_field: Any = lm.MechanicalSystem
-    models: Any = lm
+    library: Any = lm
     half = "0.5 * lm.dot({0}, {0})".format
     return (
         Overridable(
@@ -163,7 +164,7 @@ def overridables() -> tuple[Overridable, ...]:
         ),
         Overridable(
             lm.DrivenHamiltonian, {"energy": ("t, mu", half("mu")), "gradient": ("t, mu", "1.0 * mu")},
-            lambda mine: models.DrivenLiePoissonSystem(so3, mine), run_of(lm.RKMK(order=4), mu),
+            lambda mine: library.DrivenLiePoissonSystem(so3, mine), run_of(lm.RKMK(order=4), mu),
         ),
         Overridable(
             lm.Potential, {"energy": ("g", "g[2, 2]")},
@@ -179,7 +180,7 @@ def overridables() -> tuple[Overridable, ...]:
         ),
         Overridable(
             lm.Constraint, {"value": ("g", "lm.vec(g[2, 0])")},
-            lambda mine: models.ConstrainedBody(in_field(body, lm.NoPotential()), mine),
+            lambda mine: library.ConstrainedBody(in_field(body, lm.NoPotential()), mine),
             run_of(lm.LieRATTLE(), [0.0, 0.0, 0.3], eye),
         ),
         Overridable(
@@ -205,10 +206,10 @@ def overridables() -> tuple[Overridable, ...]:
         ),
         Overridable(
             lm.HomogeneousEquation, {"velocity": ("t, x", "lm.vec(x[1], x[2], t)")},
-            lambda mine: mine, run_of(lm.RKMK(order=4), [0.6, 0.0, 0.8]), (), (lm.SphereAction(3),),
+            lambda mine: mine, run_of(lm.RKMK(order=4), [0.6, 0.0, 0.8]), (), (lm.actions.SphereAction(3),),
         ),
         Overridable(
-            models.VectorField, {"velocity": ("y", "lm.vec(y[1], -y[0])")},
+            library.VectorField, {"velocity": ("y", "lm.vec(y[1], -y[0])")},
             lambda mine: mine, run_of(lm.RKMK(order=4), q), (("dim", 2),),
         ),
         Overridable(

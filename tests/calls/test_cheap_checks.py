@@ -12,7 +12,7 @@ import pytest
 
 import liemech as lm
 from liemech.formulas import check_finite, real_array
-from liemech.formulas.broadcasting import at_a_glance
+from liemech.formulas.arrays import at_a_glance
 from liemech.systems.system import element_at_a_glance
 
 VALUES: list[Any] = [
@@ -89,7 +89,7 @@ def test_a_glance_is_enough_for_what_people_write(monkeypatch: pytest.MonkeyPatc
     start = body.state(mu=[0.5, 0, 0.75**0.5], g=np.eye(3))
     assert start == body.state(np.array([0.5, 0.0, 0.75**0.5]), g=np.eye(3))
     lm.RigidBody([1.0, 1.5, 2.0]), lm.RigidBody((1, 2, 3)), lm.RigidBody(np.array([1.0, 1.5, 2.0]))
-    lm.KirchhoffBody([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    lm.models.KirchhoffBody([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
 
 
 WRONG = (

@@ -173,7 +173,7 @@ def test_equal_systems_take_turns_without_a_comparison_of_all_that_was_read(
     """
     plans = []
     for _ in range(2):
-        top = lm.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
+        top = lm.models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
         plans.append(
             (
                 lm.Plan(top, lm.RKMK(order=4), 0.01, compiled=True),

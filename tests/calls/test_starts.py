@@ -11,10 +11,10 @@ import liemech as lm
 SYSTEMS = {
     "body": lm.RigidBody([1.0, 1.5, 2.0]),
     "body in other axes": lm.RigidBody([[2.0, 0.1, 0.3], [0.1, 2.5, -0.2], [0.3, -0.2, 1.5]]),
-    "top": lm.HeavyTop([1.0, 1.5, 2.0], 3.0, [0.1, 0.2, 0.5]),
-    "symmetric top": lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0),
-    "in a fluid": lm.KirchhoffBody([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
-    "falling": lm.FallingBody([1.0, 1.5, 2.0], mass=2.0, gravity=9.8),
+    "top": lm.models.HeavyTop([1.0, 1.5, 2.0], 3.0, [0.1, 0.2, 0.5]),
+    "symmetric top": lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0),
+    "in a fluid": lm.models.KirchhoffBody([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
+    "falling": lm.models.FallingBody([1.0, 1.5, 2.0], mass=2.0, gravity=9.8),
 }
 
 
@@ -52,7 +52,7 @@ def test_momentum_or_velocity() -> None:
             system.state(xi=[1.0, np.nan, 2.0], g=np.eye(3))
     with pytest.raises(lm.errors.InvalidInput, match="g is missing"):
         top.state(xi=[1.0, 2.0, 3.0])
-    reduced = lm.ReducedHeavyTop([1.0, 1.5, 2.0], 3.0, [0.1, 0.2, 0.5])
+    reduced = lm.models.ReducedHeavyTop([1.0, 1.5, 2.0], 3.0, [0.1, 0.2, 0.5])
     with pytest.raises(
         lm.errors.InvalidInput,
         match="has no Lagrangian, which makes a momentum of the velocity xi; give mu",

@@ -286,7 +286,7 @@ TABLE = (
     Entry(19, "inertia in any units", (lambda: scaled(1e-46), lambda: scaled(1e40))),
     Entry(20, "inertia of another shape", (body([[1, 2, 3]]), body([[1], [2], [3]])), VALUE, "shape"),
     Entry(21, "complex inertia", (body([1 + 0j, 1, 1]),), KIND, "complex"),
-    Entry(22, "an SE(3) inertia of tiny determinant runs", (lambda: lm.KirchhoffBody(1e-60 * KIRCHHOFF) is not None,)),
+    Entry(22, "an SE(3) inertia of tiny determinant runs", (lambda: lm.models.KirchhoffBody(1e-60 * KIRCHHOFF) is not None,)),
     Entry(23, "a reflection", (state(-np.eye(3)), lambda: G.log(-np.eye(3))), VALUE, "reflection"),
     Entry(24, "twice the unit matrix", (state(2 * np.eye(3)), lambda: G.log(2 * np.eye(3))), VALUE, "by 3.0e"),
     Entry(

@@ -28,6 +28,7 @@ import liemech as lm
 from liemech.checks import Report, check_method
 from liemech.checks.method_claims import Trial
 from liemech.integrators.class_functions import CayleySquare, TraceOfAd
+from liemech.names import everything
 from liemech.tableaus import KAHAN_LI6, SplittingTableau, gauss
 
 EXP, CAYLEY = lm.Exponential(), lm.Cayley()
@@ -54,8 +55,12 @@ def systems() -> dict[str, tuple[Any, Any]]:
         lm.MatrixLieGroup.of(lm.SL(2).generators), lm.KineticEnergy([1.0, 1.6, 2.3])
     )
     quaternions = lm.LiePoissonSystem(lm.UnitQuaternions(), lm.KineticEnergy([1.0, 1.6, 2.3]))
-    galaxy, double, relativistic = lm.HenonHeiles(), lm.DoublePendulum(gravity=1.0), Relativistic()
-    sphere = Precession(lm.SphereAction(3))
+    galaxy, double, relativistic = (
+        lm.models.HenonHeiles(),
+        lm.models.DoublePendulum(gravity=1.0),
+        Relativistic(),
+    )
+    sphere = Precession(lm.actions.SphereAction(3))
     return {
         "free body": asymmetric_body(),
         "quaternions": (
@@ -71,7 +76,7 @@ def systems() -> dict[str, tuple[Any, Any]]:
         "heavy top": heavy_top(),
         "satellite": orbiting_body(),
         "galaxy": (galaxy, galaxy.state([0.1, 0.2], [0.3, -0.2])),
-        "species": (species := lm.LotkaVolterra(), species.state([1.5, 1.0])),
+        "species": (species := lm.models.LotkaVolterra(), species.state([1.5, 1.0])),
         "double pendulum": (double, double.state([0.9, -0.4], [0.7, 0.2])),
         "relativistic": (relativistic, relativistic.state([1.0, 0.2], [0.3, 1.0])),
         "driven": (driven := Driven(lm.SO3()), driven.state(turning)),
@@ -265,10 +270,9 @@ ELSEWHERE = {
 
 
 def test_every_method_is_in_the_table() -> None:
-    shipped = {getattr(lm, name) for name in lm.__all__}
     shipped = {
         x
-        for x in shipped
+        for x in everything().values()
         if isinstance(x, type) and issubclass(x, lm.Method) and x is not lm.Method
     }
     assert shipped - ELSEWHERE == {type(method) for method, _ in methods()}
@@ -436,8 +440,8 @@ def test_the_report_names_numbers() -> None:
     assert lines[0].endswith("4 laws hold, none broken")
     assert lines[1].split() == ["law", "verdict", "observed", "wanted"]
     assert lines[2].split()[:3] == ["order", "holds", "q"]
-    assert lines[-2].startswith("energy                     not seen")
-    assert lines[-1].startswith("reversible                 holds")
+    assert lines[-2].split()[:3] == ["energy", "not", "seen"]
+    assert lines[-1].split()[:2] == ["reversible", "holds"]
 
 
 @pytest.mark.compiled

@@ -54,9 +54,9 @@ SHIPPED = (
         orbiting_body()[0],
     ),
     *(
-        lm.Pendulum(),
-        lm.DoublePendulum(),
-        lm.HenonHeiles(),
+        lm.models.Pendulum(),
+        lm.models.DoublePendulum(),
+        lm.models.HenonHeiles(),
         lm.Kepler(),
         Relativistic(),
         Driven(lm.SO3()),
@@ -86,7 +86,7 @@ def test_formulas_that_are_left_out_follow() -> None:
 
 @pytest.mark.compiled
 def test_native_code_is_compared_on_request() -> None:
-    assert check_system(lm.HenonHeiles(), native=True)["native code"].verdict == "holds"
+    assert check_system(lm.models.HenonHeiles(), native=True)["native code"].verdict == "holds"
 
 
 # ---------------------------------------------------------------- slips
@@ -144,14 +144,14 @@ class Short(lm.Force):
 
 
 @lm.record
-class Skewed(lm.HenonHeiles):
+class Skewed(lm.models.HenonHeiles):
     def force(self, q: lm.Vec, p: lm.Vec) -> lm.Vec:
         x, y = q
         return -vec(x + 2.0 * x * y, y + x * x + y * y)
 
 
 @lm.record
-class Dragged(lm.HenonHeiles):
+class Dragged(lm.models.HenonHeiles):
     """Its force knows the momentum, though the system is separable."""
 
     def force(self, q: lm.Vec, p: lm.Vec) -> lm.Vec:
@@ -280,13 +280,13 @@ def test_a_total_momentum_of_zero_is_a_constant_like_any_other():
     """Its terms are those of the bodies: the rounding of their sum is none of a number that is
     zero.
     """
-    bodies = lm.NBody([1.0, 2.0, 3.0])
+    bodies = lm.models.NBody([1.0, 2.0, 3.0])
     q = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.3, -0.7, 0.2]
     p = [0.3, 0.2, 0.1, -0.1, 0.5, 0.2, -0.2, -0.7, -0.3]
     assert lm.check_system(bodies, states=bodies.state(q, p))
     assert lm.check_system(bodies, states=bodies.state(q, np.zeros(9)))
 
-    class Leaking(lm.NBody):
+    class Leaking(lm.models.NBody):
         def momentum(self, p):
             return super().momentum(p) + 1e-6 * p[0]
 

@@ -234,21 +234,33 @@ def test_scene_files_may_be_adaptive_tilted_and_nested(
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("inertia", "inertja", r"[system]: RigidBody has no 'inertja'; allowed are inertia"),
+        (
+            "inertia",
+            "inertja",
+            r"[system]: RigidBody has no 'inertja' (did you mean inertia?); allowed are inertia",
+        ),
         (
             'title = "a book"',
             "titel = 1",
-            "'titel' is no key of the file; allowed are title, record, view, system",
+            "'titel' is no key of the file (did you mean title?); allowed are title, record, view, system",
         ),
-        ("steps = 20", "step = 20", "[run]: 'step' is no key of the run; allowed are h, steps"),
+        (
+            "steps = 20",
+            "step = 20",
+            "[run]: 'step' is no key of the run (did you mean steps?); allowed are h, steps",
+        ),
         ("steps = 20", "steps = 2.5", "[run]: steps must be a whole number; got 2.5"),
         ("steps = 20", "", "[run]: give h and steps"),
-        ('"RigidBody"', '"RigidBodies"', "'RigidBodies' is no System; there are"),
+        (
+            '"RigidBody"',
+            '"RigidBodies"',
+            "'RigidBodies' is no System (did you mean RigidBody?); there are",
+        ),
         ('"RigidBody"', '"RKMK"', "'RKMK' is no System"),
         (
             '"Cayley()"',
             '"Kayley()"',
-            "[method]: retraction: 'Kayley' is no class of the library; there is Cayley",
+            "[method]: retraction: 'Kayley' is no class of the library (did you mean Cayley?)",
         ),
         ('"Cayley()"', '"__import__(1)"', "is no class of the library"),
         ("mu = [0.5, 0.0, 0.8]", "mu = [0.5, 0.0]", "[start]: RigidBody.state: mu has shape (2,)"),
@@ -275,6 +287,48 @@ def test_a_wrong_file_gets_one_line_that_names_file_and_key(
     assert "book.toml" in said or "moment" in said
 
 
+def run_of(text: str, asked: str) -> str:
+    """A file with another table [run]."""
+    return text.partition("[run]")[0] + f"[run]\n{asked}\n"
+
+
+@pytest.mark.parametrize(
+    ("asked", "complaint"),
+    [
+        (
+            "h = 0.1\nsteps = 1000000000000000000",
+            "1e+18 steps; a file may ask for 1e+09 at most; --steps",
+        ),
+        ("h = 0.1\nsteps = 1000000001", "1e+09 at most"),
+        ("h = 1e-12\nt_end = 1e6", "1e+18 steps; a file may ask for 1e+09 at most"),
+        ("h = -1e-12\nt_end = -1e6", "1e+18 steps"),
+        ("h = 0.1\nsteps = 100000000\nevery = 1", "1e+08 steps; a file may ask for 1e+07 at most"),
+    ],
+)
+def test_a_file_asks_for_no_more_than_somebody_would_wait_for(
+    asked: str, complaint: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "book.toml").write_text(run_of(BOOK, asked))
+    assert complaint in refused(capsys, "run", "book.toml")
+
+
+def test_adaptive_steps_of_a_file_have_an_end(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every one is kept, so there are at most a million, unless the file says how many."""
+    method = 'name = "CovariantVariational"\nretraction = "Cayley()"'
+    assert method in BOOK
+    text = BOOK.replace(method, 'name = "RKMK"\norder = 5')
+    (folder / "far.toml").write_text(run_of(text, "t_end = 1e12"))
+    scene = scene_file(folder / "far.toml")
+    assert scene.steps == 10**6 and scene.sampling(saved=True) == 1
+    (folder / "few.toml").write_text(run_of(text, "t_end = 1e12\nsteps = 30"))
+    assert main(["run", "few.toml"]) == 1
+    assert "30" in capsys.readouterr().err
+    (folder / "many.toml").write_text(run_of(text, "t_end = 1e12\nsteps = 100000000"))
+    assert "1e+07 at most" in refused(capsys, "run", "many.toml")
+
+
 def test_what_does_not_exist_is_named_with_what_does(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -282,14 +336,16 @@ def test_what_does_not_exist_is_named_with_what_does(
     assert "there are run, scenes, methods" in refused(capsys, "fly")
     assert "cannot be read" in refused(capsys, "run", "gone.toml")
     assert "does not end with .npz" in refused(capsys, "run", "flip", "--save", "run.zip")
-    assert "RKMK has no 'ordr'; allowed are order" in refused(
+    assert "RKMK has no 'ordr' (did you mean order?); allowed are order" in refused(
         capsys, "run", "flip", "--method", "RKMK(ordr=4)"
     )
-    assert "is no Method; there are RATTLE, RKMK" in refused(
+    assert "is no Method; there are AdaptiveVerlet, Boris" in refused(
         capsys, "run", "flip", "--method", "Kepler"
     )
     assert "accepts" in refused(capsys, "run", "kepler", "--method", "CovariantVariational")
-    assert "is no class of the library; there is RigidBody" in refused(capsys, "check", "RigidBoby")
+    assert "is no class of the library (did you mean RigidBody?)" in refused(
+        capsys, "check", "RigidBoby"
+    )
     assert "no module 'nowhere'" in refused(capsys, "check", "nowhere:Group")
     assert "gone.npz" in refused(capsys, "view", "gone.npz")
     (folder / "other.npz").write_bytes(b"PK")
@@ -349,7 +405,7 @@ class Gyrostat(lm.Hamiltonian):
         return (mu - self.rotor) / self.inertia
 
 @lm.record
-class Boastful(lm.Pendulum):
+class Boastful(lm.models.Pendulum):
     def constants(self, states):
         return super().constants(states) | {"angle": states["q"][..., 0]}
 

@@ -168,7 +168,7 @@ def test_methods_with_systems_of_their_own_are_checked(method: lm.Method) -> Non
 
 
 def test_poisson_structures_are_checked() -> None:
-    (report,) = _reports(lm.LotkaVolterra().structure)
+    (report,) = _reports(lm.models.LotkaVolterra().structure)
     assert not report.broken and "Jacobi" in str(report)
     with pytest.raises(InvalidInput, match=r"lm\.check_method\(method, system, start\)"):
         _reports(lm.AdaptiveVerlet())

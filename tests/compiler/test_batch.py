@@ -19,8 +19,10 @@ from scenes import same_bits
 import liemech as lm
 from liemech.compiler import batch
 from liemech.errors import InvalidInput, NotCompiledWarning, OutsideChart
-from liemech.formulas import Complex, Mat, Record, Vec, broadcasting, record, sqrt, vec
+from liemech.formulas import Complex, Mat, Record, Vec, batches, record, sqrt, vec
+from liemech.formulas.signatures import bare
 from liemech.formulas.vectors import Vec as SmallVec
+from liemech.groups.so3 import SO3Algebra
 
 pytestmark = pytest.mark.compiled
 
@@ -36,7 +38,7 @@ CALLS: dict[str, dict[str, Any]] = {
 METHODS = sorted(
     {
         name
-        for owner in (lm.SO3, lm.SO3Algebra)
+        for owner in (lm.SO3, SO3Algebra)
         for name in dir(owner)
         if not name.startswith("_")
         and hasattr(getattr(owner, name), "__formula__")
@@ -88,30 +90,27 @@ def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def no_python(monkeypatch: pytest.MonkeyPatch) -> None:
     """Rows evaluated in plain Python, but for the first two, are an error."""
-    evaluate = broadcasting.Batch.row
+    evaluate = batches.Batch.row
 
-    def first(self: broadcasting.Batch, i: int) -> Any:
+    def first(self: batches.Batch, i: int) -> Any:
         assert i < 2, "plain Python was asked"
         return evaluate(self, i)
 
-    monkeypatch.setattr(broadcasting.Batch, "row", first)
+    monkeypatch.setattr(batches.Batch, "row", first)
 
 
 def arguments_of(name: str, rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    parameters = inspect.signature(
-        broadcasting.bare(getattr(type(owner_of(name)), name))
-    ).parameters
+    parameters = inspect.signature(bare(getattr(type(owner_of(name)), name))).parameters
     return {k: rows[k] for k in parameters if k in rows}
 
 
 def in_python(name: str, arrays: dict[str, np.ndarray], owner: Any = None) -> Any:
     """The formula for one row after the other, on small vectors."""
     owner = owner or owner_of(name)
-    formula = broadcasting.bare(getattr(type(owner), name))
+    formula = bare(getattr(type(owner), name))
     count = len(next(iter(arrays.values())))
     found = [
-        formula(owner, **broadcasting.row_of(arrays, i), **CALLS.get(name, {}))
-        for i in range(count)
+        formula(owner, **batches.row_of(arrays, i), **CALLS.get(name, {})) for i in range(count)
     ]
     if isinstance(found[0], tuple) and not isinstance(found[0], SmallVec):
         return tuple(np.array([np.array(one[k]) for one in found]) for k in range(len(found[0])))
@@ -512,13 +511,13 @@ class Counted(Record):
 def clock(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     """Time that passes by `step` with every plain row, and a cold process."""
     now = {"time": 0.0, "step": 0.0, "rows": 0}
-    row = broadcasting.Batch.row
+    row = batches.Batch.row
 
-    def counted(self: broadcasting.Batch, i: int) -> Any:
+    def counted(self: batches.Batch, i: int) -> Any:
         now["time"], now["rows"] = now["time"] + now["step"], now["rows"] + 1
         return row(self, i)
 
-    monkeypatch.setattr(broadcasting.Batch, "row", counted)
+    monkeypatch.setattr(batches.Batch, "row", counted)
     monkeypatch.setattr(batch.time, "thread_time", lambda: now["time"])
     monkeypatch.setattr(batch, "WORTH", 0.3)
     monkeypatch.setattr(batch, "ROWS", 200)

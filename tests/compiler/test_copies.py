@@ -11,9 +11,9 @@ import pytest
 
 pytest.importorskip("llvmlite")
 import worlds
-from test_outlined import ROWS, TEXT, no_kernels
+from test_inlining import ROWS, TEXT, no_kernels
 
-from liemech.compiler import kernel, llvm, outlined
+from liemech.compiler import inlining, instructions, kernel, llvm
 
 pytestmark = pytest.mark.compiled
 
@@ -22,18 +22,18 @@ pytestmark = pytest.mark.compiled
 def copied(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Every formula is copied from its second call of one form on; the names of what is."""
     no_kernels(monkeypatch)
-    monkeypatch.setattr(outlined, "COPIED", 0)
-    monkeypatch.setattr(outlined, "PER_NUMBER", 0)
+    monkeypatch.setattr(inlining, "COPIED", 0)
+    monkeypatch.setattr(inlining, "PER_NUMBER", 0)
     names: list[str] = []
-    make = outlined.Outliner.make
+    make = inlining.Outliner.make
 
-    def noted(self: Any, key: Any, frame: Any, *args: Any) -> Any:
-        made = make(self, key, frame, *args)
+    def noted(self: Any, key: Any, call: Any, frame: Any, *args: Any) -> Any:
+        made = make(self, key, call, frame, *args)
         if key[0] == "copy" and made is not None:
             names.append(frame.source.function.__name__)
         return made
 
-    monkeypatch.setattr(outlined.Outliner, "make", noted)
+    monkeypatch.setattr(inlining.Outliner, "make", noted)
     return names
 
 
@@ -94,10 +94,10 @@ def test_lanes_of_a_long_kernel_are_translated_once(
     text = "def formula(x, y, n):\n    return x * y + x, y / (x * x + 1.0)"
     rows = [(0.1 * k, 1.0 + k) for k in range(kernel.lanes())]
     for short, wanted in (
-        (outlined.SHORT, [kernel.width(), kernel.lanes()]),
+        (instructions.SHORT, [kernel.width(), kernel.lanes()]),
         (0, [kernel.width()]),
     ):
-        monkeypatch.setattr(outlined, "SHORT", short)
+        monkeypatch.setattr(instructions, "SHORT", short)
         module = worlds.module_from(text, tmp_path, f"widths_{short}")
         worlds.same_in_all_worlds(module.formula, rows, lanes=[kernel.lanes()])
         assert widths[-len(wanted) :] == wanted

@@ -40,7 +40,7 @@ def text_of(system: Any, method: Any, start: Any, monkeypatch: pytest.MonkeyPatc
 @pytest.mark.slow
 def test_results_of_functions_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Before, a composition on SE(3) had 2,000 stores of nothing and 300 characters an instruction."""
-    system = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
+    system = lm.models.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
     start = system.state(mu=np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), g=np.eye(4))
     method = lm.Composition(lm.CovariantVariational(lm.Exponential()), order=8)
     text = text_of(system, method, start, monkeypatch)

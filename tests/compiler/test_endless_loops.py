@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler import interrupts
+from liemech.compiler import interrupts, kernel
+from liemech.compiler.driver import write
 from liemech.errors import IntegrationInterrupted
+from liemech.formulas.pytree import NUMBER
 
 pytestmark = [
     pytest.mark.compiled,
@@ -86,14 +93,52 @@ def seconds_to_stop(run: Callable[[], Any], monkeypatch: pytest.MonkeyPatch) -> 
     return time.perf_counter() - sent[1]
 
 
+@lm.record
+class Asking(lm.Method):
+    """Asks Python for a function in every turn."""
+
+    order = 1
+
+    def step(self, system, t, state, h):
+        x = state.mu[0]
+        for _ in range(10**15):
+            x = math.hypot(x, 1e-6)
+        return lm.BodyState(lm.vec(x, state.mu[1], state.mu[2]), state.g)
+
+
 HOW = {"h": 0.1, "steps": 50, "compiled": True, "progress": False}
 
 
 @pytest.mark.parametrize("start", [ONE, MANY], ids=["one body", "lanes"])
-@pytest.mark.parametrize("method", [Waiting(), Counting()], ids=["while", "for"])
+@pytest.mark.parametrize(
+    "method", [Waiting(), Counting(), Asking()], ids=["while", "for", "asking"]
+)
 def test_steps_of_one_length(method: Any, start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     run = lambda: lm.integrate(BODY, method, start, **HOW)  # noqa: E731
     assert seconds_to_stop(run, monkeypatch) < 1.0
+
+
+def test_a_second_signal_raises_no_more_than_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the first one raised is gone with it: the next run is not disturbed."""
+    run = lambda: lm.integrate(BODY, Waiting(), ONE, **HOW)  # noqa: E731
+    kill = os.kill
+    monkeypatch.setattr(os, "kill", lambda *of: [kill(*of) for _ in range(2)])
+    assert seconds_to_stop(run, monkeypatch) < 1.0
+    assert lm.integrate(BODY, Long(), ONE, **HOW).ended is None
+
+
+def test_a_warning_that_is_an_error_comes_out_of_native_code() -> None:
+    """Of a function that native code asks Python for: no number is made up for it."""
+    k = kernel.kernel(logarithm, 1.0, np.empty((1, 1)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(RuntimeWarning, match="divide by zero"):
+            k(0.0, np.empty((1, 1)))
+        k(1.0, np.empty((1, 1)))
+
+
+def logarithm(x: float, out: Any) -> None:
+    write(out, 0, np.log10(x), NUMBER)
 
 
 def test_threads(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,3 +199,43 @@ class Long(lm.Method):
         while n < 100_000:
             x, n = x + h * 1e-6, n + 1
         return lm.BodyState(lm.vec(x, state.mu[1], state.mu[2]), state.g)
+
+
+SMALLER = """
+import llvmlite.binding as llvm
+
+found = llvm.get_host_cpu_features()
+for name in found:
+    if name.startswith(("avx512", "avx10", "amx")):
+        found[name] = False
+llvm.get_host_cpu_features, llvm.get_host_cpu_name = lambda: found, lambda: "haswell"
+
+from compiler.test_endless_loops import mixed
+from compiler.worlds import native, plain
+from liemech.compiler import kernel
+
+assert kernel.width() == 4
+rows = [(0.1 * i, 0.2 + 0.1 * i, 0.3, -0.1 * i) for i in range(8)]
+plainly = [plain(mixed, row, 20_000) for row in rows]
+for lanes in (1, 4, 8):
+    assert native(mixed, rows, 4, 20_000, lanes) == plainly, lanes
+"""
+"""On a processor with AVX2 and no more, whose registers hold four numbers."""
+
+
+def mixed(a: float, b: float, c: float, d: float, turns: int) -> Any:
+    for _ in range(turns):
+        a, b, c, d = a + 1e-3 * b, b + 1e-3 * c, c + 1e-3 * d, d - 1e-3 * a
+    return a, b, c, d
+
+
+def test_asking_changes_no_register_of_a_processor_with_avx2() -> None:
+    """The loop asks once in 2^14 turns, and goes on with the same numbers in all lanes."""
+    from llvmlite import binding
+
+    if not binding.get_host_cpu_features().get("avx2"):
+        pytest.skip("another processor")
+    here = Path(__file__).parent.parent
+    paths = os.pathsep.join([str(here), str(here.parent)])
+    environment = os.environ | {"PYTHONPATH": paths, "LIEMECH_CACHE_DIR": os.devnull}
+    subprocess.run([sys.executable, "-c", SMALLER], env=environment, check=True, timeout=60)

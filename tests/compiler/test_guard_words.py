@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler import guard, kernel
+from liemech.compiler import guard_words, kernel
 from liemech.compiler.driver import read, write
 from liemech.errors import BufferOverrun
 from liemech.formulas.pytree import NUMBER, vector_layout
@@ -20,7 +20,7 @@ TWO = vector_layout(2)
 
 @pytest.fixture(autouse=True)
 def fenced(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(guard, "ON", True)
+    monkeypatch.setattr(guard_words, "ON", True)
 
 
 def copied(at: int, given: Any, out: Any) -> None:
@@ -78,11 +78,11 @@ def test_runs_of_all_kinds_have_the_same_bits() -> None:
         for _ in range(2):  # the second time in one call
             run, way = fixed.run(start, steps=10), free.run(start, t_end=3.0)
             at_times = free.run(start, t_end=3.0, t_eval=[1.0, 2.5])
-        guard.ON = False
+        guard_words.ON = False
         assert np.array_equal(run.mu, fixed.run(start, steps=10).mu)
         assert np.array_equal(way.mu, free.run(start, t_end=3.0).mu)
         assert np.array_equal(at_times.mu, free.run(start, t_end=3.0, t_eval=[1.0, 2.5]).mu)
-        guard.ON = True
+        guard_words.ON = True
     stepper = fixed.stepper(one)
     stepper.step(3)
     assert np.array_equal(stepper.mu, fixed.run(one, steps=3).mu[-1])
@@ -91,13 +91,13 @@ def test_runs_of_all_kinds_have_the_same_bits() -> None:
 def test_complex_rows() -> None:
     """The numbers of a complex array, two for each."""
     given = (np.arange(16.0) + 1j).reshape(8, 2)
-    fence = guard.Fence(given[::2])
+    fence = guard_words.Fence(given[::2])
     fence.inside[0, 1] = np.array([5.0, 7.0]).view(np.int64)
     assert fence.back()
     assert given[0, 1] == 5.0 + 7.0j and given[1, 1] == 3.0 + 1.0j
 
 
 def test_a_number_alone() -> None:
-    fence = guard.Fence(np.zeros(1))
+    fence = guard_words.Fence(np.zeros(1))
     fence.memory[0] = 0
     assert not fence.back() and NUMBER.width == 1

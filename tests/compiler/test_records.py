@@ -22,7 +22,7 @@ import pytest
 import liemech as lm
 from liemech.compiler import batch
 from liemech.errors import InvalidInput, InvalidType
-from liemech.formulas import Mat, Record, Vec, broadcasting, dot, mat, outer, record, sin, vec
+from liemech.formulas import Mat, Record, Vec, batches, dot, mat, outer, record, sin, vec
 from liemech.formulas.fields import FrozenDict
 from liemech.formulas.pytree import Layout, exact, layout_of
 
@@ -204,7 +204,7 @@ def test_many_elements_run_in_native_code_with_the_same_bits(
     monkeypatch.setattr(batch, "NOISE", 0.0)
     x = rng.normal(size=(1005, 3))
     many = [S.energy(x), S.force(x, 3.0), *S.both(x), S.wave(x)]
-    monkeypatch.setattr(broadcasting, "evaluate_rows", broadcasting.in_python)
+    monkeypatch.setattr(batches, "evaluate_rows", batches.in_python)
     assert all(
         np.array_equal(a, b)
         for a, b in zip(many, [S.energy(x), S.force(x, 3.0), *S.both(x), S.wave(x)])
@@ -449,11 +449,11 @@ def test_a_record_without_its_decorator_is_refused() -> None:
 
 
 def test_a_method_that_a_field_would_hide_is_refused() -> None:
-    class Pushed(lm.HeavyTop):
+    class Pushed(lm.models.HeavyTop):
         def load(self, t: float, xi: Any, g: Any) -> Any:
             return lm.vec(0.1, 0.0, 0.0)
 
-    class Derived(lm.HeavyTop):
+    class Derived(lm.models.HeavyTop):
         @property
         def weight(self) -> float:
             return 2.0

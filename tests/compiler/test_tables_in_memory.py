@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import math
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 
 import liemech as lm
 from liemech.compiler import kernel, llvm
+from liemech.compiler.content_hashes import digest
 
 pytestmark = pytest.mark.compiled
 
@@ -61,6 +64,46 @@ def test_beyond_the_end_is_an_index_error(compiled: bool) -> None:
     with pytest.raises(IndexError) as caught:
         lm.integrate(BODY, Beyond(), BODY.state(mu=[0.0] * 3), h=0.1, steps=9, compiled=compiled)
     assert caught.value.trajectory.steps == 3
+
+
+def test_a_changed_entry_is_another_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In place or in another list, and back; also where only a bit tells."""
+    monkeypatch.setitem(globals(), "FLOATS", [*FLOATS])
+
+    def run(compiled: bool) -> Any:
+        start = BODY.state(mu=[0.5, 0.25, 0.125])
+        return lm.integrate(BODY, Reading(), start, h=0.1, steps=5, compiled=compiled).mu
+
+    for i, x in ((497, 7.0), (497, -0.0), (497, 0.0), (3, 1.0), (497, 248.5)):
+        FLOATS[i] = x
+        assert run(True).tobytes() == run(False).tobytes(), (i, x)
+
+
+DIFFERENT = [
+    [0.0, 1.0],
+    [-0.0, 1.0],
+    [0, 1],
+    [False, True],
+    (0.0, 1.0),
+    ["0.0", 1.0],
+    [0.0, [1.0]],
+    [[0.0], 1.0],
+    [0.0, (1.0,)],
+    [math.nan, 1.0],
+    [-math.nan, 1.0],
+    [np.frombuffer(b"\1\0\0\0\0\0\xf8\x7f").item(), 1.0],
+    ["nan", 1.0],
+    [0.0, None],
+    [0.0, 1.0, 2.0],
+]
+
+
+def test_no_two_tables_have_one_token() -> None:
+    tokens = [digest(x) for x in DIFFERENT]
+    assert len(set(tokens)) == len(DIFFERENT)
+    nested = [digest((1, x)) for x in DIFFERENT]
+    assert len({*tokens, *nested}) == 2 * len(DIFFERENT)
+    assert tokens == [digest(copy.deepcopy(x)) for x in DIFFERENT]
 
 
 def test_the_code_does_not_grow_with_the_table(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ import pytest
 import liemech as lm
 
 pytest.importorskip("llvmlite")
-from liemech.compiler import cache, kernel, llvm, outlined
+from liemech.compiler import cache, inlining, kernel, llvm, state
 
 pytestmark = pytest.mark.compiled
 
@@ -23,17 +23,17 @@ class Seen(Exception):
 def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
     """The names of the formulas of which native functions are made, and whether they were."""
     found: list[tuple[str, bool]] = []
-    make = outlined.Outliner.make
+    make = inlining.Outliner.make
 
-    def noted(self: Any, key: Any, frame: Any, *args: Any) -> Any:
-        result = make(self, key, frame, *args)
+    def noted(self: Any, key: Any, call: Any, frame: Any, *args: Any) -> Any:
+        result = make(self, key, call, frame, *args)
         found.append((frame.source.function.__qualname__, result is not None))
         return result
 
     def stop(text: str) -> bytes:
         raise Seen
 
-    monkeypatch.setattr(outlined.Outliner, "make", noted)
+    monkeypatch.setattr(inlining.Outliner, "make", noted)
     monkeypatch.setattr(llvm, "object_code", stop)
     monkeypatch.setattr(kernel, "_kept", type(kernel._kept)())
     monkeypatch.setattr(cache, "load", lambda *_: None)
@@ -44,9 +44,9 @@ def test_constants_that_formulas_make_are_told_by_their_content(
     made: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`group.algebra` is another object at each use, of the same content."""
-    monkeypatch.setattr(outlined, "ALONE", 1)
-    monkeypatch.setattr(outlined, "HUGE", 700)
-    system = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
+    monkeypatch.setattr(inlining, "ALONE", 1)
+    monkeypatch.setattr(state, "HUGE", 700)
+    system = lm.models.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
     start = system.state(mu=np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), g=np.eye(4))
     with pytest.raises(Seen):
         lm.Plan(system, lm.CovariantVariational(), h=0.05, compiled=True).run(start, steps=1)
@@ -57,9 +57,9 @@ def test_native_functions_know_the_constants_of_their_arguments(
     made: list[tuple[str, bool]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The group of a heavy top is a constant of the system, which holds numbers of the run too."""
-    monkeypatch.setattr(outlined, "ALONE", 1)
-    monkeypatch.setattr(outlined, "HUGE", 300)
-    system = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
+    monkeypatch.setattr(inlining, "ALONE", 1)
+    monkeypatch.setattr(state, "HUGE", 300)
+    system = lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
     start = system.state(mu=np.array([0.5, 0.1, 0.8]), g=np.eye(3))
     with pytest.raises(Seen):
         lm.Plan(system, lm.RKMK(order=4), h=0.05, compiled=True).run(start, steps=1)

@@ -28,7 +28,7 @@ import pytest
 import worlds
 
 import liemech as lm
-from liemech.compiler import cache, guard, kernel
+from liemech.compiler import cache, guard_words, kernel
 from liemech.errors import InvalidInput, NotCompilable
 
 ROWS = 12
@@ -365,7 +365,7 @@ def test_random_memories(
     seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     monkeypatch.setattr(cache, "store", lambda *_: None)
-    monkeypatch.setattr(guard, "ON", True)
+    monkeypatch.setattr(guard_words, "ON", True)
     warnings.simplefilter("ignore")
     check_memory(seed, tmp_path, every_driver=request.node.get_closest_marker("slow") is not None)
 
@@ -417,7 +417,11 @@ def main(first: int, last: int, kind: str = "") -> None:
     with tempfile.TemporaryDirectory() as folder:
         if kind:
             warnings.simplefilter("ignore")
-            guard.ON, home, writer = kind == "memories", Path(folder), fuzz_language.SpecialPoints
+            guard_words.ON, home, writer = (
+                kind == "memories",
+                Path(folder),
+                fuzz_language.SpecialPoints,
+            )
             each(
                 first,
                 last,

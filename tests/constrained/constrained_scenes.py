@@ -36,7 +36,7 @@ PENDULUM = lm.SphericalPendulum(gravity=SPHERE["g"])
 SWINGING = PENDULUM.state(SPHERE["q0"], SPHERE["v0"])
 
 DOUBLE = reference("double_pendulum")
-CHAIN = lm.ChainPendulum(
+CHAIN = lm.models.ChainPendulum(
     [DOUBLE["m1"], DOUBLE["m2"]], [DOUBLE["l1"], DOUBLE["l2"]], DOUBLE["g"], dimension=2
 )
 MASSES = np.repeat([DOUBLE["m1"], DOUBLE["m2"]], 2)

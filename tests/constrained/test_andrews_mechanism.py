@@ -8,7 +8,7 @@ import pytest
 import liemech as lm
 from liemech.models import andrews
 
-MECHANISM = lm.AndrewsMechanism()
+MECHANISM = lm.models.AndrewsMechanism()
 END = [
     15.81077119629904,
     -15.75637105984298,

@@ -106,8 +106,8 @@ def test_only_methods_for_any_equation_are_reduced() -> None:
 def test_a_slider_is_mounted_by_a_rotation() -> None:
     for attitude in (np.diag([1.0, 1.0, 2.0]), np.diag([1.0, 1.0, -1.0]), np.eye(2)):
         with pytest.raises(InvalidInput, match="attitude must be a rotation"):
-            lm.PrismaticJoint(0, 1, attitude=attitude)
-    lm.PrismaticJoint(0, 1, attitude=lm.SO3().exp([0.4, -1.0, 0.3]))
+            lm.joints.PrismaticJoint(0, 1, attitude=attitude)
+    lm.joints.PrismaticJoint(0, 1, attitude=lm.SO3().exp([0.4, -1.0, 0.3]))
 
 
 @record
@@ -126,11 +126,11 @@ def test_there_is_at_least_one_constraint() -> None:
 def test_a_chain_has_a_list_of_masses() -> None:
     for wrong in ({"masses": 0}, {"lengths": 1.0}):
         with pytest.raises(InvalidInput, match="must be a list"):
-            lm.ChainPendulum(**wrong)
+            lm.models.ChainPendulum(**wrong)
 
 
 def test_an_exploded_energy_is_lost() -> None:
-    galaxy = lm.HenonHeiles()
+    galaxy = lm.models.HenonHeiles()
     start = galaxy.state(q=[0.0, 0.1], p=[0.49, 0.0])
     with pytest.raises(lm.errors.IntegrationFailure) as failure:
         lm.integrate(galaxy, lm.Splitting(order=4), start, h=3.0, steps=20, compiled=False)

@@ -30,7 +30,7 @@ EPS = float(np.finfo(float).eps)
 @pytest.mark.parametrize("inertia", [(1.0, 1.5, 2.0), SEED_INERTIA], ids=["body", "seed"])
 def test_rattle_on_nine_numbers_is_moser_veselov(inertia: tuple[float, ...]) -> None:
     """Also where the mass moments are not positive, as those of the seed body."""
-    body, matrix = quiet_body(inertia), lm.OrthogonalBody(inertia)
+    body, matrix = quiet_body(inertia), lm.models.OrthogonalBody(inertia)
     mu, g = [0.5, 0.0, 0.75**0.5], rotation(np.random.default_rng(2))
     ours = plain(matrix, lm.RATTLE(), matrix.at(mu, g), 0.1, 5)
     theirs = plain(body, lm.MoserVeselov(), body.state(mu, g), 0.1, 5)
@@ -79,7 +79,7 @@ def test_rattle_on_the_sphere_in_closed_form() -> None:
 
 
 def test_the_chain_is_the_double_pendulum_in_angles() -> None:
-    angles = lm.DoublePendulum(
+    angles = lm.models.DoublePendulum(
         [DOUBLE["m1"], DOUBLE["m2"]], [DOUBLE["l1"], DOUBLE["l2"]], DOUBLE["g"]
     )
     start = angles.state(
@@ -96,7 +96,7 @@ def test_the_chain_is_the_double_pendulum_in_angles() -> None:
 
 
 def test_a_chain_of_one_is_the_spherical_pendulum() -> None:
-    one = lm.ChainPendulum([1.0], [1.0], PENDULUM.gravity)
+    one = lm.models.ChainPendulum([1.0], [1.0], PENDULUM.gravity)
     a = plain(one, lm.RATTLE(), one.state(SWINGING.q, SWINGING.p), 0.05, 10)
     b = plain(PENDULUM, lm.RATTLE(), SWINGING, 0.05, 10)
     assert np.abs(a.q - b.q).max() < 1e-15
@@ -106,7 +106,7 @@ def test_a_chain_of_one_is_the_spherical_pendulum() -> None:
 def test_a_plane_cuts_the_chain_out_of_space() -> None:
     """The same chain in three dimensions, started in a plane, stays there and is the planar one."""
     masses, lengths = [1.0, 0.5, 0.7], [1.0, 0.8, 0.6]
-    flat, space = (lm.ChainPendulum(masses, lengths, dimension=d) for d in (2, 3))
+    flat, space = (lm.models.ChainPendulum(masses, lengths, dimension=d) for d in (2, 3))
     v = np.array([0.3, 0.0, 0.1, 0.2, -0.2, 0.1])
     down = [0.6, -0.8, 0.0, -1.0, 0.28, -0.96]
     start = flat.consistent(flat.hanging(down), v)
@@ -227,7 +227,7 @@ def test_a_bead_on_a_wire_is_its_own_coordinate() -> None:
         def potential(self, q: lm.Vec) -> float:
             return q[1]
 
-    bead, pendulum = lm.Constrained(Falling(), Ring()), lm.Pendulum(gravity=1.0)
+    bead, pendulum = lm.Constrained(Falling(), Ring()), lm.models.Pendulum(gravity=1.0)
     assert bead.separable
     ours = plain(
         bead,
@@ -248,13 +248,15 @@ def test_wrapping_an_energy_that_does_not_separate() -> None:
         def value(self, q: lm.Vec) -> lm.Vec:
             return vec(q[0] - q[1])
 
-    stiff = lm.Constrained(lm.DoublePendulum(gravity=1.0), Bar())
+    stiff = lm.Constrained(lm.models.DoublePendulum(gravity=1.0), Bar())
     assert not stiff.separable
     start = stiff.consistent([0.5, 0.5], [1.0, 0.2])
     run = plain(stiff, lm.RATTLE(), start, 0.01, 100)
-    one = lm.Constrained(lm.DoublePendulum(gravity=1.0), Bar())
+    one = lm.Constrained(lm.models.DoublePendulum(gravity=1.0), Bar())
     assert one == stiff
-    theta = lm.Pendulum(gravity=1.0)  # both rods as one: I = 5, weight 3, so that I w' = -3 sin
+    theta = lm.models.Pendulum(
+        gravity=1.0
+    )  # both rods as one: I = 5, weight 3, so that I w' = -3 sin
     w = float(stiff.velocity(start.q, start.p)[0])
     other = plain(
         theta, lm.Splitting(order=6), theta.state(0.5, w / np.sqrt(0.6)), 0.01 * np.sqrt(0.6), 100
@@ -265,7 +267,7 @@ def test_wrapping_an_energy_that_does_not_separate() -> None:
 def test_the_linkage_is_a_pendulum() -> None:
     """I th'' = -M g cos th with I = (N + 1)/3 + N and M = (N + 1)/2 + N."""
     for loops in (1, 2):
-        linkage = lm.FourBarLinkage(loops)
+        linkage = lm.models.FourBarLinkage(loops)
         q = np.array([[j, 1.0] for j in range(loops + 1)]).ravel()
         v = np.array([[1.0, 0.0] for _ in range(loops + 1)]).ravel()
         start = linkage.state(q, linkage.momentum(vec(*q), vec(*v)))
@@ -273,7 +275,7 @@ def test_the_linkage_is_a_pendulum() -> None:
             {1: 20.4533333333, 2: 35.835}[loops], rel=1e-9
         )
         inertia, weight = (loops + 1) / 3 + loops, (loops + 1) / 2 + loops
-        pendulum = lm.Pendulum(gravity=9.81 * weight / inertia)
+        pendulum = lm.models.Pendulum(gravity=9.81 * weight / inertia)
         angle = (
             plain(pendulum, lm.Splitting(order=8), pendulum.state(np.pi, -1.0), 0.02, 25).q[-1, 0]
             - 0.5 * np.pi
@@ -286,7 +288,7 @@ def test_the_linkage_is_a_pendulum() -> None:
 
 @pytest.mark.slow
 def test_geodesics_of_an_ellipsoid_keep_joachimsthals_integral() -> None:
-    system = lm.ParticleOnEllipsoid([1.0, 1.5, 2.0], mass=0.7)
+    system = lm.models.ParticleOnEllipsoid([1.0, 1.5, 2.0], mass=0.7)
     start = system.consistent([0.6, 0.7, 1.0], [0.5, -0.3, 0.4])
     ranges = []
     for h in (0.1, 0.05):
@@ -301,7 +303,7 @@ def test_geodesics_of_an_ellipsoid_keep_joachimsthals_integral() -> None:
 def test_splittings_on_stiefel_manifolds(n: int, k: int) -> None:
     """Geodesics obey their laws, splittings have their order, and RATTLE comes to the same motion."""
     rng = np.random.default_rng(n + k)
-    system = lm.OrthonormalFrame(rng.normal(size=(n, k)), mass=1.3)
+    system = lm.models.OrthonormalFrame(rng.normal(size=(n, k)), mass=1.3)
     q = np.linalg.qr(rng.normal(size=(n, k)))[0].ravel()
     start = system.consistent(q, rng.normal(size=n * k))
     assert lm.check_system(system, system.state(start.q, start.p))["geodesic"].verdict == "holds"
@@ -314,11 +316,11 @@ def test_splittings_on_stiefel_manifolds(n: int, k: int) -> None:
 
 
 def test_the_frame_of_one_vector_is_a_pendulum_and_that_of_three_a_rotation() -> None:
-    one = lm.OrthonormalFrame([[0.0], [0.0], [PENDULUM.gravity]])
+    one = lm.models.OrthonormalFrame([[0.0], [0.0], [PENDULUM.gravity]])
     a = plain(one, lm.RATTLE(), one.state(SWINGING.q, SWINGING.p), 0.05, 5)
     b = plain(PENDULUM, lm.RATTLE(), SWINGING, 0.05, 5)
     assert np.abs(a.q - b.q).max() < 1e-15
-    three = lm.OrthonormalFrame(np.zeros((3, 3)))
+    three = lm.models.OrthonormalFrame(np.zeros((3, 3)))
     g, w = rotation(np.random.default_rng(3)), np.array([0.4, -0.7, 0.5])
     p = g @ lm.SO3().algebra.hat(w)
     moved, after = three.geodesic(vec(*g.ravel()), vec(*np.array(p).ravel()), 1.5)

@@ -62,7 +62,7 @@ def test_the_nearest_consistent_state() -> None:
     found, n = PENDULUM.consistent(q, p), q / np.linalg.norm(q)
     assert np.array(found.q) == pytest.approx(n, abs=1e-15)
     assert np.array(found.p) == pytest.approx(p - (p @ n) * n, abs=1e-15)
-    egg = lm.ParticleOnEllipsoid([1.0, 1.5, 2.0])
+    egg = lm.models.ParticleOnEllipsoid([1.0, 1.5, 2.0])
     foot = np.array(egg.consistent([0.9, 1.0, 1.2], p).q)
     normal = foot / np.array([1.0, 1.5, 2.0]) ** 2
     assert np.linalg.norm(np.cross(foot - [0.9, 1.0, 1.2], normal)) < 1e-14
@@ -122,11 +122,11 @@ def test_constraints_must_be_vectors_and_systems_have_them() -> None:
 def test_parameters_of_the_models() -> None:
     for wrong in (
         lambda: lm.SphericalPendulum(length=0.0),
-        lambda: lm.ChainPendulum([1.0, 1.0], [1.0]),
-        lambda: lm.ChainPendulum(dimension=4),
-        lambda: lm.FourBarLinkage(0),
-        lambda: lm.ParticleOnEllipsoid([1.0, -1.0]),
-        lambda: lm.OrthogonalBody([1.0, 1.0, 2.0]),
+        lambda: lm.models.ChainPendulum([1.0, 1.0], [1.0]),
+        lambda: lm.models.ChainPendulum(dimension=4),
+        lambda: lm.models.FourBarLinkage(0),
+        lambda: lm.models.ParticleOnEllipsoid([1.0, -1.0]),
+        lambda: lm.models.OrthogonalBody([1.0, 1.0, 2.0]),
         lambda: lm.LobattoPair(order=5),
         lambda: lm.ConstrainedEuler(first="both"),
         lambda: lm.IndexReduction(lm.IndexReduction(lm.RKMK(order=4))),
@@ -149,7 +149,7 @@ def test_slips_in_written_formulas_are_found() -> None:
             return q + (t / self.mass) * p, p
 
     @record
-    class Fast(lm.ParticleOnEllipsoid):
+    class Fast(lm.models.ParticleOnEllipsoid):
         """Relativistic, so that its velocity is not linear, as the class that it derives from says."""
 
         def kinetic(self, p: lm.Vec) -> float:
@@ -213,7 +213,7 @@ def test_a_step_too_large_is_refused_before_it_lands_on_another_branch() -> None
 
 def test_a_linkage_stops_at_its_dead_point() -> None:
     """All rods in one line: parallelogram and antiparallelogram meet there."""
-    linkage = lm.FourBarLinkage()
+    linkage = lm.models.FourBarLinkage()
     q, v = [0.0, 1.0, 1.0, 1.0], [1.0, 0.0, 1.0, 0.0]
     start = linkage.state(q, linkage.momentum(vec(*q), vec(*v)))
     with pytest.raises(InconsistentState, match=r"nearly dependent.*dead point") as stopped:
@@ -241,7 +241,7 @@ def test_a_kink_is_refused_where_it_is_met() -> None:
 
 
 def test_the_reduced_equation_says_where_constraints_become_dependent() -> None:
-    linkage = lm.FourBarLinkage()
+    linkage = lm.models.FourBarLinkage()
     line = vec(1.0, 0.0, 2.0, 0.0)
     with pytest.raises(
         InconsistentState,

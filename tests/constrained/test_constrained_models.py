@@ -39,20 +39,20 @@ def scene(name: str) -> tuple[Any, Any, dict[str, Any]]:
     """A system, its start, and where it will be."""
     known: Any = KNOWN[name] if name in KNOWN else KNOWN["linkages"][int(name[-1]) - 1]
     if name == "planar chain":
-        chain: Any = lm.ChainPendulum(known["masses"], known["lengths"], G, dimension=2)
+        chain: Any = lm.models.ChainPendulum(known["masses"], known["lengths"], G, dimension=2)
         along = [f(x) for x in known["angles"] for f in (np.sin, lambda x: -np.cos(x))]
         return chain, chain.consistent(chain.hanging(vec(*along)), np.zeros(6)), known
     if name == "spatial chain":
-        chain = lm.ChainPendulum([1.0, 1.0], [1.0, 1.0], G)
+        chain = lm.models.ChainPendulum([1.0, 1.0], [1.0, 1.0], G)
         return chain, chain.state(known["q0"], known["v0"]), known
     if name == "bead":
         x = known["x0"]
         return Bead(known["a"]), Bead(known["a"]).state([x, known["a"] * x * x], [0.0, 0.0]), known
     if name == "ellipsoid":
-        surface: Any = lm.ParticleOnEllipsoid(known["axes"])
+        surface: Any = lm.models.ParticleOnEllipsoid(known["axes"])
         return surface, surface.state(known["q0"], known["v0"]), known
     loops = int(known["loops"])
-    linkage: Any = lm.FourBarLinkage(loops)
+    linkage: Any = lm.models.FourBarLinkage(loops)
     q = vec(*[x for j in range(loops + 1) for x in (float(j), 1.0)])
     return linkage, linkage.state(q, linkage.momentum(q, vec(*[1.0, 0.0] * (loops + 1)))), known
 
@@ -89,7 +89,7 @@ def test_models_are_where_they_should_be(name: str) -> None:
 
 
 def test_the_energy_of_a_free_particle_is_kinetic() -> None:
-    system = lm.ParticleOnEllipsoid(axes=[1.0, 1.5, 2.0], mass=1.7)
+    system = lm.models.ParticleOnEllipsoid(axes=[1.0, 1.5, 2.0], mass=1.7)
     q, p = np.array([0.6, -0.9, 1.058]), np.array([0.3, 0.2, -0.4])
     assert system.energy(q, p) == pytest.approx(p @ p / 3.4, rel=1e-15)
     assert not np.any(np.array(system.force(q, p))) and np.allclose(

@@ -78,7 +78,7 @@ def test_too_large_a_step_is_neither() -> None:
     for h in (0.3, 0.5, 1.0, 10.0):
         with pytest.raises(NoConvergence, match=r"step h = .* is too large"):
             plain(PENDULUM, lm.RATTLE(), fast, h, 20)
-    chain = lm.ChainPendulum([1.0, 1.0], [1.0, 1.0])
+    chain = lm.models.ChainPendulum([1.0, 1.0], [1.0, 1.0])
     hung = chain.consistent([1.0, 0.0, 0.0, 1.0, 0.0, -1.0], [0.0, 2.0, 0.0, 1.0, 0.0, 0.0])
     with pytest.raises(NoConvergence, match=r"step h = .* is too large"):
         plain(chain, lm.RATTLE(), hung, 0.8, 20)

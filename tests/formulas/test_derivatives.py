@@ -398,9 +398,35 @@ def test_powers_with_an_exponent_that_moves_through_zero() -> None:
     same_in_all_worlds(with_moving_exponents, ROWS)
 
 
-def test_a_power_of_zero_whose_exponent_moves_through_zero_has_no_mixed_derivative() -> None:
-    with pytest.raises(ZeroDivisionError):
-        derivative(lambda n: derivative(lambda x: x**n, 0.0), 0.0)
+@pytest.mark.parametrize(
+    "n, at_zero", [(0.0, None), (1.0, None), (1.5, 0.0), (2.0, 0.0), (3.0, 0.0)]
+)
+def test_a_power_of_zero_has_a_mixed_derivative_if_its_exponent_is_above_one(
+    n: float, at_zero: float | None
+) -> None:
+    """x^(n - 1) (1 + n log x), which is infinite for n <= 1."""
+    ways = (
+        lambda: derivative(lambda n: derivative(lambda x: x**n, 0.0), n),
+        lambda: derivative(lambda x: derivative(lambda n: x**n, n), 0.0),
+    )
+    for way in ways:
+        if at_zero is None:
+            with pytest.raises(InvalidInput, match="infinite there"):
+                way()
+        else:
+            assert way() == at_zero
+    assert derivative(lambda x: x**n, 0.0) == {0.0: 0.0, 1.0: 1.0}.get(n, 0.0)
+
+
+def slopes_of_powers(x, n, turns):
+    inner = derivative(lambda n: derivative(lambda x: x**n, x), n)
+    return vec(inner, derivative(lambda x: derivative(lambda n: x**n, n), x))
+
+
+@pytest.mark.compiled
+def test_mixed_derivatives_of_powers_of_zero_are_refused_in_all_worlds_alike() -> None:
+    rows = [(0.0, 2.0), (0.0, 3.5), (2.0, 1.0), (0.0, 1.0), (0.0, 0.5), (0.0, 0.0), (0.3, -1.0)]
+    same_in_all_worlds(slopes_of_powers, rows)
 
 
 @record

@@ -65,7 +65,7 @@ def test_logarithms_and_roots_of_matrices_have_28_digits() -> None:
 
 @pytest.mark.compiled
 def test_large_angles_have_the_same_bits_in_native_code_and_beyond_the_range_a_run_ends() -> None:
-    system = lm.Pendulum()
+    system = lm.models.Pendulum()
     plans = [
         lm.Plan(system, lm.StormerVerlet(), 0.1, precision="double-double", compiled=compiled)
         for compiled in (True, False)

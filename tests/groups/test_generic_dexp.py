@@ -12,6 +12,7 @@ import liemech as lm
 from liemech.errors import InvalidInput
 from liemech.formulas import Vec, derivative, vec
 from liemech.groups.ad_series import mean, mean_slope
+from liemech.groups.lie_algebra import sided
 from liemech.groups.representations import averaged
 
 EPS = 2.0**-52
@@ -37,8 +38,8 @@ def test_mean_of_exp(size: float, side: str) -> None:
     for found, closed, expected in (
         (group.dexp(xi, eta, side), lm.SO3().dexp(xi, eta, side), matrix),
         (
-            group.algebra.dexp_dual(xi, eta, side),
-            lm.SO3().algebra.dexp_dual(xi, eta, side),
+            group.algebra.dexp_dual(sided(xi, side), eta),
+            lm.SO3().algebra.dexp_dual(sided(xi, side), eta),
             None if matrix is None else matrix.T,
         ),
     ):

@@ -117,3 +117,33 @@ def test_basis(group: lm.LieGroup) -> None:
             assert np.allclose(
                 E[i] @ E[j] - E[j] @ E[i], np.einsum("k,kab->ab", c[:, i, j], E), rtol=0, atol=1e-14
             )
+
+
+@lm.record
+class InUnits(lm.LieAlgebra):
+    """The generators u_i E_i of another algebra."""
+
+    algebra: lm.LieAlgebra
+    units: tuple[float, ...]
+
+    @property
+    def dim(self) -> int:
+        return self.algebra.dim
+
+    def bracket(self, xi: lm.Vec, eta: lm.Vec) -> lm.Vec:
+        u = lm.vec(*self.units)
+        return self.algebra.bracket(u * xi, u * eta) / u
+
+
+@pytest.mark.parametrize("group", [lm.SO3(), lm.SE3(), lm.SL(2), lm.SE2()], ids=repr)
+@pytest.mark.parametrize("reach", [4, 8])
+def test_forms_of_generators_of_unlike_scales(group: lm.LieGroup, reach: int) -> None:
+    """(u_i E_i, u_j E_j) = u_i u_j (E_i, E_j): whether there is a form is no matter of units."""
+    u = 10.0 ** np.linspace(-reach, reach, group.dim)
+    form = InUnits(group.algebra, tuple(u.tolist())).invariant_form
+    wanted = group.algebra.invariant_form
+    if wanted is None:
+        assert form is None
+        return
+    back = form / np.outer(u, u)
+    assert np.allclose(back / np.abs(back).max(), wanted, rtol=0, atol=1e-13)

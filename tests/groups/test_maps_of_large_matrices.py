@@ -57,9 +57,9 @@ def test_large_matrices_are_moved_as_small_ones(name: str, monkeypatch: pytest.M
     for method in ("bracket", "ad_star", "exp_Ad_star", "cayley_Ad_star"):
         same("algebra", method, xi, mu)
     for method in ("dexp", "dexp_inv", "dcayley", "dcayley_inv"):
-        for side in ("right", "left"):
-            same("algebra", method, xi, eta, side)
-            same("algebra", f"{method}_dual", xi, mu, side)
+        for x in (xi, -xi):
+            same("algebra", method, x, eta)
+            same("algebra", f"{method}_dual", x, mu)
     away = g.copy()
     away[..., -1, 0] += 0.01
     assert np.abs(large.defect(g)).max() < 1e-13 and (large.defect(away) > 1e-4).all()
@@ -100,4 +100,4 @@ def test_what_is_off_or_has_no_logarithm_is_refused(monkeypatch: pytest.MonkeyPa
     jordan = MatrixLieGroup.of([[[1.0, 1.0], [0.0, 1.0]], [[0.0, 1.0], [0.0, 0.0]]])
     with pytest.raises(lm.errors.LawViolation, match=r"linearly dependent: 2 matrices of rank 1"):
         MatrixLieGroup.of([[[1.0, 1.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 0.0]]])
-    assert np.allclose(jordan.dexp_inv([40.0, 3.0], [1.0, 2.0]), [1.0, 2.0])
+    assert np.allclose(jordan.dexp_inv([40.0, 3.0], [1.0, 2.0], side="right"), [1.0, 2.0])

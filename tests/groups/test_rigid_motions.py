@@ -15,6 +15,7 @@ from scenes import hat
 from scipy.linalg import expm
 
 import liemech as lm
+from liemech.groups.lie_algebra import sided
 from liemech.groups.se2 import SE2
 from liemech.groups.se3 import SE3
 
@@ -262,9 +263,9 @@ def test_dexp_and_its_relatives_by_definition(motion: Motion, side: str) -> None
         D = by_definition(motion, mp_exp, side)
         inverse = floats(mp_dexp(motion, [x if side == "right" else -x for x in xi.tolist()]) ** -1)
     assert close(motion.linear(G.dexp, xi, side=side), D)
-    assert close(motion.linear(G.algebra.dexp_dual, xi, side=side), D.T)
+    assert close(motion.linear(G.algebra.dexp_dual, sided(xi, side)), D.T)
     assert close(motion.linear(G.dexp_inv, xi, side=side), inverse)
-    assert close(motion.linear(G.algebra.dexp_inv_dual, xi, side=side), inverse.T)
+    assert close(motion.linear(G.algebra.dexp_inv_dual, sided(xi, side)), inverse.T)
 
 
 @pytest.mark.sample(4)
@@ -277,10 +278,10 @@ def test_dcayley_and_its_relatives_by_definition(motion: Motion, side: str) -> N
         inverse = floats(
             mp_dcayley(motion, [x if side == "right" else -x for x in xi.tolist()]) ** -1
         )
-    assert close(motion.linear(G.algebra.dcayley, xi, side=side), D)
-    assert close(motion.linear(G.algebra.dcayley_dual, xi, side=side), D.T)
-    assert close(motion.linear(G.algebra.dcayley_inv, xi, side=side), inverse)
-    assert close(motion.linear(G.algebra.dcayley_inv_dual, xi, side=side), inverse.T)
+    assert close(motion.linear(G.algebra.dcayley, sided(xi, side)), D)
+    assert close(motion.linear(G.algebra.dcayley_dual, sided(xi, side)), D.T)
+    assert close(motion.linear(G.algebra.dcayley_inv, sided(xi, side)), inverse)
+    assert close(motion.linear(G.algebra.dcayley_inv_dual, sided(xi, side)), inverse.T)
 
 
 @pytest.mark.sample(4)
@@ -296,11 +297,11 @@ def test_the_second_cayley_map_is_the_one_of_ad(motion: Motion, side: str) -> No
         )
     assert close(motion.linear(G.Ad, g), wanted)
     assert close(motion.linear(G.by_adjoint.algebra.cayley_Ad_star, xi), wanted.T)
-    assert close(motion.linear(G.by_adjoint.algebra.dcayley_inv, xi, side=side), inverse)
-    assert close(motion.linear(G.by_adjoint.algebra.dcayley_inv_dual, xi, side=side), inverse.T)
-    D = motion.linear(G.by_adjoint.algebra.dcayley, xi, side=side)
+    assert close(motion.linear(G.by_adjoint.algebra.dcayley_inv, sided(xi, side)), inverse)
+    assert close(motion.linear(G.by_adjoint.algebra.dcayley_inv_dual, sided(xi, side)), inverse.T)
+    D = motion.linear(G.by_adjoint.algebra.dcayley, sided(xi, side))
     assert close(D @ inverse, np.eye(motion.dim), 32)
-    assert close(motion.linear(G.by_adjoint.algebra.dcayley_dual, xi, side=side), D.T, 4)
+    assert close(motion.linear(G.by_adjoint.algebra.dcayley_dual, sided(xi, side)), D.T, 4)
     assert close(G.by_adjoint.cayley_inv(g), xi, 64)
     assert close(G.by_adjoint.cayley(-xi), G.inverse(g), 16)
 
@@ -338,7 +339,7 @@ def test_series_of_the_inverse_differential(motion: Motion, side: str) -> None:
     total = np.zeros((motion.dim, motion.dim))
     for q, b in enumerate(bernoulli):
         total = total + b / math.factorial(q) * np.linalg.matrix_power(ad, q)
-        found = motion.linear(lambda x, eta: G.algebra.dexp_inv_series(x, eta, q, side), xi)  # noqa: B023
+        found = motion.linear(lambda x, eta: G.algebra.dexp_inv_series(x, eta, q), sided(xi, side))  # noqa: B023
         assert close(found, total, 16)
 
 

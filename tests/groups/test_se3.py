@@ -32,8 +32,8 @@ def exact(value: object) -> np.ndarray:
     return np.array(value, dtype=object).astype(float)
 
 
-def columns(f: object, *first: np.ndarray, **options: str) -> np.ndarray:
-    return np.stack([f(*first, unit, **options) for unit in UNITS], axis=-1)  # type: ignore[operator]
+def columns(f: object, *first: np.ndarray) -> np.ndarray:
+    return np.stack([f(*first, unit) for unit in UNITS], axis=-1)  # type: ignore[operator]
 
 
 def scaled(value: np.ndarray, wanted: np.ndarray) -> float:
@@ -57,18 +57,13 @@ def test_maps_and_differentials_have_the_reference_values(reference: dict) -> No
     assert scaled(G.by_adjoint.cayley(xi), exact(reference["cay6x6_as_4x4"])) < 4 * EPS
     assert scaled(columns(G.Ad, G.exp(xi)), exact(reference["Ad_of_exp"])) < 8 * EPS
     for name, f, dual in (
-        ("dexpR", G.dexp, G.algebra.dexp_dual),
-        ("dexpinvR", G.dexp_inv, G.algebra.dexp_inv_dual),
+        ("dexpR", G.algebra.dexp, G.algebra.dexp_dual),
+        ("dexpinvR", G.algebra.dexp_inv, G.algebra.dexp_inv_dual),
         ("dcayinvR_4x4", G.algebra.dcayley_inv, G.algebra.dcayley_inv_dual),
     ):
         matrix = exact(reference[name])
         # next to 2 pi the rounding of xi itself is magnified by 1/(2 pi - theta)
-        for value in (
-            columns(f, xi),
-            columns(f, -xi, side="left"),
-            columns(dual, xi).T,
-            columns(dual, -xi, side="left").T,
-        ):
+        for value in columns(f, -xi), columns(dual, -xi).T:  # right-trivialised
             assert scaled(value, matrix) < 32 * EPS
 
 

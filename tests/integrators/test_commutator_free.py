@@ -104,7 +104,7 @@ def butcher(tableau: FlowTableau) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize(("tableau", "classical"), [(CF3, HEUN3), (CF4, RK4)], ids=repr)
 def test_the_sums_of_the_rows_are_classical(
-    tableau: FlowTableau, classical: lm.ButcherTableau
+    tableau: FlowTableau, classical: lm.tableaus.ButcherTableau
 ) -> None:
     A, b = butcher(tableau)
     for i, row in enumerate(classical.A):
@@ -236,7 +236,7 @@ def test_order_on_a_heavy_top(method: CommutatorFree) -> None:
     """Momentum and pose, against a converged run of another method; two Casimirs and the spatial
     momentum kept all the same.
     """
-    system = lm.ReducedHeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
+    system = lm.models.ReducedHeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
     start = system.state([0.3, 0.6, 1.1, 0.36, -0.48, 0.8], np.eye(4))
     exact = lm.integrate(system, lm.RKMK(order=8), start, h=1.0 / 40, steps=40, every=40)
     counts, errors = (20, 40, 80), []
@@ -336,7 +336,7 @@ def test_on_a_vector_space_they_are_runge_kutta_methods() -> None:
         A, b = butcher(tableau)
         rows = tuple(tuple(row[:i]) for i, row in enumerate(A.tolist()))
         classical = lm.RKMK(
-            tableau=lm.ButcherTableau(
+            tableau=lm.tableaus.ButcherTableau(
                 "sums", tableau.order, rows, tuple(b.tolist()), tableau.c[:-1]
             )
         )

@@ -270,7 +270,7 @@ def test_what_cannot_be_meant() -> None:
 
 
 EPS = 2.0**-52
-TOP = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0])
+TOP = lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0])
 START = TOP.state([0.5, 0.3, 2.8], np.eye(3))
 METHODS = (
     lm.RKMK(order=4),

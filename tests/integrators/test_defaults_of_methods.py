@@ -10,15 +10,16 @@ import pytest
 
 import liemech as lm
 from liemech import tableaus
+from liemech.names import everything
 
 METHODS: dict[type, dict[str, Any]] = {
     lm.AdaptiveVerlet: {"order": 2},
     lm.Boris: {"order": 2},
-    lm.ClassFunction: {"reach": 1.0},
+    lm.class_functions.ClassFunction: {"reach": 1.0},
     lm.CommutatorFree: {"order": 4},
     lm.Composition: {"order": 4},
     lm.ConstrainedEuler: {"order": 1},
-    lm.DarbouxLieChart: {"steps": 4},
+    lm.charts.DarbouxLieChart: {"steps": 4},
     lm.DiscreteLagrangian: {"order": 1},
     lm.FirstKindHamiltonJacobi: {"order": 2},
     lm.GalerkinVariational: {"order": 4},
@@ -44,9 +45,9 @@ METHODS: dict[type, dict[str, Any]] = {
     lm.Splitting: {"order": 2},
     lm.Taylor: {"order": 12},
     lm.ThreeRotations: {"order": 2},
-    lm.TraceOfAd: {"reach": 0.5},
-    lm.Andoyer: {"degrees": 1},
-    lm.DistancePower: {"power": 1.5},
+    lm.class_functions.TraceOfAd: {"reach": 0.5},
+    lm.charts.Andoyer: {"degrees": 1},
+    lm.time_scales.DistancePower: {"power": 1.5},
 }
 OFFERED: list[tuple[Any, list[int]]] = [
     (lm.GalerkinVariational, [2, 4, 6, 8]),
@@ -134,8 +135,7 @@ POOL: dict[str, list[Any]] = {
     "free": [lm.ExactFreeBody(), lm.ThreeRotations()],
 }
 SHIPPED = sorted(
-    {x for x in vars(lm).values() if isinstance(x, type) and issubclass(x, lm.Method)}
-    | {getattr(lm, name) for name in lm.__all__ if isinstance(getattr(lm, name), type)},
+    {x for x in everything().values() if isinstance(x, type)},
     key=lambda kind: kind.__name__,
 )
 

@@ -231,6 +231,6 @@ def test_bad_lagrangians_are_refused() -> None:
         lm.DiscreteLagrangian().value(lm.vec(1.0, 0.0, 0.0), 0.1)
     with pytest.raises(InvalidInput, match="not symmetric"):
         lm.Composition(lm.CovariantVariational(lm.Cayley(), Skewed(J)))
-    top = lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0]).reduced
+    top = lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0]).reduced
     with pytest.raises(IncompatibleSystem, match="lagrangian"):
         lm.CovariantVariational(lm.Exponential(), lm.QuadratureLagrangian()).require(top)

@@ -15,7 +15,7 @@ from liemech.integrators import taylor
 
 SHIPPED = [getattr(lm.tableaus, name) for name in lm.tableaus.__all__]
 PAIRS = [t for t in SHIPPED if isinstance(t, lm.tableaus.ButcherTableau) and t.b_hat and t.explicit]
-SYSTEM, Y, H = lm.LotkaVolterra(), np.array([1.3, 0.6]), 0.3
+SYSTEM, Y, H = lm.models.LotkaVolterra(), np.array([1.3, 0.6]), 0.3
 
 
 def rate(y: np.ndarray) -> np.ndarray:

@@ -66,7 +66,7 @@ def test_algorithm_1_has_a_unit_of_time_of_its_own(
 @pytest.mark.parametrize("size", [1e-150, 1e-155, 1e-200, 1e-320, 0.0])
 def test_a_body_at_rest_in_a_field(size: float) -> None:
     """It drifts by h J^-1 mu as long as that is anything, and stays where it is."""
-    field = lm.MechanicalSystem(lm.RigidBody(J), lm.FixedPointGravity(0.0, [0.0, 0.0, 1.0]))
+    field = lm.MechanicalSystem(lm.RigidBody(J), lm.models.FixedPointGravity(0.0, [0.0, 0.0, 1.0]))
     run = lm.integrate(
         field, lm.KickDrift(), field.state(size * MU, np.eye(3)), h=0.1, steps=3, compiled=False
     )
@@ -77,7 +77,7 @@ def test_a_body_at_rest_in_a_field(size: float) -> None:
 
 def test_a_top_that_swings_through_rest() -> None:
     """Let go at rest: the first kick makes the momentum, and the way back is the way there."""
-    top = lm.HeavyTop(J, 1.0, [0.3, 0.0, 1.0])
+    top = lm.models.HeavyTop(J, 1.0, [0.3, 0.0, 1.0])
     start = top.state(np.zeros(3), np.eye(3))
     run = lm.integrate(top, lm.KickDrift(), start, h=0.1, steps=20, compiled=False)
     back = lm.integrate(top, lm.KickDrift(), run.last, h=-0.1, steps=20, compiled=False)

@@ -19,7 +19,7 @@ RNG = np.random.default_rng(7)
 def test_trace_of_ad_reaches_every_start(group: lm.LieGroup, retraction: lm.Retraction) -> None:
     """Elliptic, hyperbolic and nilpotent momenta, large and small; the Casimir is kept."""
     body = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.5, 2.0]))
-    method = FirstKindHamiltonJacobi(2, retraction, lm.TraceOfAd())
+    method = FirstKindHamiltonJacobi(2, retraction, lm.class_functions.TraceOfAd())
     starts = [10.0**k * RNG.normal(size=3) for k in (-3, 0, 0, 3)]
     for mu in [*starts, *np.eye(3)]:
         size = np.linalg.norm(mu)
@@ -33,7 +33,7 @@ def test_on_groups_of_rotations_alike() -> None:
     angle of 1/2.
     """
     factor = [
-        lm.TraceOfAd().size(group, lm.Exponential(), lm.vec(0.3, -0.4, 0.0))
+        lm.class_functions.TraceOfAd().size(group, lm.Exponential(), lm.vec(0.3, -0.4, 0.0))
         for group in (lm.SO3(), lm.SU(2))
     ]
     # the momenta of one motion are twice as large in that basis
@@ -50,7 +50,7 @@ def test_screws_in_other_units(length: float) -> None:
     mu = np.array([0.5, 0.1, 0.8, 1.0, -0.3, 0.2])
 
     def moved(unit: float) -> np.ndarray:
-        body = lm.KirchhoffBody.of_blocks(unit**2 * J, M, unit * D)
+        body = lm.models.KirchhoffBody.of_blocks(unit**2 * J, M, unit * D)
         scaled = np.repeat([unit**2, unit], 3)
         start = body.state(scaled * mu, np.eye(4))
         run = lm.integrate(body, FirstKindHamiltonJacobi(2), start, h=0.05, steps=1, compiled=False)
@@ -64,7 +64,7 @@ def test_screws_in_other_units(length: float) -> None:
 @pytest.mark.slow
 def test_continued_it_is_the_same_method() -> None:
     """|Pi| changes on the way, |P| does not: the scale of the second half is that of the first."""
-    body = lm.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 1.2, 1.4])
+    body = lm.models.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 1.2, 1.4])
     start = body.state([0.5, 0.1, 0.8, 1.0, -0.3, 0.2], np.eye(4))
     method = FirstKindHamiltonJacobi(2)
     whole = lm.integrate(body, method, start, h=0.1, steps=6, compiled=False)

@@ -181,7 +181,7 @@ def test_the_kinds_qq_and_pp_are_one_with_positions_and_momenta_exchanged(order:
 
 
 def test_order_two_of_every_kind_is_the_stormer_verlet_method_where_the_energy_separates() -> None:
-    system = lm.HenonHeiles()
+    system = lm.models.HenonHeiles()
     run = lm.integrate(
         system,
         lm.StormerVerlet(),

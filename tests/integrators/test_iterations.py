@@ -82,15 +82,15 @@ def on_a_sphere(system: Any) -> Callable[[], tuple[Any, Any]]:
 
 
 def hanging() -> tuple[Any, Any]:
-    chain = lm.ChainPendulum([1.0, 0.5], [1.0, 0.7], 9.81)
+    chain = lm.models.ChainPendulum([1.0, 0.5], [1.0, 0.7], 9.81)
     return chain, chain.consistent([0.6, 0.0, -0.8, 0.6, 0.6, -1.1], [0.4, 0.9, 0.3, 0.0, 0.2, 0.0])
 
 
 def jointed() -> tuple[Any, Any]:
     """A body in space that hangs on a rod."""
-    body = lm.Linkage(
-        [lm.Link(mass=2.0, inertia=[1.0, 1.5, 0.7])],
-        [lm.RigidRod(0, None, vec(0.3, 0.1, 0.4), length=1.2)],
+    body = lm.joints.Linkage(
+        [lm.joints.Link(mass=2.0, inertia=[1.0, 1.5, 0.7])],
+        [lm.joints.RigidRod(0, None, vec(0.3, 0.1, 0.4), length=1.2)],
     )
     g = np.eye(4)
     g[:3, 3] = 0.5, 0.3, -1.3
@@ -110,13 +110,13 @@ def braked() -> tuple[Any, Any]:
 
 
 def in_fictive_time() -> tuple[Any, Any]:
-    system = lm.TimeTransformed(lm.Kepler(), lm.DistancePower(1.5))
+    system = lm.TimeTransformed(lm.Kepler(), lm.time_scales.DistancePower(1.5))
     start = lm.Kepler().pericentre(0.6)
     return system.bound(start), system.extended(start, 0.0)
 
 
 def rolling() -> tuple[Any, Any]:
-    body = lm.NonholonomicBody(lm.RigidBody(WIDE), lm.Suslov())
+    body = lm.NonholonomicBody(lm.RigidBody(WIDE), lm.joints.Suslov())
     return body, body.consistent([0.6, -0.9, 0.3], np.eye(3))
 
 
@@ -178,7 +178,7 @@ def watched(
     for owner, name in (
         (lie_rattle.LieRATTLE, "_correction"),
         (hamilton_jacobi.HamiltonJacobi, "_tried"),
-        (lm.DistancePower, "value"),
+        (lm.time_scales.DistancePower, "value"),
     ):
         monkeypatch.setattr(owner, name, counted(getattr(owner, name)))
     system, start = made()
@@ -221,7 +221,13 @@ CASES: list[Any] = [
     (lm.LiePoissonHamiltonJacobi(6, EXP), asymmetric_body, 0.3, [4, 4, 4], (0.025, 0.0246)),
     (lm.FirstKindHamiltonJacobi(1), asymmetric_body, 0.1, [5, 5, 5], (0.0335, 0.0329)),
     (lm.FirstKindHamiltonJacobi(2), asymmetric_body, 0.1, [6, 7, 6], (0.0325, 0.0319)),
-    (lm.FirstKindHamiltonJacobi(2, s0=lm.TraceOfAd()), asymmetric_body, 0.1, [19], (0.228, 0.228)),
+    (
+        lm.FirstKindHamiltonJacobi(2, s0=lm.class_functions.TraceOfAd()),
+        asymmetric_body,
+        0.1,
+        [19],
+        (0.228, 0.228),
+    ),
     (lm.HamiltonJacobi(4), particle, 0.2, [5, 4, 4, 5, 5], (0, 0)),
     (lm.HamiltonJacobi(4, adjoint=True), particle, 0.2, [5, 5, 4, 5, 5], (0, 0)),
     (lm.HamiltonJacobi(3, kind="qQ"), particle, 0.2, [18, 15, 15], (0.563, 0.575)),

@@ -616,7 +616,7 @@ def test_systems_that_are_refused() -> None:
         KickDrift(free, order=4).require(MechanicalSystem(quartic, NoPotential()))
     with pytest.raises(lm.errors.IncompatibleSystem, match="does not turn"):
         EXACT.require(lm.LiePoissonSystem(lm.SO(4), lm.KineticEnergy(np.ones(6))))
-    fish = lm.KirchhoffBody([1.0, 1.6, 2.3, 1.0, 1.1, 1.2])
+    fish = lm.models.KirchhoffBody([1.0, 1.6, 2.3, 1.0, 1.1, 1.2])
     with pytest.raises(lm.errors.IncompatibleSystem, match="as in a fluid"):
         EXACT.require(fish)
     with pytest.raises(lm.errors.IncompatibleSystem, match="needs a system"):

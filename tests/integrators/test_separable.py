@@ -16,10 +16,11 @@ from scenes import Oscillator, Relativistic, same_bits
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType, LawViolation
 from liemech.formulas import cos, record, sin, vec
+from liemech.names import everything
 from liemech.tableaus import KAHAN_LI6, KAHAN_LI8, RUTH3, STRANG, SplittingTableau, suzuki
 
 PENDULUM = json.loads((Path(__file__).parent.parent / "reference" / "pendulum.json").read_text())
-GALAXY = lm.HenonHeiles()
+GALAXY = lm.models.HenonHeiles()
 STAR = GALAXY.state([0.1, 0.2], [0.3, -0.2])
 Q, P = np.array(STAR.q), np.array(STAR.p)
 PLANETS = lm.Kepler()
@@ -74,7 +75,7 @@ def test_order_on_an_ellipse(method: lm.Method) -> None:
 
 
 def test_pendulum_against_elliptic_functions() -> None:
-    system = lm.Pendulum(gravity=1.0)
+    system = lm.models.Pendulum(gravity=1.0)
     sample = next(s for s in PENDULUM["samples"] if float(s["t"]) == 1.0)
     run = plain(
         system,
@@ -285,7 +286,7 @@ def test_time_as_a_coordinate() -> None:
 
 
 def test_derivatives_that_nobody_wrote_are_those_in_closed_form(rng: np.random.Generator) -> None:
-    for system in (GALAXY, PLANETS, lm.Pendulum(1.2, 0.8, 3.0)):
+    for system in (GALAXY, PLANETS, lm.models.Pendulum(1.2, 0.8, 3.0)):
         q, p = (lm.Vec.of(x) for x in rng.normal(size=(2, system.degrees)).tolist())
         for name in ("velocity", "force"):
             derived = getattr(lm.SeparableSystem, name)(system, q, p)
@@ -315,13 +316,20 @@ def test_a_quadratic_kinetic_energy_is_told_by_its_formula() -> None:
 
     assert all(
         s.quadratic
-        for s in (GALAXY, PLANETS, lm.Pendulum(), Oscillator(1.0), Free(1.0), Massive(1.0, [[2.0]]))
+        for s in (
+            GALAXY,
+            PLANETS,
+            lm.models.Pendulum(),
+            Oscillator(1.0),
+            Free(1.0),
+            Massive(1.0, [[2.0]]),
+        )
     )
     assert not any(s.quadratic for s in (Relativistic(), Relativistic(3e8), Quartic(1.0)))
 
 
 def test_refusals_say_what_to_do() -> None:
-    double = lm.DoublePendulum()
+    double = lm.models.DoublePendulum()
     for method in (lm.StormerVerlet(), lm.SymplecticEuler(), lm.Splitting(order=4)):
         with pytest.raises(
             IncompatibleSystem, match=r"needs a SeparableSystem.*write kinetic\(p\).*HamiltonJacobi"
@@ -375,10 +383,7 @@ def test_faces() -> None:
         assert (
             eval(
                 repr(method),
-                {
-                    name: getattr(lm, name)
-                    for name in ("Splitting", "StormerVerlet", "SymplecticEuler")
-                },
+                everything(),
             )
             == method
         )

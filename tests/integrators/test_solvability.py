@@ -203,7 +203,9 @@ def test_steps_of_rigid_motions_are_those_that_grow_out_of_zero(
     rng, accepted = np.random.default_rng(12), 0
     for _ in range(30):
         a, b = np.sort(rng.uniform(0.3, 1.0, 2))
-        body = lm.KirchhoffBody.of_blocks([a, b, b + a * rng.uniform()], rng.uniform(0.5, 2.0, 3))
+        body = lm.models.KirchhoffBody.of_blocks(
+            [a, b, b + a * rng.uniform()], rng.uniform(0.5, 2.0, 3)
+        )
         mu = rng.normal(size=6)
         mu *= 10 ** rng.uniform(0.0, 1.2) * a / np.linalg.norm(mu[:3])
         x = before = np.zeros(6)
@@ -385,7 +387,7 @@ def test_largest_step() -> None:
     assert CAYLEY.largest_step(needle, start) == pytest.approx(
         math.pi * math.sqrt(1 / 500) / size, rel=1e-14
     )
-    fish = lm.KirchhoffBody.of_blocks([1.0, 1.6, 2.3], [2.0, 2.5, 3.1])
+    fish = lm.models.KirchhoffBody.of_blocks([1.0, 1.6, 2.3], [2.0, 2.5, 3.1])
     assert EXP.largest_step(fish, fish.state([0.5, -0.3, 0.4, 0.2, 0.6, -0.4])) is None
 
 

@@ -2,7 +2,7 @@
 group given by generators, a top.
 
 `PYTHONPATH=tests python tests/integrators/test_symmetric_orders.py --write` puts the table into
-docs/verification.md; `--print` only shows it.
+docs/proof/verification.md; `--print` only shows it.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ def columns() -> tuple[tuple[Problem, ...], ...]:
     group = MatrixLieGroup.of(lm.SL(2).generators)
     linear = lm.LiePoissonSystem(group, lm.KineticEnergy([1.0, 1.6, 2.3]))
     shears = np.array([group.exp(x) for x in 0.5 * rng.normal(size=(4, 3))])
-    top = lm.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
+    top = lm.models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
     reduced, started = (
-        lm.ReducedHeavyTop(top.inertia, top.weight, top.centre),
+        lm.models.ReducedHeavyTop(top.inertia, top.weight, top.centre),
         top.state(directions(rng, 3), rotations),
     )
     impulses = np.array([start.mu, *np.linalg.norm(start.mu) * directions(rng, 6)[1:]])

@@ -13,17 +13,18 @@ import liemech as lm
 
 def as_bodies(chain: Any) -> Any:
     """The masses as bodies whose rods end in their centres: nothing turns them."""
-    links = [lm.Link(m, [1.0, 1.0, 1.0]) for m in chain.masses]
+    links = [lm.joints.Link(m, [1.0, 1.0, 1.0]) for m in chain.masses]
     points = [0.0, 0.0, 0.0]
     rods = [
-        lm.RigidRod(k, k - 1 if k else None, points, points, l) for k, l in enumerate(chain.lengths)
+        lm.joints.RigidRod(k, k - 1 if k else None, points, points, l)
+        for k, l in enumerate(chain.lengths)
     ]
-    return lm.Linkage(links, rods, gravity=chain.gravity)
+    return lm.joints.Linkage(links, rods, gravity=chain.gravity)
 
 
 def test_a_chain_of_masses_steps_as_a_linkage_of_rods() -> None:
     """LieRATTLE is RATTLE where nothing turns."""
-    chain: Any = lm.ChainPendulum([1.0, 0.5], [1.0, 0.8])
+    chain: Any = lm.models.ChainPendulum([1.0, 0.5], [1.0, 0.8])
     angles = np.array([0.5, 1.1])
     along = np.stack([np.sin(angles), 0.0 * angles, -np.cos(angles)], axis=1)
     start = chain.consistent(
@@ -52,5 +53,5 @@ def test_only_neighbours_meet_in_its_elimination() -> None:
     positions has N^2.
     """
     for count in (4, 9):
-        bodies = as_bodies(lm.ChainPendulum([1.0] * count, [1.0] * count))
+        bodies = as_bodies(lm.models.ChainPendulum([1.0] * count, [1.0] * count))
         assert sum(len(row) for row in bodies.shared) == 3 * count - 2

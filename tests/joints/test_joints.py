@@ -19,19 +19,19 @@ from liemech.systems.constraint import Constraint
 
 A, B = [0.1, 0.2, 0.3], [0.3, -0.1, 0.2]
 JOINTS = {
-    "ball": (lm.BallJoint(0, 1, A, B), 3),
-    "fixed point": (lm.FixedPoint(1, A, [1.0, 2.0, 3.0]), 3),
-    "revolute": (lm.RevoluteJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 1),
+    "ball": (lm.joints.BallJoint(0, 1, A, B), 3),
+    "fixed point": (lm.joints.BallJoint(1, None, A, [1.0, 2.0, 3.0]), 3),
+    "revolute": (lm.joints.RevoluteJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 1),
     "revolute to the ground": (
-        lm.RevoluteJoint(1, None, A, B, [1.0, 2.0, -3.0], [-1.0, 0.3, -0.2]),
+        lm.joints.RevoluteJoint(1, None, A, B, [1.0, 2.0, -3.0], [-1.0, 0.3, -0.2]),
         1,
     ),
-    "universal": (lm.UniversalJoint(1, 0, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, 0.2]), 2),
+    "universal": (lm.joints.UniversalJoint(1, 0, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, 0.2]), 2),
     "prismatic": (
-        lm.PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])),
+        lm.joints.PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])),
         1,
     ),
-    "rod": (lm.RigidRod(0, 1, A, B, 1.3), 5),
+    "rod": (lm.joints.RigidRod(0, 1, A, B, 1.3), 5),
 }
 
 
@@ -53,10 +53,19 @@ def test_written_derivatives_are_derived_ones(name):
     [
         # the second body turns about the hinge, slides along its axis, or does both turns of a
         # Cardan joint
-        (lm.RevoluteJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [1, 0, 0]), [1, 0, 0, 0, 1, 0]),
-        (lm.PrismaticJoint(0, 1, [0, 0, 0], [0, 0, -1], [0, 0, 1]), [0, 0, 0, 0, 0, 1]),
-        (lm.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]), [0, 1, 0, -1, 0, 0]),
-        (lm.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]), [1, 0, 0, 0, 1, 0]),
+        (
+            lm.joints.RevoluteJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [1, 0, 0]),
+            [1, 0, 0, 0, 1, 0],
+        ),
+        (lm.joints.PrismaticJoint(0, 1, [0, 0, 0], [0, 0, -1], [0, 0, 1]), [0, 0, 0, 0, 0, 1]),
+        (
+            lm.joints.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]),
+            [0, 1, 0, -1, 0, 0],
+        ),
+        (
+            lm.joints.UniversalJoint(0, 1, [0, 0, 0], [0, 0, -1], [1, 0, 0], [0, 1, 0]),
+            [1, 0, 0, 0, 1, 0],
+        ),
     ],
 )
 def test_what_a_joint_leaves_free(joint, velocity):
@@ -87,8 +96,8 @@ def test_a_slider_falls_along_its_axis():
     # method of order 2.
     slope = 0.5
     rail = [np.cos(slope), 0.0, -np.sin(slope)]
-    block = lm.Linkage(
-        [lm.Link(3.0, [0.1, 0.2, 0.2])], [lm.PrismaticJoint(0, None, axis=rail)], 9.81
+    block = lm.joints.Linkage(
+        [lm.joints.Link(3.0, [0.1, 0.2, 0.2])], [lm.joints.PrismaticJoint(0, None, axis=rail)], 9.81
     )
     start = block.assembled([np.eye(4)])
     run = lm.integrate(
@@ -102,7 +111,7 @@ def test_a_slider_falls_along_its_axis():
 
 
 def test_a_chain_of_three_hangs_still():
-    hanging = lm.chain(3, mass=0.5, length=0.4)
+    hanging = lm.joints.chain(3, mass=0.5, length=0.4)
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[:, 2, 3] = [-0.2, -0.6, -1.0]
     start = hanging.assembled(poses)
@@ -117,30 +126,30 @@ def test_a_chain_of_three_hangs_still():
 
 def test_what_is_no_joint_is_refused():
     with pytest.raises(lm.errors.InvalidInput, match="first and second are both 1"):
-        lm.BallJoint(1, 1)
+        lm.joints.BallJoint(1, 1)
     with pytest.raises(lm.errors.InvalidType, match="first is the number of a body"):
-        lm.BallJoint(-1, 0)
+        lm.joints.BallJoint(-1, 0)
     with pytest.raises(lm.errors.InvalidInput, match="axis_first must have a direction"):
-        lm.RevoluteJoint(0, 1, A, B, [0, 0, 0], [0, 0, 1])
+        lm.joints.RevoluteJoint(0, 1, A, B, [0, 0, 0], [0, 0, 1])
     with pytest.raises(lm.errors.InvalidInput, match=r"at_first must be a vector in space, \(3,\)"):
-        lm.BallJoint(0, 1, [1.0, 2.0])
+        lm.joints.BallJoint(0, 1, [1.0, 2.0])
     with pytest.raises(lm.errors.InvalidInput, match="two points in one place are a BallJoint"):
-        lm.RigidRod(0, 1, A, B, 0.0)
-    link = lm.Link(1.0, [0.1, 0.1, 0.1])
+        lm.joints.RigidRod(0, 1, A, B, 0.0)
+    link = lm.joints.Link(1.0, [0.1, 0.1, 0.1])
     with pytest.raises(lm.errors.InvalidInput, match="holds body 1; there are 1, numbered from 0"):
-        lm.Linkage([link], [lm.BallJoint(0, 1)])
+        lm.joints.Linkage([link], [lm.joints.BallJoint(0, 1)])
     with pytest.raises(lm.errors.InvalidType, match="links is a list of one or more Links"):
-        lm.Linkage([1.0], [lm.BallJoint(0, None)])
+        lm.joints.Linkage([1.0], [lm.joints.BallJoint(0, None)])
     with pytest.raises(lm.errors.InvalidType, match="joints is a list of one or more Joints"):
-        lm.Linkage([link], lm.BallJoint(0, None))
+        lm.joints.Linkage([link], lm.joints.BallJoint(0, None))
     with pytest.raises(lm.errors.InvalidType, match="mass must be real numbers"):
-        lm.Link("heavy", [0.1, 0.1, 0.1])
+        lm.joints.Link("heavy", [0.1, 0.1, 0.1])
     with pytest.raises(lm.errors.InvalidInput, match="mass must be a positive number"):
-        lm.Link(0.0, [0.1, 0.1, 0.1])
+        lm.joints.Link(0.0, [0.1, 0.1, 0.1])
     with pytest.raises(
         lm.errors.InvalidInput, match=r"poses has shape \(4, 4\); 2 bodies have \(2, 4, 4\)"
     ):
-        lm.chain(2).assembled(np.eye(4))
+        lm.joints.chain(2).assembled(np.eye(4))
 
 
 def test_a_body_at_rest_in_a_field_may_have_a_momentum_of_rounding():
@@ -149,11 +158,11 @@ def test_a_body_at_rest_in_a_field_may_have_a_momentum_of_rounding():
     """
     for mass, length in ((1.0, 1.0), (1e-3, 1e3)):  # kg and m, or g and mm
         unit = mass * length**2
-        link = lm.Link(mass, [unit, 1.2 * unit, 1.5 * unit])
-        joint = lm.RevoluteJoint(
+        link = lm.joints.Link(mass, [unit, 1.2 * unit, 1.5 * unit])
+        joint = lm.joints.RevoluteJoint(
             0, None, [0.0, 0.0, 0.5 * length], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
         )
-        pendulum = lm.Linkage([link], [joint], 9.81 * length)
+        pendulum = lm.joints.Linkage([link], [joint], 9.81 * length)
         g = np.eye(4)
         g[2, 3] = -0.5 * length
         for i in range(6):

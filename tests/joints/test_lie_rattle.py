@@ -55,10 +55,10 @@ ABOUT_POINT = np.diag(J) + MASS * (CENTRE @ CENTRE * np.eye(3) - np.outer(CENTRE
 
 
 @functools.cache
-def top() -> tuple[lm.ConstrainedBody, lm.State, lm.HeavyTop, lm.State]:
+def top() -> tuple[lm.ConstrainedBody, lm.State, lm.models.HeavyTop, lm.State]:
     """A body on SE(3) with a fixed point, the same as a heavy top on SO(3), and a start of both."""
     free = lm.MechanicalSystem(
-        lm.KirchhoffBody([*J, MASS, MASS, MASS]), lm.UniformGravity(MASS * 9.81)
+        lm.models.KirchhoffBody([*J, MASS, MASS, MASS]), lm.models.UniformGravity(MASS * 9.81)
     )
     body, R = (
         lm.ConstrainedBody(free, PointFixed(-CENTRE)),
@@ -67,7 +67,7 @@ def top() -> tuple[lm.ConstrainedBody, lm.State, lm.HeavyTop, lm.State]:
     g = np.eye(4)
     g[:3, :3], g[:3, 3] = R, R @ CENTRE
     start = body.state([*J * W, *MASS * np.cross(W, CENTRE)], g)
-    heavy = lm.HeavyTop(ABOUT_POINT, MASS * 9.81, CENTRE)
+    heavy = lm.models.HeavyTop(ABOUT_POINT, MASS * 9.81, CENTRE)
     return body, start, heavy, heavy.state(ABOUT_POINT @ W, R)
 
 
@@ -154,18 +154,18 @@ def test_two_links_on_hinges_are_the_double_pendulum():
     m2 = m[1] * l[1] / d2
     m1 = l[0] * (m[0] + m[1] - m2) / d1
     links = [
-        lm.Link(m1, [m1 * d1 * (l[0] - d1)] * 3),
-        lm.Link(m2, [m2 * d2 * (l[1] - d2)] * 3),
+        lm.joints.Link(m1, [m1 * d1 * (l[0] - d1)] * 3),
+        lm.joints.Link(m2, [m2 * d2 * (l[1] - d2)] * 3),
     ]
     hinges = [
-        lm.RevoluteJoint(
+        lm.joints.RevoluteJoint(
             0, None, [0.0, 0.0, d1], [0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]
         ),
-        lm.RevoluteJoint(
+        lm.joints.RevoluteJoint(
             1, 0, [0.0, 0.0, d2], [0.0, 0.0, d1 - l[0]], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0]
         ),
     ]
-    linkage = lm.Linkage(links, hinges, gravity)
+    linkage = lm.joints.Linkage(links, hinges, gravity)
     poses, rates = [], []
     hinge, speed = np.zeros(3), np.zeros(3)
     for angle, rate, d, length in zip(q, v, (d1, d2), (l[0], l[1])):
@@ -234,16 +234,16 @@ def test_index_reduction_drifts_where_it_does_not():
 def test_common_symmetries_keep_their_momenta():
     # Free in space: all six.  Under gravity: about the vertical, and horizontal.  Hanging from a
     # point: about the vertical.
-    links = [lm.Link(1.0, [0.2, 0.3, 0.4]), lm.Link(0.7, [0.1, 0.3, 0.25])]
-    between = lm.UniversalJoint(0, 1, [0.3, 0.1, -0.4], [0.0, 0.2, 0.5])
-    hung = lm.FixedPoint(0, [0.0, 0.1, 0.5])
+    links = [lm.joints.Link(1.0, [0.2, 0.3, 0.4]), lm.joints.Link(0.7, [0.1, 0.3, 0.25])]
+    between = lm.joints.UniversalJoint(0, 1, [0.3, 0.1, -0.4], [0.0, 0.2, 0.5])
+    hung = lm.joints.BallJoint(0, None, [0.0, 0.1, 0.5])
     rng = np.random.default_rng(4)
     for joints, gravity, number in (
         ((between,), 0.0, 6),
         ((between,), 9.81, 3),
         ((hung, between), 9.81, 1),
     ):
-        linkage = lm.Linkage(links, joints, gravity)
+        linkage = lm.joints.Linkage(links, joints, gravity)
         poses = np.array([np.eye(4), np.eye(4)])
         poses[:, :3, 3] = [[0.0, -0.1, -0.5], [0.3, -0.2, -1.4]]
         start = linkage.assembled(poses, rng.normal(size=(2, 6)))
@@ -259,7 +259,9 @@ def test_common_symmetries_keep_their_momenta():
 
 def test_multipliers_are_forces():
     # A pendulum's rod pulls with m g cos(a) + m l w^2.
-    linkage = lm.Linkage([lm.Link(2.0, [0.1, 0.1, 0.1])], [lm.RigidRod(0, None, length=1.5)], 9.81)
+    linkage = lm.joints.Linkage(
+        [lm.joints.Link(2.0, [0.1, 0.1, 0.1])], [lm.joints.RigidRod(0, None, length=1.5)], 9.81
+    )
     angle, rate = 0.7, 1.3
     pose = np.eye(4)
     pose[:3, 3] = 1.5 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
@@ -278,7 +280,7 @@ def test_a_coupled_inertia_is_one_block():
     # frame out of the centre of mass.
     body, start, *_ = top()
     whole = lm.MechanicalSystem(
-        lm.KirchhoffBody(np.diag([*J, MASS, MASS, MASS])), body.body.potential
+        lm.models.KirchhoffBody(np.diag([*J, MASS, MASS, MASS])), body.body.potential
     )
     same = lm.ConstrainedBody(whole, body.constraint)
     assert np.allclose(
@@ -291,9 +293,9 @@ def test_a_coupled_inertia_is_one_block():
         [[0.0, -CENTRE[2], CENTRE[1]], [CENTRE[2], 0.0, -CENTRE[0]], [-CENTRE[1], CENTRE[0], 0.0]]
     )
     # the frame in the fixed point
-    moved = lm.KirchhoffBody.of_blocks(ABOUT_POINT, MASS, MASS * arm)
+    moved = lm.models.KirchhoffBody.of_blocks(ABOUT_POINT, MASS, MASS * arm)
     about = lm.ConstrainedBody(
-        lm.MechanicalSystem(moved, lm.UniformGravity(MASS * 9.81, CENTRE)),
+        lm.MechanicalSystem(moved, lm.models.UniformGravity(MASS * 9.81, CENTRE)),
         PointFixed([0.0, 0.0, 0.0]),
     )
     g = np.eye(4)
@@ -356,15 +358,15 @@ def parallelogram(angle: float, rate: float):
     """Two cranks of 1 m on the ground, 1 m apart, and a coupler between their ends: slender rods
     along their first axes, 1 kg.
     """
-    rod = lm.Link(1.0, [1e-3, 1.0 / 12.0, 1.0 / 12.0])
+    rod = lm.joints.Link(1.0, [1e-3, 1.0 / 12.0, 1.0 / 12.0])
     left, right, turn = [-0.5, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 1.0, 0.0]
     joints = [
-        lm.RevoluteJoint(0, None, left, [0.0, 0.0, 0.0], turn, turn),
-        lm.BallJoint(0, 1, right, left),
-        lm.UniversalJoint(1, 2, right, right, [0.0, 0.0, 1.0], turn),
-        lm.RevoluteJoint(2, None, left, [1.0, 0.0, 0.0], turn, turn),
+        lm.joints.RevoluteJoint(0, None, left, [0.0, 0.0, 0.0], turn, turn),
+        lm.joints.BallJoint(0, 1, right, left),
+        lm.joints.UniversalJoint(1, 2, right, right, [0.0, 0.0, 1.0], turn),
+        lm.joints.RevoluteJoint(2, None, left, [1.0, 0.0, 0.0], turn, turn),
     ]
-    linkage = lm.Linkage([rod] * 3, joints, 9.81)
+    linkage = lm.joints.Linkage([rod] * 3, joints, 9.81)
     R, along = (
         np.array(lm.SO3().exp([0.0, -angle, 0.0])),
         np.array([np.cos(angle), 0.0, np.sin(angle)]),
@@ -424,9 +426,9 @@ def test_units_do_not_matter(unit):
     # A pendulum a million times smaller or larger, its time scaled with the root: the same angles.
     found = []
     for size in 1.0, unit:
-        swing = lm.Linkage(
-            [lm.Link(size**2, [0.1 * size**4] * 3)],
-            [lm.FixedPoint(0, [0.0, 0.0, 0.5 * size])],
+        swing = lm.joints.Linkage(
+            [lm.joints.Link(size**2, [0.1 * size**4] * 3)],
+            [lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5 * size])],
             9.81,
         )
         pose = np.eye(4)
@@ -445,9 +447,13 @@ def test_units_do_not_matter(unit):
 
 
 def test_redundant_conditions_are_named():
-    links = [lm.Link(1.0, [0.1, 0.1, 0.1])]
-    twice = lm.Linkage(
-        links, [lm.FixedPoint(0, [0.0, 0.0, 0.5]), lm.BallJoint(0, None, [0.0, 0.0, 0.5])]
+    links = [lm.joints.Link(1.0, [0.1, 0.1, 0.1])]
+    twice = lm.joints.Linkage(
+        links,
+        [
+            lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5]),
+            lm.joints.BallJoint(0, None, [0.0, 0.0, 0.5]),
+        ],
     )
     pose = np.eye(4)
     pose[2, 3] = -0.5
@@ -470,7 +476,7 @@ def test_the_nearest_consistent_start():
 
 def test_a_start_from_a_velocity():
     sleigh = lm.NonholonomicBody(
-        lm.LiePoissonSystem(lm.SE2(), lm.KineticEnergy([0.7, 1.3, 1.3])), lm.Blade(-0.4)
+        lm.LiePoissonSystem(lm.SE2(), lm.KineticEnergy([0.7, 1.3, 1.3])), lm.joints.Blade(-0.4)
     )
     mu = np.array([0.77, -0.65, 0.5])
     near = sleigh.consistent(mu, np.eye(3))
@@ -529,7 +535,7 @@ def test_a_million_steps_on_the_constraint():
 @pytest.mark.slow
 @pytest.mark.compiled
 def test_two_hinged_links_compile_to_the_same_bits():
-    linkage = lm.chain(2, axis=[0.0, 1.0, 0.0])
+    linkage = lm.joints.chain(2, axis=[0.0, 1.0, 0.0])
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[0, :3, :3] = lm.SO3().exp([0.0, 0.7, 0.0])
     poses[0, :3, 3] = -0.5 * poses[0, :3, 2]

@@ -15,7 +15,7 @@ from liemech.errors import InconsistentState, InvalidInput
 from liemech.systems import constrained_body
 from liemech.systems.conditions import connections, joint, led, solved_sparse, speeds
 
-models: Any = lm
+library: Any = lm
 
 
 def hanging(count: int) -> tuple[Any, np.ndarray]:
@@ -25,7 +25,7 @@ def hanging(count: int) -> tuple[Any, np.ndarray]:
         pose[:3, :3] = lm.SO3().exp([0.3 * np.sin(b), 0.2, 0.1])
         pose[:3, 3] = top - 0.5 * pose[:3, 2]
         top = top - pose[:3, 2]
-    return models.chain(count), poses
+    return library.joints.chain(count), poses
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -64,14 +64,14 @@ def test_work_grows_as_the_number_of_bodies() -> None:
     """
 
     def work(count: int) -> tuple[int, int]:
-        chain = models.chain(count)
+        chain = library.joints.chain(count)
         products = sum(len(above) for _, _, below, _ in chain.elimination for *_, above in below)
         return sum(len(row) for row in chain.shared), products
 
     few, more, most = (np.array(work(n)) for n in (10, 20, 40))
     assert (most - more == 2 * (more - few)).all()
     # five conditions, three joints
-    assert max(len(row) for row in models.chain(12, axis=[0.0, 1.0, 0.0]).shared) == 15
+    assert max(len(row) for row in library.joints.chain(12, axis=[0.0, 1.0, 0.0]).shared) == 15
 
 
 def test_sparse_matrices_give_the_same_starts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,7 +97,7 @@ def test_conditions_that_depend_on_each_other_are_named(
     most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     chain, poses = hanging(3)
-    twice: Any = lm.Linkage(chain.links, [*chain.joints, chain.joints[1]])
+    twice: Any = lm.joints.Linkage(chain.links, [*chain.joints, chain.joints[1]])
     monkeypatch.setattr(constrained_body, "DENSE", most)
     with pytest.raises(
         InvalidInput,

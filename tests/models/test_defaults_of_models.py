@@ -18,8 +18,13 @@ STANDARD_GRAVITY, E1, E2, E3 = 9.80665, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 
 ORIGIN = (0.0, 0.0, 0.0)
 ENDS = {"at_first": ORIGIN, "at_second": ORIGIN}
 MODELS: dict[type, dict[str, Any]] = {
-    lm.AndrewsMechanism: {"degrees": 7, "moment": 0.033, "stiffness": 4530.0, "rest": 0.07785},
-    lm.AxialField: {"slope": 1.0},
+    lm.models.AndrewsMechanism: {
+        "degrees": 7,
+        "moment": 0.033,
+        "stiffness": 4530.0,
+        "rest": 0.07785,
+    },
+    lm.models.AxialField: {"slope": 1.0},
     MagneticStructure: {"dim": 6, "rank": 6},
     GuidingCentreStructure: {"dim": 4, "rank": 4},
     lm.SphericalPendulum: {
@@ -28,46 +33,46 @@ MODELS: dict[type, dict[str, Any]] = {
         "length": 1.0,
         "gravity": STANDARD_GRAVITY,
     },
-    lm.ChainPendulum: {
+    lm.models.ChainPendulum: {
         "masses": (1.0, 1.0),
         "lengths": (1.0, 1.0),
         "gravity": STANDARD_GRAVITY,
         "dimension": 3,
     },
-    lm.FourBarLinkage: {"loops": 1, "mass": 1.0, "length": 1.0, "gravity": 9.81},
-    lm.FermiPastaUlam: {"particles": 32, "alpha": 0.25, "beta": 0.0},
-    lm.OrthonormalFrame: {"mass": 1.0},
-    lm.UniformGravity: {"centre": ORIGIN},
-    lm.HenonHeiles: {"degrees": 2, "coupling": 1.0},
-    lm.BallJoint: {"conditions": 3} | ENDS,
-    lm.RevoluteJoint: {"conditions": 5, "axis_first": E3, "axis_second": E3} | ENDS,
-    lm.UniversalJoint: {"conditions": 4, "axis_first": E1, "axis_second": E2} | ENDS,
-    lm.PrismaticJoint: {"conditions": 5, "axis": E3, "attitude": (E1, E2, E3)} | ENDS,
-    lm.RigidRod: {"conditions": 1, "length": 1.0} | ENDS,
+    lm.models.FourBarLinkage: {"loops": 1, "mass": 1.0, "length": 1.0, "gravity": 9.81},
+    lm.models.FermiPastaUlam: {"particles": 32, "alpha": 0.25, "beta": 0.0},
+    lm.models.OrthonormalFrame: {"mass": 1.0},
+    lm.models.UniformGravity: {"centre": ORIGIN},
+    lm.models.HenonHeiles: {"degrees": 2, "coupling": 1.0},
+    lm.joints.BallJoint: {"conditions": 3} | ENDS,
+    lm.joints.RevoluteJoint: {"conditions": 5, "axis_first": E3, "axis_second": E3} | ENDS,
+    lm.joints.UniversalJoint: {"conditions": 4, "axis_first": E1, "axis_second": E2} | ENDS,
+    lm.joints.PrismaticJoint: {"conditions": 5, "axis": E3, "attitude": (E1, E2, E3)} | ENDS,
+    lm.joints.RigidRod: {"conditions": 1, "length": 1.0} | ENDS,
     lm.Kepler: {"degrees": 2, "attraction": 1.0},
     Linkage: {"gravity": STANDARD_GRAVITY},
-    lm.LotkaVolterra: {
+    lm.models.LotkaVolterra: {
         "coupling": ((0.0, 1.0), (-1.0, 0.0)),
         "weights": (1.0, 1.0),
         "rates": (1.0, 2.0),
     },
     MaxwellBlochStructure: {"dim": 3, "rank": 2},
     HalfSquare: {"weight": 1.0},
-    lm.NBody: {"gravity": 1.0, "dimension": 3},
-    lm.OrthogonalBody: {"degrees": 9, "inertia": (1.0, 1.5, 2.0)},
-    lm.ParticleOnEllipsoid: {"axes": (1.0, 1.5, 2.0), "mass": 1.0},
-    lm.Pendulum: {"degrees": 1, "mass": 1.0, "length": 1.0, "gravity": STANDARD_GRAVITY},
-    lm.DoublePendulum: {
+    lm.models.NBody: {"gravity": 1.0, "dimension": 3},
+    lm.models.OrthogonalBody: {"degrees": 9, "inertia": (1.0, 1.5, 2.0)},
+    lm.models.ParticleOnEllipsoid: {"axes": (1.0, 1.5, 2.0), "mass": 1.0},
+    lm.models.Pendulum: {"degrees": 1, "mass": 1.0, "length": 1.0, "gravity": STANDARD_GRAVITY},
+    lm.models.DoublePendulum: {
         "degrees": 2,
         "masses": (1.0, 1.0),
         "lengths": (1.0, 1.0),
         "gravity": STANDARD_GRAVITY,
     },
-    lm.PlanetarySystem: {"gravity": 1.0},
-    lm.Blade: {"behind": 0.0},
-    lm.Rolling: {"radius": 1.0},
-    lm.Suslov: {"axis": E3},
-    lm.FallingBody: {"gravity": STANDARD_GRAVITY},
+    lm.models.PlanetarySystem: {"gravity": 1.0},
+    lm.joints.Blade: {"behind": 0.0},
+    lm.joints.Rolling: {"radius": 1.0},
+    lm.joints.Suslov: {"axis": E3},
+    lm.models.FallingBody: {"gravity": STANDARD_GRAVITY},
 }
 
 
@@ -99,7 +104,7 @@ def test_the_outer_planets_are_on_their_orbits() -> None:
 
     Source: Standish, Keplerian elements for approximate positions of the major planets, JPL.
     """
-    system, start = lm.NBody.outer_solar_system(barycentric=False)
+    system, start = lm.models.NBody.outer_solar_system(barycentric=False)
     masses = np.array(system.masses)
     q, v = np.reshape(start.q, (6, 3)), np.reshape(start.p, (6, 3)) / masses[:, None]
     assert not q[0].any() and not v[0].any() and masses[0] == pytest.approx(1.0 + 5.98e-6, abs=1e-8)
@@ -123,7 +128,7 @@ def test_the_outer_planets_are_on_their_orbits() -> None:
 
 def test_three_bodies_on_an_eight_are_each_where_the_next_one_was() -> None:
     """After a third of the period: the first is where the second was, and so on."""
-    system, start = lm.NBody.figure_eight()
+    system, start = lm.models.NBody.figure_eight()
     period = lm.models.n_body.EIGHT_PERIOD
     run = lm.integrate(
         system, lm.RKMK(order=8), start, h=period / 90, steps=30, every=30, compiled=False
@@ -137,7 +142,7 @@ def test_three_bodies_on_an_eight_are_each_where_the_next_one_was() -> None:
 def test_momenta_of_points_are_sums() -> None:
     rng = np.random.default_rng(5)
     for dimension in (2, 3):
-        system = lm.NBody([1.0, 2.0, 0.5, 3.0], 1.0, dimension)
+        system = lm.models.NBody([1.0, 2.0, 0.5, 3.0], 1.0, dimension)
         q, p = rng.normal(size=(2, 4, dimension))
         mine = lm.vec(*q.ravel()), lm.vec(*p.ravel())
         assert np.allclose(system.momentum(mine[1]), p.sum(axis=0), rtol=1e-14)

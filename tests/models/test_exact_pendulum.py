@@ -71,7 +71,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_against_mpmath(name: str) -> None:
     q, p, m, g, l = CASES[name]
-    pendulum, w = lm.Pendulum(m, l, g), math.sqrt(abs(g) / l)
+    pendulum, w = lm.models.Pendulum(m, l, g), math.sqrt(abs(g) / l)
     start = pendulum.state(q, p)
     fast = max(w, abs(p) / (m * l * l))
     for t in 0.0, 0.7, -3.1, 25.0, 300.0:
@@ -83,7 +83,7 @@ def test_against_mpmath(name: str) -> None:
 
 
 def test_against_the_reference() -> None:
-    pendulum = lm.Pendulum(gravity=1.0)
+    pendulum = lm.models.Pendulum(gravity=1.0)
     start = pendulum.state(float(REFERENCE["q0"]), float(REFERENCE["p0"]))
     assert abs(pendulum.period(start) - float(REFERENCE["period"])) < 1e-14
     samples = REFERENCE["samples"]
@@ -95,7 +95,7 @@ def test_against_the_reference() -> None:
 
 
 def test_periods() -> None:
-    pendulum = lm.Pendulum(1.0, 2.0, 3.0)
+    pendulum = lm.models.Pendulum(1.0, 2.0, 3.0)
     assert pendulum.period(pendulum.state(0.0, 1e-9)) == pytest.approx(
         2.0 * math.pi * math.sqrt(2.0 / 3.0), rel=1e-15
     )
@@ -105,22 +105,25 @@ def test_periods() -> None:
         turn = 2.0 * math.pi * np.sign(p) if abs(p) > 20.0 else 0.0
         assert abs(end.q[0] - 0.4 - turn) < 1e-14
         assert abs(end.p[0] - p) < 1e-14 * abs(p)
-    assert lm.Pendulum(gravity=1.0).period(lm.Pendulum(gravity=1.0).state(0.0, 2.0)) == math.inf
+    assert (
+        lm.models.Pendulum(gravity=1.0).period(lm.models.Pendulum(gravity=1.0).state(0.0, 2.0))
+        == math.inf
+    )
 
 
 def test_rest_and_no_gravity() -> None:
-    for pendulum, q in (lm.Pendulum(), 0.0), (lm.Pendulum(gravity=-1.0), 0.0):
+    for pendulum, q in (lm.models.Pendulum(), 0.0), (lm.models.Pendulum(gravity=-1.0), 0.0):
         start = pendulum.state(q, 0.0)
         assert pendulum.period(start) == 0.0
         assert np.array_equal(pendulum.exact(start, [0.0, 5.0]).q, [[q], [q]])
-    free = lm.Pendulum(2.0, 3.0, 0.0)
+    free = lm.models.Pendulum(2.0, 3.0, 0.0)
     end = free.exact(free.state(0.5, 9.0), [0.0, 4.0])
     assert np.allclose(end.q, [[0.5], [2.5]], rtol=1e-15)
     assert np.array_equal(end.p, [[9.0], [9.0]])
 
 
 def test_the_energy_is_that_of_the_start_on_the_whole_way() -> None:
-    pendulum = lm.Pendulum(1.3, 0.8)
+    pendulum = lm.models.Pendulum(1.3, 0.8)
     for p in 0.3, 4.0, 9.0:
         start = pendulum.state(0.7, p)
         t = np.linspace(-50.0, 50.0, 1001)
@@ -130,7 +133,7 @@ def test_the_energy_is_that_of_the_start_on_the_whole_way() -> None:
 
 
 def test_bad_arguments() -> None:
-    pendulum = lm.Pendulum()
+    pendulum = lm.models.Pendulum()
     with pytest.raises(InvalidInput, match="one pendulum at a time"):
         pendulum.exact(pendulum.state([[0.1], [0.2]], [[0.0], [0.0]]), 1.0)
     with pytest.raises(InvalidInput, match="t must be finite"):
@@ -138,7 +141,7 @@ def test_bad_arguments() -> None:
 
 
 def test_a_phase_beyond_the_largest_number_is_refused() -> None:
-    pendulum, top = lm.Pendulum(), lm.LagrangeTop(0.5, 1.0, 1.0, 1.0)
+    pendulum, top = lm.models.Pendulum(), lm.models.LagrangeTop(0.5, 1.0, 1.0, 1.0)
     fast = pendulum.state(0.3, 400.0)
     spinning = top.state(mu=[2.0, -2.5, 0.4], g=np.eye(3))
     for exact in (lambda t: pendulum.exact(fast, t), lambda t: top.exact(spinning, t)):
@@ -147,7 +150,7 @@ def test_a_phase_beyond_the_largest_number_is_refused() -> None:
 
 
 def test_the_period_without_gravity_is_that_of_a_turn() -> None:
-    pendulum = lm.Pendulum(mass=1.3, length=0.7, gravity=0.0)
+    pendulum = lm.models.Pendulum(mass=1.3, length=0.7, gravity=0.0)
     start = pendulum.state(0.4, -0.9)
     end = pendulum.exact(start, pendulum.period(start))
     assert float(end.q[0]) == pytest.approx(0.4 - 2.0 * math.pi, rel=1e-14) and float(
@@ -157,6 +160,6 @@ def test_the_period_without_gravity_is_that_of_a_turn() -> None:
 
 def test_rods_of_a_pendulum_join_each_mass_to_the_one_before() -> None:
     """The first hangs on the pivot, whose number follows those of the masses."""
-    pivots, joined = rods(lm.ChainPendulum(masses=[1.0, 1.0, 1.0], lengths=[1.0, 1.0, 1.0]))
+    pivots, joined = rods(lm.models.ChainPendulum(masses=[1.0, 1.0, 1.0], lengths=[1.0, 1.0, 1.0]))
     assert np.array_equal(pivots, np.zeros((1, 3))) or np.array_equal(pivots, np.zeros((1, 2)))
     assert joined == [(3, 0), (0, 1), (1, 2)]

@@ -22,7 +22,7 @@ REFERENCE = json.loads((REFERENCES / "heavy_top_lagrange.json").read_text())
 
 
 def taylor(
-    top: lm.LagrangeTop, mu: Any, g: Any, t: float, number: Any = float, order: int = 20
+    top: lm.models.LagrangeTop, mu: Any, g: Any, t: float, number: Any = float, order: int = 20
 ) -> tuple[np.ndarray, np.ndarray]:
     """Momentum and attitude by power series, with fixed steps: no closed form in it."""
     with mp.workdps(32):
@@ -62,17 +62,17 @@ def tilted(angle: float) -> np.ndarray:
     return np.asarray(lm.SO3().exp(np.array([angle, 0.0, 0.0])))
 
 
-TOP = lm.LagrangeTop(1.0, 1.0, 0.5, 1.0)  # weight, transverse, axial, length
+TOP = lm.models.LagrangeTop(1.0, 1.0, 0.5, 1.0)  # weight, transverse, axial, length
 AT_RANDOM = rotation(np.random.default_rng(4))
 UPRIGHT = np.eye(3)
 DOWN = np.diag([1.0, -1.0, -1.0])
 
-CASES: dict[str, tuple[lm.LagrangeTop, Any, Any]] = {
+CASES: dict[str, tuple[lm.models.LagrangeTop, Any, Any]] = {
     "nodding": (TOP, [0.1, 0.2, 2.0], tilted(0.3)),
-    "at random": (lm.LagrangeTop(2.0, 1.3, 0.4, 0.7), [0.7, -0.9, 1.1], AT_RANDOM),
-    "flat": (lm.LagrangeTop(1.0, 1.0, 1.7, 1.0), [0.4, 0.3, -1.5], AT_RANDOM),
-    "weight upwards": (lm.LagrangeTop(-1.0, 1.0, 0.5, 1.0), [0.1, 0.2, 2.0], tilted(0.3)),
-    "no weight": (lm.LagrangeTop(0.0, 1.0, 0.5, 1.0), [0.1, 0.2, 2.0], AT_RANDOM),
+    "at random": (lm.models.LagrangeTop(2.0, 1.3, 0.4, 0.7), [0.7, -0.9, 1.1], AT_RANDOM),
+    "flat": (lm.models.LagrangeTop(1.0, 1.0, 1.7, 1.0), [0.4, 0.3, -1.5], AT_RANDOM),
+    "weight upwards": (lm.models.LagrangeTop(-1.0, 1.0, 0.5, 1.0), [0.1, 0.2, 2.0], tilted(0.3)),
+    "no weight": (lm.models.LagrangeTop(0.0, 1.0, 0.5, 1.0), [0.1, 0.2, 2.0], AT_RANDOM),
     "a spherical pendulum": (TOP, [0.3, 0.4, 0.0], tilted(1.9)),
     "a plane pendulum through the lowest point": (TOP, [0.3, 0.0, 0.0], tilted(1.9)),
     "a plane pendulum over both poles": (TOP, [3.0, 0.0, 0.0], tilted(1.9)),
@@ -150,7 +150,7 @@ def test_the_separatrix_itself() -> None:
 
 
 def test_against_the_reference() -> None:
-    top = lm.LagrangeTop(
+    top = lm.models.LagrangeTop(
         float(REFERENCE["mgl"]), float(REFERENCE["J"][0]), float(REFERENCE["J"][2]), 1.0
     )
     start = top.state(
@@ -194,7 +194,7 @@ def test_bad_arguments() -> None:
 
 def test_an_upright_top_sleeps_above_its_momentum() -> None:
     """A small deflection z obeys A z'' - i mu z' - w l z = 0, bounded where mu^2 > 4 A w l."""
-    top = lm.LagrangeTop(transverse=1.3, axial=0.7, weight=2.0, length=0.4)
+    top = lm.models.LagrangeTop(transverse=1.3, axial=0.7, weight=2.0, length=0.4)
     mu = top.sleeping_momentum
     for factor, sleeps in ((1.0 + 1e-6, True), (1.0 - 1e-6, False)):
         roots = np.roots([1.3, -1j * factor * mu, -2.0 * 0.4])

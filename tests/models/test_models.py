@@ -17,6 +17,7 @@ from liemech.models.heavy_top import HeavyTop, LagrangeTop, ReducedHeavyTop
 from liemech.models.kirchhoff import KirchhoffBody
 from liemech.models.poses import attitude, places
 from liemech.models.space_bodies import FallingBody, OrbitingBody
+from liemech.names import everything
 from liemech.systems.lie_poisson import BodyState
 
 KIRCHHOFF = reference("kirchhoff_se3")
@@ -326,7 +327,7 @@ def test_faces() -> None:
         KirchhoffBody(np.diag([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])),
     ):
         assert pickle.loads(pickle.dumps(model)) == model
-        assert eval(repr(model), vars(lm) | globals()) == model
+        assert eval(repr(model), everything()) == model
     assert repr(HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])) == (
         "HeavyTop(inertia=Vec(1.0, 1.5, 0.7), weight=1.3, centre=Vec(0.6, 0.0, 0.8))"
     )
@@ -335,7 +336,7 @@ def test_faces() -> None:
 
 @pytest.mark.parametrize("times", [[[0.0, 1.0]], float("nan"), [0.0, float("inf")]], ids=str)
 def test_exact_motions_refuse_times_alike(times: Any) -> None:
-    turning, falling = lm.RigidBody([1.0, 1.5, 2.0]), lm.FallingBody([1.0, 1.5, 2.0], 1.0)
+    turning, falling = lm.RigidBody([1.0, 1.5, 2.0]), lm.models.FallingBody([1.0, 1.5, 2.0], 1.0)
     for system, start in (
         (turning, turning.state([0.5, 0.1, 0.8])),
         (falling, falling.state([0.5, 0.1, 0.8, 0.0, 0.0, 1.0], np.eye(4))),
@@ -345,13 +346,13 @@ def test_exact_motions_refuse_times_alike(times: Any) -> None:
 
 
 def test_the_exact_fall_asks_for_a_pose() -> None:
-    body = lm.FallingBody([1.0, 1.6, 2.3], mass=1.7)
+    body = lm.models.FallingBody([1.0, 1.6, 2.3], mass=1.7)
     with pytest.raises(lm.errors.InvalidInput, match=r"FallingBody\.exact: start has no pose g"):
         body.exact(BodyState(lm.vec(1.0, 2.0, 3.0, 0.0, 0.0, 0.0)), 0.1)
 
 
 def test_the_vertical_momentum_of_a_chain_is_that_of_its_points() -> None:
-    chain, rng = lm.ChainPendulum([1.0, 0.5, 0.8], [1.0, 0.7, 0.4]), np.random.default_rng(2)
+    chain, rng = lm.models.ChainPendulum([1.0, 0.5, 0.8], [1.0, 0.7, 0.4]), np.random.default_rng(2)
     q, p = rng.normal(size=(2, 3 * 3))
     wanted = np.cross(q.reshape(3, 3), p.reshape(3, 3))[:, 2].sum()
     assert chain.vertical_momentum(lm.vec(*q), lm.vec(*p)) == pytest.approx(wanted, rel=1e-14)
@@ -360,7 +361,7 @@ def test_the_vertical_momentum_of_a_chain_is_that_of_its_points() -> None:
 def test_where_the_bobs_of_a_double_pendulum_are_drawn() -> None:
     q = np.array([[0.3, -1.1], [2.0, 0.4]])
     arms = np.stack([np.sin(q), -np.cos(q)], axis=-1) * np.array([1.0, 0.6])[:, None]
-    drawn = places(lm.DoublePendulum([1.0, 1.0], [1.0, 0.6], 9.81), q, 0.0 * q)
+    drawn = places(lm.models.DoublePendulum([1.0, 1.0], [1.0, 0.6], 9.81), q, 0.0 * q)
     assert np.allclose(drawn, np.cumsum(arms, axis=1), rtol=0.0, atol=1e-15)
 
 

@@ -38,7 +38,9 @@ METHODS = (
 
 BY_ELEMENTS = (
     lm.FirstKindHamiltonJacobi(order=2),
-    lm.FirstKindHamiltonJacobi(order=2, retraction=lm.Cayley(), s0=lm.CayleySquare()),
+    lm.FirstKindHamiltonJacobi(
+        order=2, retraction=lm.Cayley(), s0=lm.class_functions.CayleySquare()
+    ),
 )
 """Methods that turn momenta by elements of the group: equal to rounding."""
 

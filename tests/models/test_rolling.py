@@ -10,11 +10,12 @@ import pytest
 import liemech as lm
 from liemech.errors import InvalidInput
 
-models: Any = lm
+library: Any = lm
 RADIUS, MASS, J = 0.7, 1.3, np.array([0.3, 0.5, 0.7])
 GROUP = lm.ProductGroup(lm.SO3(), lm.VectorSpace(3))
-BALL = models.NonholonomicBody(
-    models.LiePoissonSystem(GROUP, models.KineticEnergy([*J, MASS, MASS, MASS])), lm.Rolling(RADIUS)
+BALL = library.NonholonomicBody(
+    library.LiePoissonSystem(GROUP, library.KineticEnergy([*J, MASS, MASS, MASS])),
+    lm.joints.Rolling(RADIUS),
 )
 START = BALL.consistent(
     [0.1, 1.0, 0.3, 0.0, 0.0, 0.2], GROUP.join(lm.SO3().exp([0.4, -0.3, 0.5]), np.zeros(3))
@@ -43,6 +44,6 @@ def test_the_momentum_about_the_contact_is_kept() -> None:
 
 def test_directions_and_radii_that_are_none_are_refused() -> None:
     with pytest.raises(InvalidInput, match="Rolling: radius must be positive"):
-        lm.Rolling(0.0)
+        lm.joints.Rolling(0.0)
     with pytest.raises(InvalidInput, match="Suslov: axis is a direction"):
-        lm.Suslov([0.0, 0.0, 0.0])
+        lm.joints.Suslov([0.0, 0.0, 0.0])

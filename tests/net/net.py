@@ -30,10 +30,10 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parent.parent))
 
-import scenes_of_net as scenes
-from scenes_of_net import Scene
+import scenes_of_runs as scenes
+from scenes_of_runs import Scene
 
 import liemech as lm
 from liemech import errors

@@ -57,7 +57,12 @@ def run() -> Any:
 UNITS = [np.array(lm.SO3().random(seed)) for seed in (1, 2, 3)]
 TOP, ORBIT, FALL = lagrange_top(), orbiting_body(), falling_body()
 FLUID, FLUID_START, _ = kirchhoff_body()
-PENDULUM, DOUBLE, PLANET, STARS = lm.Pendulum(), lm.DoublePendulum(), lm.Kepler(), lm.HenonHeiles()
+PENDULUM, DOUBLE, PLANET, STARS = (
+    lm.models.Pendulum(),
+    lm.models.DoublePendulum(),
+    lm.Kepler(),
+    lm.models.HenonHeiles(),
+)
 SO4 = lm.LiePoissonSystem(lm.SO(4), lm.KineticEnergy([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]))
 QUATERNIONS = lm.LiePoissonSystem(lm.UnitQuaternions(), lm.KineticEnergy([1.0, 1.5, 2.0]))
 PLANE = lm.LiePoissonSystem(lm.SE2(), lm.KineticEnergy([1.0, 1.5, 2.0]))
@@ -108,8 +113,8 @@ SYSTEMS: dict[str, tuple[Any, Any]] = {
         SteeredFromSpace(lm.SO3()).state(np.array(UNITS)),
     ),
     "point on a sphere": (
-        Turning(lm.SphereAction(3)),
-        Turning(lm.SphereAction(3)).state([0.6, 0.0, 0.8]),
+        Turning(lm.actions.SphereAction(3)),
+        Turning(lm.actions.SphereAction(3)).state([0.6, 0.0, 0.8]),
     ),
 }
 

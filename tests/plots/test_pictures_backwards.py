@@ -13,7 +13,7 @@ import liemech as lm
 from liemech import plots, viewer
 
 pytest.importorskip("matplotlib")
-GALAXY = lm.HenonHeiles()
+GALAXY = lm.models.HenonHeiles()
 
 
 def follow(system: Any, method: Any, start: Any, **more: Any) -> Any:
@@ -50,7 +50,7 @@ def test_sections_on_constraints_follow_the_sphere() -> None:
 def test_an_ensemble_in_fictive_time_has_pictures_over_it() -> None:
     planets = lm.Kepler()
     start = planets.state(q=[[0.4, 0.0], [0.6, 0.0]], p=[[0.0, 2.0], [0.0, 1.5]])
-    method = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5))
+    method = lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5))
     run = follow(planets, method, start, h=0.05, steps=150)
     assert run.t.shape == (151, 2)
     for picture in (lm.plots.invariants(run), lm.plots.drift(run)):

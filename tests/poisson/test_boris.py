@@ -15,13 +15,13 @@ class Well(lm.Hamiltonian):
         return x[0] ** 3 - x[1] ** 3 + 0.2 * x[0] ** 4 + x[1] ** 4 + x[2] ** 4
 
 
-FIELD = lm.TokamakField()
-FREE, DRIVEN = lm.ChargedParticle(FIELD), lm.ChargedParticle(FIELD, Well())
+FIELD = lm.models.TokamakField()
+FREE, DRIVEN = lm.models.ChargedParticle(FIELD), lm.models.ChargedParticle(FIELD, Well())
 Y = np.array([1.05, 0.1, -0.2, 0.3, 0.5, -0.4])
 H = 0.2
 
 
-def stepped(system: lm.ChargedParticle, y: np.ndarray, h: float) -> np.ndarray:
+def stepped(system: lm.models.ChargedParticle, y: np.ndarray, h: float) -> np.ndarray:
     return np.array(lm.Boris().step(system, 0.0, system.state(y), h).y)
 
 
@@ -51,4 +51,4 @@ def test_other_systems_are_refused() -> None:
     with pytest.raises(
         lm.errors.IncompatibleSystem, match="needs a system with a magnetic_field; LotkaVolterra"
     ):
-        lm.Boris().require(lm.LotkaVolterra())
+        lm.Boris().require(lm.models.LotkaVolterra())

@@ -10,7 +10,9 @@ import pytest
 import liemech as lm
 from liemech.formulas import cos, sin
 
-SPECIES = lm.LotkaVolterra([[0, 1, -1], [-1, 0, 1], [1, -1, 0]], [1.0, 2.0, 1.0], [1.0, 1.0, 1.0])
+SPECIES = lm.models.LotkaVolterra(
+    [[0, 1, -1], [-1, 0, 1], [1, -1, 0]], [1.0, 2.0, 1.0], [1.0, 1.0, 1.0]
+)
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 MOMENTA = lm.PoissonSystem(lm.coadjoint(lm.SO3()).poisson_structure, BODY.hamiltonian)
 
@@ -24,7 +26,7 @@ def test_linear_charts_of_any_rank(dim: int) -> None:
     full = rng.normal(size=(dim, dim))
     low = np.outer(full[0], full[1])  # rank 2
     for values in (full - full.T, low - low.T, np.zeros((dim, dim))):
-        chart = lm.LinearDarboux(lm.ConstantStructure(values))
+        chart = lm.charts.LinearDarboux(lm.structures.ConstantStructure(values))
         assert 2 * chart.degrees == np.linalg.matrix_rank(values)
         assert chart.defect(rng.normal(size=dim)) < 1e-13
         y = rng.normal(size=dim)
@@ -33,7 +35,10 @@ def test_linear_charts_of_any_rank(dim: int) -> None:
 
 @pytest.mark.parametrize(
     ("chart", "y"),
-    [(lm.Andoyer(), [0.3, -0.4, 0.5]), (lm.LogarithmicDarboux(SPECIES.structure), [1.0, 0.8, 1.2])],
+    [
+        (lm.charts.Andoyer(), [0.3, -0.4, 0.5]),
+        (lm.charts.LogarithmicDarboux(SPECIES.structure), [1.0, 0.8, 1.2]),
+    ],
     ids=["Andoyer", "logarithms"],
 )
 def test_closed_charts_are_canonical_and_lead_back(chart: Any, y: list[float]) -> None:
@@ -46,8 +51,8 @@ def test_closed_charts_are_canonical_and_lead_back(chart: Any, y: list[float]) -
     [
         (MOMENTA.structure, [0.3, 0.4, 0.5], 1),
         (SPECIES.structure, [1.0, 0.8, 1.2], 1),
-        (lm.MaxwellBloch().structure, [1.0, 0.5, 0.3], 1),
-        (lm.TodaLattice(3).structure, [0.6, 0.5, 0.2, -0.1, 0.3], 2),
+        (lm.models.MaxwellBloch().structure, [1.0, 0.5, 0.3], 1),
+        (lm.models.TodaLattice(3).structure, [0.6, 0.5, 0.2, -0.1, 0.3], 2),
     ],
     ids=["so(3)*", "species", "Maxwell-Bloch", "Toda"],
 )
@@ -55,7 +60,7 @@ def test_the_construction_of_darboux_and_lie(structure: Any, y: list[float], deg
     """Canonical to 1e-10 near the point, with as many Casimirs as are left, functions of the ones
     that are known.
     """
-    chart = lm.DarbouxLieChart(structure, y, steps=2)
+    chart = lm.charts.DarbouxLieChart(structure, y, steps=2)
     assert chart.degrees == degrees
     near = np.array(y) * (1.0 + 0.1 * np.random.default_rng(3).uniform(-1.0, 1.0, len(y)))
     assert chart.defect(near) < 1e-10
@@ -70,21 +75,21 @@ def test_no_chart_where_the_rank_falls() -> None:
     """Around a wrench without force orbits have four dimensions, at it two."""
     motions = lm.coadjoint(lm.SE3()).poisson_structure
     with pytest.raises(lm.errors.InvalidInput, match="is 2, beside it 4"):
-        lm.DarbouxLieChart(motions, [0.3, 0.4, 0.5, 0.0, 0.0, 0.0])
+        lm.charts.DarbouxLieChart(motions, [0.3, 0.4, 0.5, 0.0, 0.0, 0.0])
 
 
 @pytest.mark.slow
 def test_the_construction_where_a_level_is_inside_another() -> None:
     """Rank 4 with derivatives of the field in it, and rank 4 of 6."""
     guide, motions = (
-        lm.GuidingCentre(lm.TokamakField(), 0.1).structure,
+        lm.models.GuidingCentre(lm.models.TokamakField(), 0.1).structure,
         lm.coadjoint(lm.SE3()).poisson_structure,
     )
     for structure, y in (
         (guide, [1.05, 0.1, 0.1, 0.2]),
         (motions, [0.3, 0.4, 0.5, 0.9, -0.2, 0.4]),
     ):
-        chart = lm.DarbouxLieChart(structure, y)
+        chart = lm.charts.DarbouxLieChart(structure, y)
         assert chart.degrees == 2
         assert chart.defect(np.array(y) * 1.05) < 1e-10
 
@@ -95,7 +100,7 @@ def test_a_body_in_andoyers_variables_and_back() -> None:
     map.
     """
     mu = [0.9, 0.3, 0.4]
-    chart = lm.Andoyer()
+    chart = lm.charts.Andoyer()
     there, start = chart.system(MOMENTA, MOMENTA.state(mu))
     assert there.energy(start.q, start.p) == pytest.approx(BODY.energy(mu), rel=1e-15)
     errors = []
@@ -117,7 +122,7 @@ def test_a_body_in_andoyers_variables_and_back() -> None:
 
 
 def test_a_chart_that_is_left_says_so() -> None:
-    chart = lm.Andoyer()
+    chart = lm.charts.Andoyer()
     with pytest.raises(lm.errors.OutsideChart, match="over the third axis"):
         chart.point([0.3, 1.2, 1.0])
     there, start = chart.system(MOMENTA, MOMENTA.state([0.3, 0.2, 1.0]))
@@ -125,18 +130,18 @@ def test_a_chart_that_is_left_says_so() -> None:
         lm.integrate(
             there, lm.RKMK(order=1), start, h=3.0, steps=200, compiled=False, progress=False
         )
-    far = lm.DarbouxLieChart(MOMENTA.structure, [0.3, 0.4, 0.5], steps=2)
+    far = lm.charts.DarbouxLieChart(MOMENTA.structure, [0.3, 0.4, 0.5], steps=2)
     with pytest.raises(lm.errors.OutsideChart, match="stay nearer"):
         far.coordinates([0.3, 0.9, -0.5])
     with pytest.raises(lm.errors.InvalidInput, match="rank zero"):
-        lm.DarbouxLieChart(MOMENTA.structure, [0.0, 0.0, 0.0])
+        lm.charts.DarbouxLieChart(MOMENTA.structure, [0.0, 0.0, 0.0])
     with pytest.raises(lm.errors.InvalidInput, match="a PoissonSystem with"):
         chart.system(SPECIES, SPECIES.state([1.0, 1.0, 1.0]))
 
 
 def test_species_in_logarithms_and_back() -> None:
     """Gauss' method is a Poisson integrator there, and keeps the Casimir; here it is none."""
-    chart = lm.LogarithmicDarboux(SPECIES.structure)
+    chart = lm.charts.LogarithmicDarboux(SPECIES.structure)
     begin = SPECIES.state([1.0, 0.8, 1.2])
     there, start = chart.system(SPECIES, begin)
     gauss = lm.RKMK(tableau=lm.tableaus.gauss(2))
@@ -174,7 +179,7 @@ class Particle(lm.HamiltonianSystem):
 
 
 @lm.record
-class Sphere(lm.LocalChart):
+class Sphere(lm.charts.LocalChart):
     """y = (theta, phi, and either their velocities or their momenta)."""
 
     dim: ClassVar[int] = 4
@@ -205,7 +210,7 @@ def test_the_spherical_pendulum_in_local_coordinates(momenta: bool) -> None:
     is an invariant.
     """
     chart = Sphere(momenta)
-    system = lm.in_coordinates(Particle(), chart)
+    system = lm.charts.in_coordinates(Particle(), chart)
     x = np.array([*Q0, *V0])
     y = chart.coordinates(x)
     assert np.allclose(chart.embedding(y), x, rtol=0.0, atol=1e-15)
@@ -228,10 +233,10 @@ def test_structures_of_the_sphere_in_closed_form() -> None:
     theta beside the angles.
     """
     y = [0.7, 0.3, -0.4, 0.9]
-    B = np.array(lm.in_coordinates(Particle(), Sphere(True)).structure.matrix(y))
-    assert np.allclose(B, lm.Canonical(2).matrix(y), rtol=0.0, atol=1e-15)
+    B = np.array(lm.charts.in_coordinates(Particle(), Sphere(True)).structure.matrix(y))
+    assert np.allclose(B, lm.structures.Canonical(2).matrix(y), rtol=0.0, atol=1e-15)
     theta, _, _, turn = y
-    B = np.array(lm.in_coordinates(Particle(), Sphere(False)).structure.matrix(y))
+    B = np.array(lm.charts.in_coordinates(Particle(), Sphere(False)).structure.matrix(y))
     expected = np.zeros((4, 4))
     expected[0, 2], expected[1, 3], expected[2, 3] = (
         1.0,
@@ -243,16 +248,16 @@ def test_structures_of_the_sphere_in_closed_form() -> None:
 
 def test_charts_that_are_none_are_refused() -> None:
     with pytest.raises(lm.errors.InvalidType, match="chart must be a LocalChart"):
-        lm.in_coordinates(Particle(), lm.Andoyer())  # type: ignore[arg-type]
+        lm.charts.in_coordinates(Particle(), lm.charts.Andoyer())  # type: ignore[arg-type]
     with pytest.raises(lm.errors.InvalidType, match="an even number"):
 
         @lm.record
-        class Odd(lm.LocalChart):
+        class Odd(lm.charts.LocalChart):
             dim: ClassVar[int] = 3
 
-        lm.in_coordinates(Particle(), Odd())
+        lm.charts.in_coordinates(Particle(), Odd())
     with pytest.raises(lm.errors.InvalidType, match="energy"):
-        lm.in_coordinates(lm.SO3(), Sphere(True))
+        lm.charts.in_coordinates(lm.SO3(), Sphere(True))
 
 
 # ---------------------------------------------------------------- symplectic is Poisson in coordinates
@@ -291,7 +296,7 @@ def test_a_hamiltonian_system_is_poisson_in_any_coordinates() -> None:
     """The lemma without constraints: a symplectic step in coordinates that are not canonical."""
 
     @lm.record
-    class Polar(lm.LocalChart):
+    class Polar(lm.charts.LocalChart):
         """Distance and angle, with their velocities."""
 
         dim: ClassVar[int] = 4
@@ -309,7 +314,7 @@ def test_a_hamiltonian_system_is_poisson_in_any_coordinates() -> None:
 
     planet = lm.Kepler()
     start = planet.state([0.8, 0.3], [-0.2, 1.1])
-    assert lm.check_poisson(lm.InducedStructure(Polar()), [[0.9, 0.2, 0.1, 1.3]])
+    assert lm.check_poisson(lm.structures.InducedStructure(Polar()), [[0.9, 0.2, 0.1, 1.3]])
     assert lm.poisson_defect(lm.StormerVerlet(), planet, start, 0.1, Polar()) < 1e-13
     assert lm.poisson_defect(lm.RKMK(order=4), planet, start, 0.1, Polar()) > 1e-9
 
@@ -319,7 +324,7 @@ def test_charts_of_defects_are_refused() -> None:
     with pytest.raises(lm.errors.IncompatibleSystem, match="give coordinates of it, chart="):
         lm.poisson_defect(lm.RATTLE(), PENDULUM, start, 0.05)
     with pytest.raises(lm.errors.InvalidType, match="must be a LocalChart"):
-        lm.poisson_defect(lm.RATTLE(), PENDULUM, start, 0.05, lm.Andoyer())  # type: ignore[arg-type]
+        lm.poisson_defect(lm.RATTLE(), PENDULUM, start, 0.05, lm.charts.Andoyer())  # type: ignore[arg-type]
     off = Particle().state([0.6, 0.0, -0.9], V0)
     with pytest.raises(lm.errors.InvalidInput, match=r"is not in Sphere\(momenta=True\)"):
         lm.poisson_defect(lm.RKMK(order=4), Particle(), off, 0.05, Sphere(True))

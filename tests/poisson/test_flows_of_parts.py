@@ -24,19 +24,19 @@ class Well(lm.Hamiltonian):
 
 
 SYSTEMS: dict[str, Any] = {
-    "two species": lm.LotkaVolterra(),
-    "species with weights": lm.LotkaVolterra(
+    "two species": lm.models.LotkaVolterra(),
+    "species with weights": lm.models.LotkaVolterra(
         [[0.0, 0.5, -0.3], [-0.5, 0.0, 0.8], [0.3, -0.8, 0.0]], [1.0, 2.0, 0.7], [0.4, 1.0, 1.5]
     ),
-    "a lattice of species": lm.LotkaVolterra.volterra_lattice(4),
-    "open chain": lm.TodaLattice(4),
-    "ring": lm.TodaLattice(4, True),
-    "light": lm.MaxwellBloch(),
-    "a charge": lm.ChargedParticle(lm.AxialField(0.3), Well()),
-    "a free charge": lm.ChargedParticle(lm.UniformField([0.3, -0.4, 1.2])),
-    "in a tokamak": lm.ChargedParticle(lm.TokamakField(), Well()),
-    "a top": lm.PoissonTop([1.2, 1.5, 0.7], 2.0, [0.3, -0.2, 0.5]),
-    "planets": lm.PlanetarySystem([1.0, 0.3, 0.2, 0.4], 1.7),
+    "a lattice of species": lm.models.LotkaVolterra.volterra_lattice(4),
+    "open chain": lm.models.TodaLattice(4),
+    "ring": lm.models.TodaLattice(4, True),
+    "light": lm.models.MaxwellBloch(),
+    "a charge": lm.models.ChargedParticle(lm.models.AxialField(0.3), Well()),
+    "a free charge": lm.models.ChargedParticle(lm.models.UniformField([0.3, -0.4, 1.2])),
+    "in a tokamak": lm.models.ChargedParticle(lm.models.TokamakField(), Well()),
+    "a top": lm.models.PoissonTop([1.2, 1.5, 0.7], 2.0, [0.3, -0.2, 0.5]),
+    "planets": lm.models.PlanetarySystem([1.0, 0.3, 0.2, 0.4], 1.7),
 }
 
 

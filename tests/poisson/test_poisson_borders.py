@@ -110,7 +110,7 @@ class Coupled(lm.Hamiltonian):
 @pytest.mark.parametrize("size", [1e-25, 1e-7, 1.0, 1e7, 1e25])
 def test_a_coupling_is_seen_in_any_units(size: float) -> None:
     with pytest.raises(IncompatibleSystem, match="needs an energy K"):
-        lm.PoissonEuler().require(lm.PoissonSystem(lm.Canonical(1), Coupled(size)))
+        lm.PoissonEuler().require(lm.PoissonSystem(lm.structures.Canonical(1), Coupled(size)))
 
 
 def test_casimirs_in_mixed_units() -> None:
@@ -121,22 +121,22 @@ def test_casimirs_in_mixed_units() -> None:
     B = B - B.T
     for units in (np.ones(6), 2.0 ** np.array([-100.0, 67.0, 0.0, -40.0, 17.0, 30.0])):
         there = units[:, None] * B * units
-        structure = lm.ConstantStructure(there)
+        structure = lm.structures.ConstantStructure(there)
         assert structure.rank == 4
         for k in np.array(structure.kernel):
             assert np.abs(there @ k).max() <= 1e-12 * (np.abs(there) @ np.abs(k)).max()
     tiny = np.zeros((4, 4))
     tiny[0, 1], tiny[1, 0], tiny[2, 3], tiny[3, 2] = 1e-20, -1e-20, 1.0, -1.0
-    assert lm.ConstantStructure(tiny).rank == 4
+    assert lm.structures.ConstantStructure(tiny).rank == 4
 
 
 def test_andoyer_has_no_coordinates_on_the_third_axis() -> None:
     with pytest.raises(OutsideChart, match="third axis"):
-        lm.Andoyer().coordinates(lm.vec(0.0, 0.0, 2.0))
+        lm.charts.Andoyer().coordinates(lm.vec(0.0, 0.0, 2.0))
 
 
 @lm.record
-class Short(lm.LocalChart):
+class Short(lm.charts.LocalChart):
     """Forgets one momentum."""
 
     dim: ClassVar[int] = 2
@@ -156,7 +156,7 @@ class Shorter(Short):
 @pytest.mark.parametrize("chart", [Short(), Shorter()])
 def test_embeddings_of_the_wrong_length(chart: Any) -> None:
     with pytest.raises(InvalidInput, match="3 positions and 3 momenta"):
-        lm.in_coordinates(lm.SphericalPendulum(), chart)
+        lm.charts.in_coordinates(lm.SphericalPendulum(), chart)
 
 
 @lm.record
@@ -205,12 +205,12 @@ class LightSpring(Light):
     ids=repr,
 )
 def test_motions_are_not_recognised_by_a_look_at_one_place(energy: Any) -> None:
-    assert "is not known" in lm.PoissonSystem(lm.Canonical(1), energy).unknown_motion()
+    assert "is not known" in lm.PoissonSystem(lm.structures.Canonical(1), energy).unknown_motion()
 
 
 @pytest.mark.parametrize("mass", [1e-15, 1.0, 1e15])
 def test_springs_are_recognised_in_any_units(mass: float) -> None:
-    system = lm.PoissonSystem(lm.Canonical(1), LightSpring(mass))
+    system = lm.PoissonSystem(lm.structures.Canonical(1), LightSpring(mass))
     assert not system.unknown_motion()
     h = 0.4 * np.sqrt(mass)
     run = lm.integrate(

@@ -29,7 +29,7 @@ def test_toda_in_flaschkas_variables_is_toda(periodic: bool) -> None:
     """The energy is that of (q, p), and the velocity the image of q' = p,
     p_i' = e^(q_i-1 - q_i) - e^(q_i - q_i+1).
     """
-    lattice, n = lm.TodaLattice(4, periodic), 4
+    lattice, n = lm.models.TodaLattice(4, periodic), 4
     q, p = np.random.default_rng(1).normal(size=(2, n))
     forces = np.exp(q - np.roll(q, -1))
     if not periodic:
@@ -46,7 +46,7 @@ def test_toda_in_flaschkas_variables_is_toda(periodic: bool) -> None:
 
 
 def test_henons_map_takes_volterra_to_toda() -> None:
-    species, lattice = lm.LotkaVolterra.volterra_lattice(5), lm.TodaLattice(3)
+    species, lattice = lm.models.LotkaVolterra.volterra_lattice(5), lm.models.TodaLattice(3)
     u = np.array([1.0, 0.7, 1.3, 0.9, 0.5])
     assert np.allclose(
         species.velocity(u), u * (np.array([*u[1:], 0.0]) - np.array([0.0, *u[:-1]])), rtol=1e-15
@@ -64,13 +64,15 @@ def test_henons_map_takes_volterra_to_toda() -> None:
 
 def test_species_of_one_form_only() -> None:
     with pytest.raises(lm.errors.InvalidInput, match="y must be positive"):
-        lm.LotkaVolterra().state([1.0, -0.1])
+        lm.models.LotkaVolterra().state([1.0, -0.1])
     with pytest.raises(lm.errors.InvalidInput, match="weights are 2 finite numbers"):
-        lm.LotkaVolterra(weights=[1.0, 2.0, 3.0])
+        lm.models.LotkaVolterra(weights=[1.0, 2.0, 3.0])
     with pytest.raises(lm.errors.InvalidInput, match="skew-symmetric"):
-        lm.LotkaVolterra([[0.0, 1.0], [1.0, 0.0]])
+        lm.models.LotkaVolterra([[0.0, 1.0], [1.0, 0.0]])
     assert np.allclose(
-        lm.LotkaVolterra().velocity(lm.LotkaVolterra().equilibrium().y), 0.0, atol=1e-16
+        lm.models.LotkaVolterra().velocity(lm.models.LotkaVolterra().equilibrium().y),
+        0.0,
+        atol=1e-16,
     )
 
 
@@ -78,13 +80,13 @@ def test_modes_of_a_chain() -> None:
     """Linear springs keep the energy of every mode; nonlinear ones let the others have some, and
     keep the sum of all.
     """
-    linear = lm.FermiPastaUlam(7, alpha=0.0)
+    linear = lm.models.FermiPastaUlam(7, alpha=0.0)
     start = linear.mode(2, 1.5)
     run = lm.integrate(linear, lm.Splitting(order=8), start, h=0.1, steps=40, compiled=False)
     energies = linear.mode_energies(run.q, run.p)
     assert np.allclose(energies[:, 1], linear.energy(start.q, start.p), rtol=1e-10)
     assert np.abs(np.delete(energies, 1, axis=1)).max() < 1e-14
-    bent = lm.FermiPastaUlam(7, alpha=0.25, beta=0.3)
+    bent = lm.models.FermiPastaUlam(7, alpha=0.25, beta=0.3)
     assert lm.check_system(bent)
     run = lm.integrate(bent, lm.Splitting(order=8), start, h=0.1, steps=40, compiled=False)
     assert bent.mode_energies(run.q, run.p)[-1, 3] > 1e-4
@@ -95,7 +97,7 @@ def test_the_recurrence_of_fermi_pasta_and_ulam() -> None:
     """32 masses, alpha = 1/4, all energy in the first mode: it falls below 10 %, and is back to 95
     % at some time before 11,500.
     """
-    chain = lm.FermiPastaUlam()
+    chain = lm.models.FermiPastaUlam()
     start = chain.mode(1, 1.0 / np.sqrt(2.0 / 33.0))  # displacements of one, as in the report
     run = lm.integrate(
         chain, lm.Splitting(order=4), start, h=0.25, steps=46_000, every=100, progress=False
@@ -111,7 +113,10 @@ def test_the_recurrence_of_fermi_pasta_and_ulam() -> None:
 
 def test_a_top_by_its_vertical_is_the_top_with_its_attitude() -> None:
     moments, weight, centre = [1.0, 1.5, 2.0], 2.0, [0.1, 0.0, 0.5]
-    body, top = lm.PoissonTop(moments, weight, centre), lm.HeavyTop(moments, weight, centre)
+    body, top = (
+        lm.models.PoissonTop(moments, weight, centre),
+        lm.models.HeavyTop(moments, weight, centre),
+    )
     g = lm.SO3().exp([0.4, -0.3, 0.5])
     mu = [0.3, 0.2, 1.0]
     a = lm.integrate(top, lm.RKMK(order=8), top.state(mu, g), h=0.05, steps=20, compiled=False)
@@ -121,7 +126,7 @@ def test_a_top_by_its_vertical_is_the_top_with_its_attitude() -> None:
     assert np.allclose(b.y[-1], [*a.mu[-1], *a.g[-1][2]], rtol=0.0, atol=1e-7)
     assert body.energy(b.y[0]) == pytest.approx(top.energy(mu, g), rel=1e-14)
     with pytest.raises(lm.errors.InvalidInput):
-        lm.PoissonTop([1.0, 2.0], 1.0, [0.0, 0.0, 1.0])
+        lm.models.PoissonTop([1.0, 2.0], 1.0, [0.0, 0.0, 1.0])
 
 
 @pytest.mark.slow
@@ -129,7 +134,7 @@ def test_the_figure_eight_closes() -> None:
     """To 1e-12 after a period; after a third every body is where the one before it was; the energy
     is the known one.
     """
-    system, start = lm.NBody.figure_eight()
+    system, start = lm.models.NBody.figure_eight()
     assert system.energy(start.q, start.p) == pytest.approx(
         -1.287141995631857704950953793, rel=1e-15
     )
@@ -155,12 +160,12 @@ def test_the_outer_solar_system() -> None:
     """Energies in both frames, angular momentum, the forces, and Stormer's and Verlet's error of
     energy over 200,000 days.
     """
-    system, start = lm.NBody.outer_solar_system()
+    system, start = lm.models.NBody.outer_solar_system()
     assert system.energy(start.q, start.p) == pytest.approx(-3.2177344552358074e-8, rel=1e-14)
     L = system.angular_momentum(start.q, start.p)
     assert np.allclose(L, [1.59497628e-6, -2.36860842e-5, 5.59074845e-5], rtol=2e-9)
     assert np.abs(np.array(system.momentum(start.p))).max() < 1e-20
-    _, heliocentric = lm.NBody.outer_solar_system(barycentric=False)
+    _, heliocentric = lm.models.NBody.outer_solar_system(barycentric=False)
     assert system.energy(heliocentric.q, heliocentric.p) == pytest.approx(
         -3.2154531832081676e-8, rel=1e-14
     )
@@ -171,7 +176,7 @@ def test_the_outer_solar_system() -> None:
 @pytest.mark.compiled
 @pytest.mark.slow
 def test_long_runs_of_the_outer_solar_system() -> None:
-    system, start = lm.NBody.outer_solar_system(barycentric=False)
+    system, start = lm.models.NBody.outer_solar_system(barycentric=False)
     for h, error in ((200.0, 1.9e-3), (100.0, 7.4e-4)):
         run = lm.integrate(
             system,
@@ -189,7 +194,9 @@ def test_long_runs_of_the_outer_solar_system() -> None:
 
 
 @pytest.mark.parametrize(
-    "field", [lm.AxialField(0.7), lm.TokamakField(), lm.UniformField([0.1, 0.2, 0.3])], ids=repr
+    "field",
+    [lm.models.AxialField(0.7), lm.models.TokamakField(), lm.models.UniformField([0.1, 0.2, 0.3])],
+    ids=repr,
 )
 def test_integrals_of_fields(field: Any) -> None:
     """Against quadrature, also across the planes; where one of the coordinates is zero."""
@@ -212,8 +219,8 @@ def test_integrals_of_fields(field: Any) -> None:
 
 
 def test_particles_move_by_lorentz_force() -> None:
-    field = lm.TokamakField()
-    particle = lm.ChargedParticle(field)
+    field = lm.models.TokamakField()
+    particle = lm.models.ChargedParticle(field)
     y = np.array([1.05, 0.2, -0.1, 0.3, -0.2, 0.5])
     assert np.allclose(
         particle.velocity(y), [*y[3:], *np.cross(y[3:], field.at(y[:3]))], rtol=1e-14
@@ -221,15 +228,15 @@ def test_particles_move_by_lorentz_force() -> None:
     assert lm.check_system(particle, particle.state(y))
 
     @lm.record
-    class Unknown(lm.MagneticField):
+    class Unknown(lm.models.MagneticField):
         def at(self, x: lm.Vec) -> lm.Vec:
             return lm.vec(x[1], x[2], x[0])
 
-    other = lm.ChargedParticle(Unknown())
+    other = lm.models.ChargedParticle(Unknown())
     with pytest.raises(lm.errors.IncompatibleSystem, match="coordinate_flow"):
         lm.Splitting(order=2).require(other)
     with pytest.raises(lm.errors.InvalidType, match="must be a MagneticField"):
-        lm.ChargedParticle([0.0, 0.0, 1.0])
+        lm.models.ChargedParticle([0.0, 0.0, 1.0])
 
 
 @pytest.mark.compiled
@@ -238,7 +245,7 @@ def test_banana_and_passing_orbits() -> None:
     """The ranges of R and |Z| of both orbits, of the particle and of its guiding centre, which
     stays beside it.
     """
-    particle = lm.ChargedParticle(lm.TokamakField())
+    particle = lm.models.ChargedParticle(lm.models.TokamakField())
     for v, low, high in (
         ([0.0, 4.816e-4, -2.059e-3], 1.0074, 1.0853),
         ([0.0, 9.632e-4, -2.059e-3], 0.9299, 1.0544),
@@ -256,7 +263,7 @@ def test_banana_and_passing_orbits() -> None:
         R = np.hypot(run.y[:, 0], run.y[:, 1])
         assert [R.min(), R.max()] == pytest.approx([low, high], abs=5e-4)
         assert run.drift()["energy"].verdict == "bounded"
-        centre, begin = lm.GuidingCentre.of_particle(particle, start.y)
+        centre, begin = lm.models.GuidingCentre.of_particle(particle, start.y)
         guide = lm.integrate(
             centre, lm.RKMK(order=8), centre.state(begin), h=50.0, steps=1571, progress=False
         )
@@ -339,8 +346,8 @@ def test_planets_in_jacobis_coordinates() -> None:
     """The energy and the motion of NBody; two bodies are exact; steps of Wisdom and Holman beside
     those of Verlet.
     """
-    system, start = lm.PlanetarySystem.outer_solar_system()
-    bodies, begin = lm.NBody.outer_solar_system()
+    system, start = lm.models.PlanetarySystem.outer_solar_system()
+    bodies, begin = lm.models.NBody.outer_solar_system()
     assert system.energy(start.y) == pytest.approx(bodies.energy(begin.q, begin.p), rel=1e-13)
     q, p = system.bodies(start.y)
     assert np.allclose(q, begin.q, rtol=0.0, atol=1e-13) and np.allclose(
@@ -362,7 +369,7 @@ def test_planets_in_jacobis_coordinates() -> None:
         )
         errors.append(np.abs(system.bodies(found.y[-1])[0] - run.q[-1]).max())
     assert errors[1] < 1e-4 and np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.3)
-    pair = lm.PlanetarySystem([1.0, 1e-3], 1.0)
+    pair = lm.models.PlanetarySystem([1.0, 1e-3], 1.0)
     y = pair.state([1.0, 0.0, 0.0, 0.0, 1.2e-3, 1e-4])
     once = lm.integrate(pair, lm.Splitting(order=2), y, h=3.0, steps=1, compiled=False)
     many = lm.integrate(pair, lm.Splitting(order=2), y, h=0.1, steps=30, compiled=False)
@@ -375,7 +382,7 @@ def test_wisdom_and_holman_over_ten_thousand_years() -> None:
     """The errors of energy that REBOUND 5.2.2 has on the same start: WHFast 2.1e-6, SABA(10, 6, 4)
     2.4e-12 at h = 400 d.
     """
-    system, start = lm.PlanetarySystem.outer_solar_system()
+    system, start = lm.models.PlanetarySystem.outer_solar_system()
     for tableau, h, error in ((STRANG.exchanged, 200.0, 2.1e-6), (ABA1064, 400.0, 2.4e-12)):
         steps = round(3652425 / h)
         method = lm.Splitting(tableau=tableau)

@@ -12,7 +12,13 @@ import pytest
 import liemech as lm
 from liemech.formulas import copysign, cos, exp, sqrt, where
 from liemech.formulas.anything import degree, looked_at, made_of
-from liemech.systems.parts import Affine, OfCoordinate, Straight, recognised, second_degree
+from liemech.systems.parts import (
+    Affine,
+    FunctionOfCoordinate,
+    StraightLineFlow,
+    recognised,
+    second_degree,
+)
 
 NARROW = 1e-9
 """The width of what no probe hits."""
@@ -64,7 +70,7 @@ class Potential(lm.Hamiltonian):
 
 
 def why(part: lm.Hamiltonian) -> str:
-    return lm.PoissonSystem(lm.Canonical(1), part).unknown_motion()
+    return lm.PoissonSystem(lm.structures.Canonical(1), part).unknown_motion()
 
 
 @pytest.mark.parametrize(
@@ -111,11 +117,11 @@ def test_a_part_with_a_wall_says_what_it_is() -> None:
             return 0.5 * y[1] * y[1]
 
     def system(walls: lm.Hamiltonian) -> Any:
-        return lm.PoissonSystem(lm.Canonical(1), lm.SplitHamiltonian((Kinetic(), walls)))
+        return lm.PoissonSystem(lm.structures.Canonical(1), lm.SplitHamiltonian((Kinetic(), walls)))
 
-    with pytest.raises(lm.errors.IncompatibleSystem, match="Straight"):
+    with pytest.raises(lm.errors.IncompatibleSystem, match="StraightLineFlow"):
         lm.Splitting(order=2).require(system(Walls()))
-    for walls in (lm.Straight(Walls()), lm.OfCoordinate(Walls(), 0)):
+    for walls in (lm.parts.StraightLineFlow(Walls()), lm.parts.FunctionOfCoordinate(Walls(), 0)):
         ball = system(walls)
         run = lm.integrate(
             ball,
@@ -143,20 +149,20 @@ def test_splittings_of_nystroems_kind_need_formulas_that_are_the_same_everywhere
             return square + y[1] ** 4 if self.layer and 0.7 < y[1] < 0.7 + self.layer else square
 
     def quadratic(layer: float) -> bool:
-        parts = lm.Straight(Kinetic(layer)), Potential("smooth")
-        return lm.PoissonSystem(lm.Canonical(1), lm.SplitHamiltonian(parts)).quadratic
+        parts = lm.parts.StraightLineFlow(Kinetic(layer)), Potential("smooth")
+        return lm.PoissonSystem(lm.structures.Canonical(1), lm.SplitHamiltonian(parts)).quadratic
 
     assert quadratic(0.0) and not quadratic(NARROW)
 
 
 def test_a_separable_system_is_quadratic_at_all_momenta_or_not() -> None:
     @lm.record
-    class Layered(lm.HenonHeiles):
+    class Layered(lm.models.HenonHeiles):
         def kinetic(self, p: lm.Vec) -> Any:
             square = 0.5 * lm.dot(p, p)
             return square + p[0] ** 4 if 0.7 < p[0] < 0.7 + NARROW else square
 
-    assert lm.HenonHeiles().quadratic and not Layered().quadratic
+    assert lm.models.HenonHeiles().quadratic and not Layered().quadratic
 
 
 @lm.record
@@ -185,13 +191,13 @@ def test_what_underflows_wherever_one_looks_is_seen() -> None:
     """Narrow features: an energy that looks quadratic, T(p), or of second degree at every point
     that is tried, and is not.
     """
-    plane = lm.Canonical(1)
+    plane = lm.structures.Canonical(1)
     assert "not known" in str(recognised(plane, Bump(0.5, 1.0)))
     assert "not known" in str(recognised(plane, Bump(0.0, 1.0, 1.0)))
     assert not second_degree(plane, Bump(0.0, 1.0, 1.0), Spring())
     assert second_degree(plane, Bump(0.0, 0.0, 1.0), Spring())
     assert isinstance(recognised(plane, Bump(0.5, 0.0)), Affine)  # constants that are zero
-    assert isinstance(recognised(plane, Bump(0.0, 0.0)), OfCoordinate | Straight)
+    assert isinstance(recognised(plane, Bump(0.0, 0.0)), FunctionOfCoordinate | StraightLineFlow)
 
 
 @lm.record
@@ -215,13 +221,13 @@ class Stiffening(lm.Hamiltonian):
 
 @pytest.mark.parametrize("size", [1e-30, 1.0, 1e14, 1e30])
 def test_a_spring_that_stiffens_far_away_is_not_linear(size: float) -> None:
-    assert isinstance(recognised(lm.Canonical(1), Stiffening(size)), str)
+    assert isinstance(recognised(lm.structures.Canonical(1), Stiffening(size)), str)
 
 
 def test_products_of_momenta_are_of_higher_degree() -> None:
-    plane = lm.Canonical(1)
+    plane = lm.structures.Canonical(1)
     assert not second_degree(plane, Quartic(), Spring())
-    assert isinstance(recognised(plane, Quartic()), Straight | OfCoordinate)
+    assert isinstance(recognised(plane, Quartic()), StraightLineFlow | FunctionOfCoordinate)
 
 
 @pytest.mark.parametrize(

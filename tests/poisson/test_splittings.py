@@ -12,10 +12,12 @@ import pytest
 import liemech as lm
 from liemech.tableaus.splittings import BLANES_MOAN4_GENERAL, BLANES_MOAN6_GENERAL
 
-SPECIES = lm.LotkaVolterra()
+SPECIES = lm.models.LotkaVolterra()
 START = SPECIES.state([1.5, 1.0])
-CHAIN = lm.LotkaVolterra([[0, 1, -1], [-1, 0, 1], [1, -1, 0]], [1.0, 2.0, 1.0], [1.0, 1.0, 1.0])
-TOP = lm.PoissonTop([1.0, 1.5, 2.0], 2.0, [0.1, 0.0, 0.5])
+CHAIN = lm.models.LotkaVolterra(
+    [[0, 1, -1], [-1, 0, 1], [1, -1, 0]], [1.0, 2.0, 1.0], [1.0, 1.0, 1.0]
+)
+TOP = lm.models.PoissonTop([1.0, 1.5, 2.0], 2.0, [0.1, 0.0, 0.5])
 TOP_START = TOP.state([0.3, 0.2, 1.0, 0.0, 0.6, 0.8])
 
 
@@ -25,18 +27,18 @@ class Well(lm.Hamiltonian):
         return x[0] ** 3 - x[1] ** 3 + 0.2 * x[0] ** 4 + x[1] ** 4 + x[2] ** 4
 
 
-PARTICLE = lm.ChargedParticle(lm.AxialField(), Well())
-LATTICE = lm.TodaLattice(4)
+PARTICLE = lm.models.ChargedParticle(lm.models.AxialField(), Well())
+LATTICE = lm.models.TodaLattice(4)
 CASES: list[Any] = [
     (SPECIES, START, 0.3),
     (CHAIN, CHAIN.state([1.0, 0.8, 1.2]), 0.3),
     (TOP, TOP_START, 0.3),
     (PARTICLE, PARTICLE.state([0.0, 1.0, 0.1, 0.09, 0.55, 0.30]), 0.2),
-    (lm.MaxwellBloch(), lm.MaxwellBloch().state([1.0, 0.5, 0.3]), 0.5),
+    (lm.models.MaxwellBloch(), lm.models.MaxwellBloch().state([1.0, 0.5, 0.3]), 0.5),
     (LATTICE, LATTICE.state_of([0.3, -0.2, 0.1, 0.4], [0.5, -0.3, 0.2, 0.1]), 0.3),
     (
-        lm.LotkaVolterra.volterra_lattice(5),
-        lm.LotkaVolterra.volterra_lattice(5).state([1.0, 0.7, 1.3, 0.9, 0.5]),
+        lm.models.LotkaVolterra.volterra_lattice(5),
+        lm.models.LotkaVolterra.volterra_lattice(5).state([1.0, 0.7, 1.3, 0.9, 0.5]),
         0.2,
     ),
 ]
@@ -126,8 +128,8 @@ def test_canonical_parts_are_the_separable_system() -> None:
             return 0.5 * (y[0] ** 2 + y[1] ** 2) + y[1] * (y[0] ** 2 - y[1] ** 2 / 3.0)
 
     stars, same = (
-        lm.HenonHeiles(),
-        lm.PoissonSystem(lm.Canonical(2), lm.SplitHamiltonian((T(), V()))),
+        lm.models.HenonHeiles(),
+        lm.PoissonSystem(lm.structures.Canonical(2), lm.SplitHamiltonian((T(), V()))),
     )
     assert same.quadratic
     q, p = [0.0, 0.1], [0.5, 0.05]
@@ -146,7 +148,7 @@ def test_canonical_parts_are_the_separable_system() -> None:
         def energy(self, y: lm.Vec) -> float:
             return lm.formulas.sqrt(1.0 + y[2] ** 2 + y[3] ** 2)
 
-    other = lm.PoissonSystem(lm.Canonical(2), lm.SplitHamiltonian((Root(), V())))
+    other = lm.PoissonSystem(lm.structures.Canonical(2), lm.SplitHamiltonian((Root(), V())))
     assert not other.quadratic
     assert lm.Splitting(order=6).tableau_for(other) == BLANES_MOAN6_GENERAL
     with pytest.raises(lm.errors.IncompatibleSystem, match="quadratic=False"):
@@ -170,7 +172,7 @@ def test_quadratic_parts_of_constant_structures_are_recognised() -> None:
         def energy(self, y: lm.Vec) -> float:
             return 0.25 * (y[0] ** 2 + 2.0 * y[1] ** 2) ** 2
 
-    system = lm.PoissonSystem(lm.Canonical(2), lm.SplitHamiltonian((Frame(), Field())))
+    system = lm.PoissonSystem(lm.structures.Canonical(2), lm.SplitHamiltonian((Frame(), Field())))
     assert not system.unknown_motion()
     start = system.state([0.5, 0.2, -0.3, 0.4])
     assert lm.check_system(system, start)
@@ -188,7 +190,7 @@ class Mixed(lm.Hamiltonian):
 
 
 def test_unknown_motions_are_refused_with_the_reason() -> None:
-    system = lm.PoissonSystem(lm.Canonical(1), Mixed())
+    system = lm.PoissonSystem(lm.structures.Canonical(1), Mixed())
     with pytest.raises(
         lm.errors.IncompatibleSystem, match=r"depends on more than one coordinate.*write `flow`"
     ):
@@ -205,7 +207,7 @@ def test_unknown_motions_are_refused_with_the_reason() -> None:
             growth = lm.formulas.exp(2.0 * t * y[0] * y[1])
             return lm.vec(y[0] * growth, y[1] / growth)
 
-    own = lm.PoissonSystem(lm.Canonical(1), Own())
+    own = lm.PoissonSystem(lm.structures.Canonical(1), Own())
     assert lm.check_system(own)
     for order in (1, 4, 8):  # one part: the step is its motion
         found = end(own, lm.Splitting(order=order), own.state([0.6, 0.7]), 1.0, 2)
@@ -219,7 +221,7 @@ def test_unknown_motions_are_refused_with_the_reason() -> None:
     with pytest.raises(
         lm.errors.LawViolation, match=r"motions of parts[\s\S]*a factor 1/2 too many"
     ):
-        lm.check_system(lm.PoissonSystem(lm.Canonical(1), Slow()))
+        lm.check_system(lm.PoissonSystem(lm.structures.Canonical(1), Slow()))
 
 
 # ---------------------------------------------------------------- symplectic Euler in the plane
@@ -269,7 +271,7 @@ def test_symplectic_euler_is_refused_where_it_is_no_poisson_map() -> None:
     with pytest.raises(lm.errors.IncompatibleSystem, match="not affine in u"):
         lm.PoissonEuler().require(system)
     with pytest.raises(lm.errors.IncompatibleSystem, match=r"K\(u\) \+ L\(v\)"):
-        lm.PoissonVerlet().require(lm.PoissonSystem(lm.Canonical(1), Mixed()))
+        lm.PoissonVerlet().require(lm.PoissonSystem(lm.structures.Canonical(1), Mixed()))
     with pytest.raises(lm.errors.IncompatibleSystem, match="in the plane"):
         lm.PoissonEuler().require(CHAIN)
 
@@ -331,7 +333,7 @@ def test_gauss_methods_are_poisson_maps_for_constant_structures_only() -> None:
     are not.
     """
     constant = lm.PoissonSystem(
-        lm.ConstantStructure([[0, 1.0, 2.0], [-1.0, 0, 0.5], [-2.0, -0.5, 0]]), Quartic()
+        lm.structures.ConstantStructure([[0, 1.0, 2.0], [-1.0, 0, 0.5], [-2.0, -0.5, 0]]), Quartic()
     )
     start = constant.state([0.4, -0.2, 0.3])
     for tableau in (lm.tableaus.gauss(1), lm.tableaus.gauss(2)):
@@ -382,7 +384,7 @@ def test_defects_in_phase_space_and_refusals() -> None:
     with pytest.raises(lm.errors.InvalidInput, match="one state"):
         lm.poisson_defect(lm.RKMK(order=4), SPECIES, SPECIES.state([[1.0, 2.0], [1.0, 1.0]]), 0.1)
     with pytest.raises(lm.errors.IncompatibleSystem, match="poisson_defect needs"):
-        field = lm.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 1.0])
+        field = lm.models.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 1.0])
         lm.poisson_defect(lm.RKMK(order=4), field, field.state([0.1, 0.2, 0.3], np.eye(3)), 0.1)
 
 

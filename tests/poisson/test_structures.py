@@ -17,10 +17,10 @@ SKEW3 = [[0.0, 1.0, -2.0], [-1.0, 0.0, 3.0], [2.0, -3.0, 0.0]]
 MOTIONS = lm.coadjoint(lm.SE3()).poisson_structure
 
 SHIPPED: list[Any] = [
-    lm.Canonical(2),
-    lm.ConstantStructure(SKEW3),
-    lm.ConstantStructure([[0.0, 2.0], [-2.0, 0.0]]),
-    lm.LogCanonical(SKEW3),
+    lm.structures.Canonical(2),
+    lm.structures.ConstantStructure(SKEW3),
+    lm.structures.ConstantStructure([[0.0, 2.0], [-2.0, 0.0]]),
+    lm.structures.LogCanonical(SKEW3),
     lm.coadjoint(lm.SO3()).poisson_structure,
     lm.coadjoint(lm.SO3()).poisson_structure.opposite,
     MOTIONS,
@@ -29,8 +29,8 @@ SHIPPED: list[Any] = [
     FlaschkaStructure(3),
     FlaschkaStructure(3, periodic=True),
     MaxwellBlochStructure(),
-    MagneticStructure(lm.TokamakField()),
-    GuidingCentreStructure(lm.TokamakField()),
+    MagneticStructure(lm.models.TokamakField()),
+    GuidingCentreStructure(lm.models.TokamakField()),
 ]
 
 
@@ -87,21 +87,21 @@ def test_laws_and_ranks_do_not_depend_on_units(structure: Any, decades: float) -
         assert {finding.law for finding in report.broken} <= {"motion of coordinates"}, report
     else:
         assert lm.check_poisson(other, other.places())
-    chart = lm.DarbouxLieChart(other, y, steps=1)
+    chart = lm.charts.DarbouxLieChart(other, y, steps=1)
     assert 2 * chart.degrees == rank
 
 
 def test_a_strong_field_hides_no_degree_of_freedom() -> None:
     """x stays a coordinate whatever the field; a Casimir would stand still."""
     for strength in 10.0 ** np.arange(-30, 31, 12):
-        structure = MagneticStructure(lm.UniformField([0.0, 0.0, strength]))
-        chart = lm.DarbouxLieChart(structure, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], steps=1)
+        structure = MagneticStructure(lm.models.UniformField([0.0, 0.0, strength]))
+        chart = lm.charts.DarbouxLieChart(structure, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], steps=1)
         assert chart.degrees == 3
         assert lm.check_poisson(structure)
         blocks = np.kron(np.diag([1.0, strength]), [[0.0, 1.0], [-1.0, 0.0]])
-        constant = lm.ConstantStructure(blocks)
+        constant = lm.structures.ConstantStructure(blocks)
         assert lm.check_poisson(constant) and len(constant.kernel) == 0
-        assert lm.LinearDarboux(constant).defect(np.ones(4)) < 1e-14
+        assert lm.charts.LinearDarboux(constant).defect(np.ones(4)) < 1e-14
 
 
 def test_ranks_of_products_of_vectors() -> None:
@@ -149,7 +149,7 @@ class Wrong:
     """Structures with one slip each."""
 
     @lm.record
-    class Monopole(lm.MagneticField):
+    class Monopole(lm.models.MagneticField):
         """div B = 1."""
 
         def at(self, x: lm.Vec) -> lm.Vec:
@@ -183,7 +183,7 @@ class Wrong:
             )
 
     @lm.record
-    class Sharp(lm.Canonical):
+    class Sharp(lm.structures.Canonical):
         """A wrong sign in the product."""
 
         def sharp(self, y: lm.Vec, a: lm.Vec) -> lm.Vec:
@@ -204,7 +204,7 @@ class Wrong:
         (Cubic(power=2), "Jacobi identity", "b_1,2, b_2,3, b_3,1"),
         (Cubic(far=0.99), "Jacobi identity", "b_1,2, b_2,3, b_3,1"),
         (MagneticStructure(Wrong.Monopole()), "Jacobi identity", "b_4,5, b_5,6, b_6,4"),
-        (Wrong.NotStarred(lm.TokamakField()), "Jacobi identity", "b_"),
+        (Wrong.NotStarred(lm.models.TokamakField()), "Jacobi identity", "b_"),
         (Wrong.Casimir(), "Casimirs", "Casimir 1"),
         (Wrong.Flow(), "motion of coordinates", "the motion of y_2"),
         (Wrong.Sharp(2), "closed product", "a_1"),
@@ -233,7 +233,7 @@ def test_a_place_where_the_rank_falls_is_named() -> None:
 
 def test_brackets_are_formulas_that_nest() -> None:
     """{q_1, p_1} = 1; {F, {G, H}} + cyclic = 0; Leibniz; with the plus structure all signs turn."""
-    B = lm.Canonical(2)
+    B = lm.structures.Canonical(2)
     y = [0.3, -0.7, 1.1, 0.4]
     assert B.bracket(lambda x: x[0], lambda x: x[2])(y) == 1.0
     sin = lm.formulas.sin
@@ -259,7 +259,7 @@ class Bracketed(lm.Hamiltonian):
     strength: float
 
     def energy(self, y: lm.Vec) -> float:
-        B = lm.Canonical(1)
+        B = lm.structures.Canonical(1)
         outer = B.bracket(
             lambda x: x[1],
             B.bracket(lambda x: x[1] ** 2 + x[0] ** 3, lambda x: 9.0 * x[0] ** 2 * x[1] ** 2),
@@ -270,7 +270,7 @@ class Bracketed(lm.Hamiltonian):
 @pytest.mark.slow
 @pytest.mark.compiled
 def test_brackets_compile() -> None:
-    system = lm.PoissonSystem(lm.Canonical(1), Bracketed(1e-3))
+    system = lm.PoissonSystem(lm.structures.Canonical(1), Bracketed(1e-3))
     start = system.state([0.4, 0.3])
     runs = [
         lm.integrate(system, lm.RKMK(order=4), start, h=0.05, steps=20, compiled=c)
@@ -287,7 +287,7 @@ def test_poissons_theorem() -> None:
     """Of a central force L_1 and L_2 are invariants, and {L_1, L_2} = L_3; a wrong invariant is
     refused.
     """
-    B = lm.Canonical(3)
+    B = lm.structures.Canonical(3)
 
     def L(i: int, y: Any) -> Any:
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -307,7 +307,7 @@ def test_poissons_theorem() -> None:
 
 def test_lie_derivatives_are_those_along_the_motion() -> None:
     """Of an oscillator q'' = -4 q, q'''' = 16 q; the vector field is B dH."""
-    B = lm.Canonical(1)
+    B = lm.structures.Canonical(1)
 
     def H(y: Any) -> Any:
         return 0.5 * y[1] ** 2 + 2.0 * y[0] ** 2
@@ -334,17 +334,17 @@ def test_two_structures_of_maxwell_and_bloch_give_one_motion() -> None:
     assert lm.check_poisson(Other())
     y = [0.3, -0.4, 1.2]
     field = Other().hamiltonian_vector_field(lambda x: x[2] + 0.5 * x[0] ** 2)(y)
-    assert np.allclose(field, lm.MaxwellBloch().velocity(y), rtol=1e-15, atol=0.0)
+    assert np.allclose(field, lm.models.MaxwellBloch().velocity(y), rtol=1e-15, atol=0.0)
 
 
 def test_bad_structures_are_refused() -> None:
     with pytest.raises(
         lm.errors.InvalidInput, match=r"must be skew-symmetric; entries \(1, 2\) and \(2, 1\)"
     ):
-        lm.ConstantStructure([[0.0, 1.0], [1.0, 0.0]])
+        lm.structures.ConstantStructure([[0.0, 1.0], [1.0, 0.0]])
     with pytest.raises(lm.errors.InvalidInput, match="square matrix"):
-        lm.LogCanonical([[0.0, 1.0]])
+        lm.structures.LogCanonical([[0.0, 1.0]])
     with pytest.raises(lm.errors.InvalidInput, match="sign is -1"):
-        lm.LiePoissonStructure(lm.SO3(), 2)
+        lm.structures.LiePoissonStructure(lm.SO3(), 2)
     with pytest.raises(lm.errors.InvalidType, match="with the brackets"):
-        lm.check_poisson(lm.Canonical)  # type: ignore[arg-type]
+        lm.check_poisson(lm.structures.Canonical)  # type: ignore[arg-type]

@@ -342,7 +342,7 @@ def energy(y: Any) -> Any:
 
 
 SO3 = lm.coadjoint(lm.SO3()).poisson_structure
-FLAT = lm.ConstantStructure([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+FLAT = lm.structures.ConstantStructure([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 
 
@@ -350,15 +350,16 @@ def euler(y: Any) -> Any:
     return lm.cross(y, BODY.velocity(y))
 
 
+PLANE = lm.structures.Canonical(2)
 FIELDS: dict[str, tuple[Callable[[Any], Any], lm.PoissonStructure, set[str]]] = {
-    "Kepler": (kepler, lm.Canonical(2), set()),
-    "friction": (lambda y: kepler(y) - lm.vec(0.0, 0.0, 0.1 * y[2], 0.1 * y[3]), lm.Canonical(2), {"flow of Poisson maps"}),
-    "locally": (lambda y: lm.vec(0.0, 0.0, -y[1], y[0]) / (y[0] ** 2 + y[1] ** 2), lm.Canonical(2), set()),
+    "Kepler": (kepler, PLANE, set()),
+    "friction": (lambda y: kepler(y) - lm.vec(0.0, 0.0, 0.1 * y[2], 0.1 * y[3]), PLANE, {"flow of Poisson maps"}),
+    "locally": (lambda y: lm.vec(0.0, 0.0, -y[1], y[0]) / (y[0] ** 2 + y[1] ** 2), PLANE, set()),
     "Euler": (euler, SO3, set()),
     "damped": (lambda y: euler(y) - 0.1 * y, SO3, {"flow of Poisson maps", "leaves", "Casimirs"}),
     "on the sphere": (lambda y: (1.0 + y[0] ** 2) * euler(y), SO3, {"flow of Poisson maps"}),
     "across": (lambda y: lm.vec(0.0, 0.0, 1.0), FLAT, {"leaves", "Casimirs"}),
-    "Lotka": (lm.LotkaVolterra().velocity, lm.LotkaVolterra().structure, set()),
+    "Lotka": (lm.models.LotkaVolterra().velocity, lm.models.LotkaVolterra().structure, set()),
 }  # fmt: skip
 
 
@@ -414,7 +415,7 @@ def test_a_scaled_field_is_hamiltonian_if_sigma_is_a_function_of_the_energy() ->
     """sigma f = J^-1 dK needs d sigma x dH = 0: constants do it, and functions of H, with K the
     integral of sigma(H); no sigma that tells points of one energy apart.
     """
-    B = lm.Canonical(2)
+    B = lm.structures.Canonical(2)
     for sigma, hamiltonian in (
         (lambda y: 3.0, True),
         (lambda y: exp(energy(y)), True),
@@ -430,12 +431,14 @@ def test_a_scaled_field_is_hamiltonian_if_sigma_is_a_function_of_the_energy() ->
 
 def test_what_the_check_refuses() -> None:
     with pytest.raises(InvalidType, match="with the brackets"):
-        lm.check_poisson_field(kepler, lm.Canonical)  # type: ignore[arg-type]
+        lm.check_poisson_field(kepler, lm.structures.Canonical)  # type: ignore[arg-type]
     with pytest.raises(InvalidType, match="a VectorField or a formula"):
-        lm.check_poisson_field(3.0, lm.Canonical(2))  # type: ignore[arg-type]
+        lm.check_poisson_field(3.0, lm.structures.Canonical(2))  # type: ignore[arg-type]
     with pytest.raises(InvalidInput, match="of dimension 3"):
-        lm.check_poisson_field(ABC, lm.Canonical(2))
+        lm.check_poisson_field(ABC, lm.structures.Canonical(2))
     with pytest.raises(InvalidInput, match="shape"):
-        lm.check_poisson_field(kepler, lm.Canonical(2), [[1.0, 2.0]])
-    report = lm.check_poisson_field(lambda y: lm.vec(y[0]), lm.Canonical(2), raises=False)
+        lm.check_poisson_field(kepler, lm.structures.Canonical(2), [[1.0, 2.0]])
+    report = lm.check_poisson_field(
+        lambda y: lm.vec(y[0]), lm.structures.Canonical(2), raises=False
+    )
     assert not report

@@ -16,7 +16,9 @@ from liemech.formulas import sin, vec
 from liemech.tableaus import pairs
 
 BODY, START = asymmetric_body()
-PAIRS = [t for t in vars(pairs).values() if isinstance(t, lm.ButcherTableau) and t.embedded]
+PAIRS = [
+    t for t in vars(pairs).values() if isinstance(t, lm.tableaus.ButcherTableau) and t.embedded
+]
 EVERY_PAIR = pytest.mark.parametrize("tableau", PAIRS, ids=lambda t: t.name)
 DP5 = lm.RKMK(tableau=pairs.DORMAND_PRINCE5)
 
@@ -44,7 +46,7 @@ def slope(h: list[float], e: list[float]) -> float:
 
 
 @EVERY_PAIR
-def test_the_estimate_has_its_order_and_is_one(tableau: lm.ButcherTableau) -> None:
+def test_the_estimate_has_its_order_and_is_one(tableau: lm.tableaus.ButcherTableau) -> None:
     """The estimate goes to zero with the power of h that the controller assumes, and is no smaller
     than the error itself.
     """
@@ -59,7 +61,9 @@ def test_the_estimate_has_its_order_and_is_one(tableau: lm.ButcherTableau) -> No
 
 
 @EVERY_PAIR
-def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.ButcherTableau) -> None:
+def test_the_way_between_the_ends_of_a_step_has_its_order(
+    tableau: lm.tableaus.ButcherTableau,
+) -> None:
     method, rate = lm.RKMK(tableau=tableau), BODY.rate(0.0, START)
     sizes = [0.8, 0.4, 0.2] if method.dense_order > 5 else [0.2, 0.1, 0.05]
     worst = []
@@ -84,7 +88,7 @@ def test_the_way_between_the_ends_of_a_step_has_its_order(tableau: lm.ButcherTab
 
 @pytest.mark.sample(1)
 @EVERY_PAIR
-def test_the_error_follows_the_tolerance(tableau: lm.ButcherTableau) -> None:
+def test_the_error_follows_the_tolerance(tableau: lm.tableaus.ButcherTableau) -> None:
     """From 1e-4 to 1e-8 both errors fall by at least 10^3, and stay within a factor of the
     tolerance.
     """

@@ -24,6 +24,7 @@ import liemech as lm
 from liemech.command_line.constructors import names, read
 from liemech.command_line.lists import EXAMPLES
 from liemech.command_line.scenes import SCENES
+from liemech.names import everything
 from liemech.simulation import files
 from liemech.simulation.encoding import encoded
 
@@ -45,7 +46,7 @@ class Mine(lm.Hamiltonian):
         return 0.5 * lm.dot(mu, mu / self.inertia) + self.scale * mu[0] ** self.powers[1]
 
 
-TOP = lm.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
+TOP = lm.models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
 OWN = lm.LiePoissonSystem(lm.SO3(), Mine([1.0, 2.0, 3.0], np.diag([1.0, 1e-300, -0.0])))
 SU2 = lm.LiePoissonSystem(lm.SU(2), lm.KineticEnergy([1.0, 2.0, 3.0]))
 CASES = {
@@ -104,7 +105,7 @@ def test_whatever_the_library_has_can_be_in_files() -> None:
         for part in ("system", "method", "start")
     ]
     made += [read(EXAMPLES.get(name, name), lm.Method, name) for name in names(lm.Method)
-             if name in EXAMPLES or not inspect.signature(getattr(lm, name)).parameters]  # fmt: skip
+             if name in EXAMPLES or not inspect.signature(everything()[name]).parameters]  # fmt: skip
     program = (
         "import sys, json, liemech as lm\nfrom liemech.simulation.encoding import Decoder\n"
         "print(*(repr(Decoder('file')(x)) for x in json.load(sys.stdin)), sep='\\n')"

@@ -15,7 +15,7 @@ import pytest
 from scenes import Fenced
 
 import liemech as lm
-from liemech.compiler.reads import Guard
+from liemech.compiler.dependencies import Guard
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput
 from liemech.formulas.pytree import compensated, gatherer, layout_of, leaves
 from liemech.simulation.fixed_run import FixedRun
@@ -210,8 +210,8 @@ def test_what_is_no_field_is_not_shared() -> None:
     groups = [body.group for body in bodies]
     assert groups[0] is not groups[1]
     assert [body.group is group for body, group in zip(bodies, groups, strict=True)] == [True, True]
-    assert lm.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0]).group is (
-        lm.HeavyTop([1.0, 1.6, 2.0], 2.0, [0.0, 0.0, 1.0]).group
+    assert lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.0, 0.0, 1.0]).group is (
+        lm.models.HeavyTop([1.0, 1.6, 2.0], 2.0, [0.0, 0.0, 1.0]).group
     )
 
 

@@ -27,7 +27,7 @@ KEPLER = lm.Kepler()
 Q, P = [[0.6, 0.0], [0.5, 0.1], [0.7, 0.0]], [[0.0, 1.4], [0.0, 1.3], [0.1, 1.2]]
 ORBITS = KEPLER.state(q=Q, p=P)
 TIMED = [
-    lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.0 + 0.2 * i))
+    lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.0 + 0.2 * i))
     for i in range(3)
 ]
 

@@ -48,7 +48,10 @@ def test_short_steps_of_several_systems_are_their_own() -> None:
 
 
 def test_casimirs_of_several_systems_are_their_own() -> None:
-    species = [lm.LotkaVolterra.volterra_lattice(3), lm.LotkaVolterra.volterra_lattice(3)]
+    species = [
+        lm.models.LotkaVolterra.volterra_lattice(3),
+        lm.models.LotkaVolterra.volterra_lattice(3),
+    ]
     starts = species[0].state([[1.0, 2.0, 3.0], [2.0, 1.0, 0.5]])
     run = lm.integrate(species, lm.Splitting(order=2), starts, h=0.01, steps=3, compiled=False)
     assert np.array_equal(run.casimirs[:, 1], species[1].casimirs(run.y[:, 1]))
@@ -85,7 +88,7 @@ class Pulse(lm.Force):
     end: float
 
     def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
-        from liemech.native import where
+        from liemech.formulas import where
 
         return lm.vec(where(t > self.begin, where(t < self.end, 10.0, 0.0), 0.0), 0.0, 0.0)
 

@@ -104,7 +104,7 @@ def test_coefficients_of_rotations_have_28_digits(theta: float) -> None:
 
 
 def pendulum() -> tuple[Any, Any]:
-    system = lm.Pendulum()
+    system = lm.models.Pendulum()
     return system, system.state(0.9, 0.3)
 
 
@@ -369,7 +369,7 @@ def test_native_code_of_the_exponential_and_of_inexact_derivatives(method: lm.Me
 
 @pytest.mark.parametrize("method", [lm.HamiltonJacobi(4), lm.SymmetricHamiltonJacobi(4)], ids=named)
 def test_generating_functions_by_power_series_are_refused_in_plain_words(method: lm.Method) -> None:
-    system = lm.Pendulum()
+    system = lm.models.Pendulum()
     with pytest.raises(InvalidType, match="power series have numbers of one double"):
         lm.integrate(
             system,

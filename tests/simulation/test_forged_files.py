@@ -40,7 +40,7 @@ def turned(t: float, state: Any) -> Any:
 
 def runs() -> dict[str, Any]:
     """Runs of every kind that has something of its own in files."""
-    fictive = lm.TimeTransformed(KEPLER, lm.DistancePower(1.5))
+    fictive = lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5))
     starts = BODY.state(mu=[[1.0, 2.0, 3.0], [0.0, 1.0, 0.5]])
     table = lm.PiecewisePolynomial.linear([0.0, 1.0, 2.0], [[0.0, 1.0, 0.5]] * 3)
     driven = Driven(lm.VectorSpace(3), table)

@@ -221,12 +221,12 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
     turn = inertia / second
     moments = inertia * np.array([1.0, 1.0, 0.5])
     if scene == "top":
-        top = lm.LagrangeTop(push, moments[0], moments[2], length)
+        top = lm.models.LagrangeTop(push, moments[0], moments[2], length)
         g = lm.SO3().exp([0.3, 0.2, 0.1])
         return top, top.state(turn * np.array([0.3, 0.1, 1.5]), g), {"mu": turn, "g": 1.0}
     if scene == "double pendulum":
         gravity = 9.8 * length / second**2
-        links = lm.DoublePendulum(
+        links = lm.models.DoublePendulum(
             mass * np.array([1.0, 1.3]), length * np.array([1.0, 0.7]), gravity
         )
         start = links.state([0.5, -0.8], turn * np.array([0.3, 0.2]))
@@ -247,11 +247,11 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
         start = kepler.state(length * np.array([0.75, 0.1]), speed * np.array([0.2, 1.2]))
         return kepler, start, {"q": length, "p": speed}
     if scene == "three bodies":
-        three = lm.NBody(mass * np.array([1.0, 0.5, 0.25]), length**3 / second**2 / mass, 2)
+        three = lm.models.NBody(mass * np.array([1.0, 0.5, 0.25]), length**3 / second**2 / mass, 2)
         q, p = np.array([[1.0, 0.1, -0.8, 0.5, 0.1, -1.2], [0.1, 0.5, -0.2, -0.4, 0.15, 0.1]])
         return three, three.state(length * q, mass * speed * p), {"q": length, "p": mass * speed}
     if scene == "pendulum":
-        pendulum = lm.Pendulum(1.3 * mass, 0.7 * length, 9.8 * length / second**2)
+        pendulum = lm.models.Pendulum(1.3 * mass, 0.7 * length, 9.8 * length / second**2)
         return pendulum, pendulum.state([0.7], [0.2 * turn]), {"q": 1.0, "p": turn}
     if scene == "spherical pendulum":
         on_sphere = lm.SphericalPendulum(1.3 * mass, length, 9.8 * length / second**2)
@@ -268,7 +268,7 @@ def in_units(scene: str, mass: float, length: float, second: float) -> tuple[Any
             {"q": np.array([length, 1.0]), "p": turn * np.array([1.0 / length, 1.0])},
         )
     units = np.repeat([turn, turn / length], 3)
-    body = lm.KirchhoffBody(np.array([*moments, mass, 1.2 * mass, 1.7 * mass]))
+    body = lm.models.KirchhoffBody(np.array([*moments, mass, 1.2 * mass, 1.7 * mass]))
     return body, body.state(units * [0.3, 0.1, 1.5, 0.2, 0.3, 0.9]), {"mu": units}
 
 

@@ -23,7 +23,7 @@ checkpoint.SHARE = 1e9  # it does nothing but write
 body = lm.RigidBody([1.0, 1.5, 2.0])
 start = body.state(mu=[0.5, 0.1, 0.8])
 kepler = lm.Kepler()
-clock = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.5))
+clock = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.5))
 
 def equator(t, state):
     return state.mu[0]

@@ -60,7 +60,10 @@ def test_a_frame_of_pandas():
 def test_fictive_times_go_along():
     pytest.importorskip("xarray")
     pytest.importorskip("pandas")
-    kepler, method = lm.Kepler(), lm.ReversibleController(lm.StormerVerlet(), sigma=lm.EqualArc())
+    kepler, method = (
+        lm.Kepler(),
+        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.EqualArc()),
+    )
     one = lm.integrate(
         kepler, method, kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]), h=0.01, steps=5, compiled=False
     )

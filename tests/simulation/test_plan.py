@@ -16,11 +16,11 @@ from scenes import CAYLEY, asymmetric_body, same_bits
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.errors import InvalidInput
-from liemech.native import where
+from liemech.formulas import where
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
-TOP = lm.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
+TOP = lm.models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
 METHODS = {
     "explicit": (lm.RKMK(order=4), BODY, START),
     "compensated": (lm.CovariantVariational(lm.Cayley()), BODY, START),

@@ -99,7 +99,7 @@ def test_times_between_adaptive_steps(end: float) -> None:
 
 
 def test_starts_of_one_plan_in_fictive_time() -> None:
-    method = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5))
+    method = lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5))
     plan = lm.Plan(KEPLER, method, 0.05, compiled=True)
     times = np.linspace(0.0, 3.0, 7)
     for speed in (1.3, 1.1, 0.9, 0.8, 0.7):

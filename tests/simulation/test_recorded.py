@@ -105,7 +105,7 @@ def test_samples_at_times_events_and_fictive_time():
         assert np.array_equal(run.t, full.t) and np.array_equal(run.energy, full.energy)
     kepler = lm.Kepler()
     method, start = (
-        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.EqualArc()),
+        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.EqualArc()),
         kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]),
     )
     for end in ({"steps": 20}, {"t_end": 0.2}):

@@ -23,7 +23,7 @@ MANY = BODY.state(mu=[[0.5, 0.1, 0.9], [0.4, 0.2, 0.7]])
 KEPLER = lm.Kepler()
 PLANET = KEPLER.state(q=[0.6, 0.0], p=[0.0, 1.4])
 PLANETS = KEPLER.state(q=[[0.6, 0.0], [0.7, 0.0]], p=[[0.0, 1.4], [0.0, 1.2]])
-CLOCK = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.5))
+CLOCK = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.5))
 
 
 class Node:
@@ -97,7 +97,7 @@ def test_the_last_state_is_that_of_the_event_that_ended_the_run(how, t_eval, tmp
         "adaptive": (body, lm.RKMK(order=5), begin, {"t_end": 2.0}),
         "fictive": (
             orbit,
-            lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5)),
+            lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5)),
             orbit.state(q=[1.0, 0.0], p=[0.0, 1.0]),
             {"h": 0.05, "t_end": 2.0},
         ),
@@ -229,7 +229,7 @@ DISKS = {
     "adaptive": (BODY, lm.RKMK(order=5), {"rtol": 1e-9}, {"t_end": 20.0}),
     "fictive": (
         lm.Kepler(),
-        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.5)),
+        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.5)),
         {"h": 0.02},
         {"steps": 40},
     ),

@@ -75,7 +75,10 @@ def test_bodies_with_parameters_and_times_of_their_own():
     assert np.array_equal(
         plan.run(STARTS, steps=10).mu, plan.run(STARTS, steps=10, executor=Losing()).mu
     )
-    kepler, method = lm.Kepler(), lm.ReversibleController(lm.StormerVerlet(), sigma=lm.EqualArc())
+    kepler, method = (
+        lm.Kepler(),
+        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.EqualArc()),
+    )
     starts = kepler.state(q=[[0.5 + 0.01 * i, 0.0] for i in range(20)], p=[[0.0, 1.7]] * 20)
     how = dict(h=0.01, steps=5, compiled=False)
     whole, run = (
@@ -197,7 +200,7 @@ ORBITS = KEPLER.state(
     q=np.stack([RNG.uniform(0.6, 1.0, 37), np.zeros(37)], axis=1),
     p=np.stack([np.zeros(37), RNG.uniform(1.0, 1.2, 37)], axis=1),
 )
-SLOWER = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.5))
+SLOWER = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.5))
 
 
 def axis(t, state):

@@ -25,10 +25,10 @@ from liemech.simulation.stepper import InPlace
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
-TOP, KEPLER = lm.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8]), lm.Kepler()
+TOP, KEPLER = lm.models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8]), lm.Kepler()
 FALL = KEPLER.state(q=[0.4, 0.0], p=[0.0, 2.0])
 PENDULUM = lm.SphericalPendulum()
-CLOCKED = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5))
+CLOCKED = lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5))
 CASES: dict[str, tuple[Any, Any, Any, dict[str, Any]]] = {
     "explicit": (BODY, lm.RKMK(order=4), START, {}),
     "compensated": (BODY, lm.CovariantVariational(lm.Cayley()), START, {}),

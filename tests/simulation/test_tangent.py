@@ -20,7 +20,7 @@ WORLDS = pytest.mark.parametrize(
 SO3 = lm.SO3()
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=SO3.exp([0.1, 0.2, 0.3]))
-TOP = lm.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
+TOP = lm.models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
 TOP_START = TOP.state(mu=[0.3, 0.2, 2.0], g=SO3.exp([0.1, 0.2, 0.3]))
 
 
@@ -188,7 +188,7 @@ def test_poisson_integrators_keep_the_bracket_and_rattle_the_two_form() -> None:
     """D B(y) D^T = B(y') for a splitting and symplectic Euler on Lotka and Volterra's species; on
     the sphere v D^T J D w = v J w for directions v, w along the constraints.
     """
-    species = lm.LotkaVolterra()
+    species = lm.models.LotkaVolterra()
     for method in (lm.Splitting(order=4), lm.PoissonEuler()):
         run = lm.Plan(species, method, 0.1, compiled=False).tangent(
             species.state([1.5, 1.0]), steps=50
@@ -230,7 +230,7 @@ def test_unit_quaternions_have_the_tangent_map_of_matrices(compiled: bool) -> No
 
 def test_places_and_attitudes_of_se3() -> None:
     """Against central differences of order four of log(g^-1 g')."""
-    body = lm.KirchhoffBody([1.0, 1.5, 0.7, 1.0, 1.4, 2.0])
+    body = lm.models.KirchhoffBody([1.0, 1.5, 0.7, 1.0, 1.4, 2.0])
     g = SE3.exp([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
     mu = np.array([0.2, -0.1, 0.4, 0.3, 0.5, -0.2])
     plan = lm.Plan(body, lm.RKMK(order=4), 0.1, compiled=False)

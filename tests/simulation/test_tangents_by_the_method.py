@@ -77,7 +77,9 @@ def test_an_implicit_step_by_its_length_is_the_velocity_in_the_end():
 
 def test_parameters_of_a_clock():
     def method(power: float) -> lm.Method:
-        return lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(power))
+        return lm.ReversibleController(
+            lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(power)
+        )
 
     plan = lm.Plan(KEPLER, method(1.5), h=0.05, compiled=False)
     found = plan.tangent(PLANET, steps=5, by=["method.sigma.power", "h"]).tangent

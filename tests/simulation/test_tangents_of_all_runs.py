@@ -20,7 +20,7 @@ BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=SO3.exp([0.1, 0.2, 0.3]))
 KEPLER = lm.Kepler()
 ORBIT = np.array([0.6, 0.0, 0.0, 1.4])
-CONTROLLED = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.DistancePower(1.5))
+CONTROLLED = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.5))
 
 
 def orbit(x: Any) -> Any:
@@ -149,7 +149,7 @@ def test_steps_that_jumps_divide() -> None:
     ("system", "method"),
     [
         (KEPLER, CONTROLLED),
-        (lm.TimeTransformed(KEPLER, lm.DistancePower(1.5)), lm.AdaptiveVerlet()),
+        (lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet()),
     ],
     ids=["controlled", "transformed"],
 )
@@ -180,7 +180,7 @@ def test_steps_in_fictive_time(system: Any, method: Any) -> None:
 
 
 def test_a_controlled_body_with_an_attitude() -> None:
-    top = lm.HeavyTop([1.0, 1.2, 0.6], 1.0, [0.0, 0.0, 1.0])
+    top = lm.models.HeavyTop([1.0, 1.2, 0.6], 1.0, [0.0, 0.0, 1.0])
     method = lm.ReversibleController(lm.LieVerlet(), lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))
     plan, mu, g = (
         lm.Plan(top, method, h=0.05, compiled=False),

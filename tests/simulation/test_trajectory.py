@@ -216,20 +216,20 @@ def test_the_report_is_a_collection_of_names(long_runs: dict[lm.Method, lm.Traje
 
 def test_constants_that_are_zero_by_cancelling() -> None:
     """Their changes are told beside the size of their terms: no division by a rounding error."""
-    fluid = lm.KirchhoffBody([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    fluid = lm.models.KirchhoffBody([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     start = fluid.state([1.0, 1.0, 1.0, 0.1, 0.2, -0.3], np.eye(4))
     kept = lm.integrate(fluid, lm.RKMK(order=4), start, h=0.05, steps=200).drift()["Casimir 2"]
     assert kept.size < 1e-15
     assert 0.1 < kept.scale < 10.0
     assert kept.verdict == "exact"
     assert "the size of its terms" in str(kept)
-    pendulum = lm.Pendulum()
+    pendulum = lm.models.Pendulum()
     energy = lm.integrate(
         pendulum, lm.RKMK(order=4), pendulum.state(math.pi / 2, 0.0), h=0.01, steps=300
     ).drift()["energy"]
     assert 1.0 < energy.scale < 100.0
     assert energy.largest < 1e-6
-    top = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
+    top = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
     lying = top.state(np.zeros(3), [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     energy = lm.integrate(top, lm.LieVerlet(), lying, h=0.01, steps=300).drift()["energy"]
     assert 0.1 < energy.scale < 10.0  # half-way it falls
@@ -317,7 +317,7 @@ def test_times_of_two_axes_are_refused():
     fixed = lm.integrate(BODY, lm.RKMK(order=2), START, h=0.1, steps=10, compiled=False)
     adaptive = lm.integrate(BODY, lm.RKMK(order=5), START, t_end=1.0, compiled=False)
     kepler = lm.Kepler()
-    method = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.EqualArc())
+    method = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.EqualArc())
     fictive = lm.integrate(
         kepler, method, kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]), h=0.01, t_end=1.0, compiled=False
     )

@@ -254,7 +254,7 @@ def exponents(size: Size) -> Found:
     flat = max(float(walk(method, size.steps, **LONG)[1].max()) for method in METHODS.values())
     met = all(power <= 0.6 for power in found.values())
     powers = ", ".join(f"{name} N^{power:.2f}" for name, power in found.items())
-    powers += " (see [a drift that was rounding](long_runs.md#a-drift-that-was-rounding))"
+    powers += " (see [a drift that was rounding](rounding.md#a-drift-that-was-rounding))"
     return Found(f"{powers}; long mode: flat at {flat:.0e}, the rounding of samples", met)
 
 
@@ -311,7 +311,7 @@ def guards(size: Size) -> Found:
     """There is no step without them."""
     return Found(
         "no native code is made without them; "
-        "docs/performance.md has steps beside C++ that has none",
+        "docs/proof/performance.md has steps beside C++ that has none",
         None,
     )
 

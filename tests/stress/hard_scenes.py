@@ -99,7 +99,7 @@ def denormals(size: Size) -> Iterator[Run]:
 def tops(size: Size) -> Iterator[Run]:
     """Heavy tops in gravity of 1 to 1e8 N, h = 0.01 s."""
     for weight in 10.0 ** np.linspace(0.0, 8.0, 5 if size.quick else 17):
-        top = lm.HeavyTop([1.0, 1.5, 0.7], float(weight), [0.6, 0.0, 0.8])
+        top = lm.models.HeavyTop([1.0, 1.5, 0.7], float(weight), [0.6, 0.0, 0.8])
         start = top.state([0.1, 0.2, 2.0], np.eye(3))
         for method in (lm.LieVerlet(lm.Cayley()), lm.LieVerlet(), lm.KickDrift()):
             yield functools.partial(
@@ -144,7 +144,7 @@ def rods(size: Size) -> Iterator[Run]:
 
 def eccentric(size: Size) -> Iterator[Run]:
     """Kepler's ellipses of e = 0 to 1 - 1e-12 in a time of their own, steps from 1e-12 to 1e3."""
-    kepler, sigma = lm.Kepler(), lm.DistancePower(1.5)
+    kepler, sigma = lm.Kepler(), lm.time_scales.DistancePower(1.5)
     pairs: list[tuple[lm.System, lm.Method]] = [
         (kepler, lm.ReversibleController(lm.StormerVerlet(), sigma)),
         (kepler, lm.ReversibleController(lm.Splitting(order=6), sigma)),
@@ -236,7 +236,7 @@ def there_and_back(size: Size) -> str:
     """How far a chaotic top is from its start after steps forth and back: only as long as the way
     back is known is it one.
     """
-    top = lm.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
+    top = lm.models.HeavyTop([1.0, 1.5, 0.7], 1.3, [0.6, 0.0, 0.8])
     cells, method = [], lm.LieVerlet(lm.Cayley())
     start = top.state([0.4, -0.3, 1.9], rounding.ATTITUDE)
     for precision in ("double", "double-double"):

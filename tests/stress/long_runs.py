@@ -6,7 +6,7 @@ energy over time.
 A run goes on from sample to sample by factors of sqrt 10; of each part the largest error counts.
 It ends at the steps that were asked for, or when the next part would take longer than the time that
 is left for it.  Results are kept in `long_runs.json`, a longer run takes the place of a shorter
-one; --page writes the table and the figure of docs/reliability.md from them.
+one; --page writes the table and the figure of docs/proof/reliability.md from them.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ import numpy as np  # noqa: E402
 import liemech as lm  # noqa: E402
 from liemech.tableaus import DOP853  # noqa: E402
 
-KEPT, PAGE = HERE / "long_runs.json", HERE.parents[1] / "docs" / "reliability.md"
-FIGURE = PAGE.parent / "figures" / "long_runs.png"
+KEPT, PAGE = HERE / "long_runs.json", HERE.parents[1] / "docs" / "proof" / "reliability.md"
+FIGURE = PAGE.parents[1] / "figures" / "long_runs.png"
 FIRST, SAMPLES = 1000, 300
 Part = Callable[
     [int], np.ndarray
@@ -46,7 +46,7 @@ def parts() -> Iterator[tuple[str, str, Callable[[], tuple[float, Part]]]]:
     """Group, name, and what makes the energy at the start and the run."""
     body = lm.RigidBody(J)
     still, turned = body.state(mu=MU), body.state(mu=MU, g=np.eye(3))
-    top = lm.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 0.8])
+    top = lm.models.HeavyTop([1.0, 1.0, 0.5], 1.0, [0.0, 0.0, 0.8])
     spin = top.state(mu=[0.3, 0.2, 1.5], g=lm.SO3().exp(np.array([0.4, 0.1, 0.0])))
     sphere = lm.SphericalPendulum(gravity=1.0)
     swing = sphere.state([0.6, 0.0, -0.8], [0.0, 0.7, 0.0])
@@ -329,7 +329,7 @@ def draw(kept: dict[str, Any]) -> None:
 
 
 def write_page(kept: dict[str, Any]) -> None:
-    """The table and the figure of docs/reliability.md."""
+    """The table and the figure of docs/proof/reliability.md."""
     page, begin, end = (
         PAGE.read_text(encoding="utf-8"),
         "<!-- long runs -->",

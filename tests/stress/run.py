@@ -3,7 +3,7 @@
     python tests/stress/run.py [--quick] [--write] [--steps 1000000] [--calls 10000] [--only R5]
     [--scenes] [--minutes N]
 
---write puts the tables into docs/reliability.md, with --only or --scenes these rows alone, and draws
+--write puts the tables into docs/proof/reliability.md, with --only or --scenes these rows alone, and draws
 docs/figures/error_over_time.png.  --quick takes smaller sizes and a
 minute or two.  It fails if a goal is missed that the page says is met, or if a hard scene ends in
 NaN or a bare error.
@@ -34,7 +34,7 @@ import goals  # noqa: E402
 import hard_scenes  # noqa: E402
 import over_time  # noqa: E402
 
-PAGE = TESTS.parent / "docs" / "reliability.md"
+PAGE = TESTS.parent / "docs" / "proof" / "reliability.md"
 FIGURE = TESTS.parent / "docs" / "figures" / "error_over_time.png"
 HEADS = {
     "goals": "| | wanted | measured | | where |\n| --- | --- | --- | --- | --- |",

@@ -107,7 +107,7 @@ def test_consistent_starts_of_bodies(part: float, refused: bool, full: bool) -> 
         R = lm.SO3().exp([0.3, 0.2, -0.4])
         J = np.array(R) @ J @ np.array(R).T
         J = 0.5 * (J + J.T)
-    body = lm.NonholonomicBody(lm.RigidBody(J), lm.Suslov([0.0, 0.0, 1.0]))
+    body = lm.NonholonomicBody(lm.RigidBody(J), lm.joints.Suslov([0.0, 0.0, 1.0]))
     inverse, mu = np.linalg.inv(J), J @ [0.3, 0.4, 0.0]
     scale = np.sqrt(mu @ inverse @ mu * inverse[2, 2])
     off = mu + part * 1e-9 * scale / inverse[2, 2] * np.eye(3)[2]

@@ -18,7 +18,7 @@ KEPLER = lm.Kepler()
 
 
 @lm.record
-class Identity(lm.CanonicalTransformation):
+class Identity(lm.charts.CanonicalTransformation):
     """G = q.P."""
 
     degrees: ClassVar[int] = 2
@@ -28,7 +28,7 @@ class Identity(lm.CanonicalTransformation):
 
 
 @lm.record
-class Turning(lm.CanonicalTransformation):
+class Turning(lm.charts.CanonicalTransformation):
     """A turning frame: G = P . R(-rate t) q."""
 
     degrees: ClassVar[int] = 2
@@ -40,7 +40,7 @@ class Turning(lm.CanonicalTransformation):
 
 
 @lm.record
-class Bent(lm.CanonicalTransformation):
+class Bent(lm.charts.CanonicalTransformation):
     """Nothing special: not linear in q or P, and changing with time."""
 
     degrees: ClassVar[int] = 2
@@ -63,7 +63,7 @@ class Oscillator(lm.HamiltonianSystem):
 
 
 @lm.record
-class Solved(lm.CanonicalTransformation):
+class Solved(lm.charts.CanonicalTransformation):
     """The solution of the Hamilton-Jacobi equation of the oscillator."""
 
     degrees: ClassVar[int] = 1
@@ -115,7 +115,7 @@ def test_derivatives_of_any_depth_pass_the_iteration() -> None:
     """Third ones, of a map with a closed form: Q = q + P^2 q^2/10, p = P + ..."""
 
     @lm.record
-    class Cubic(lm.CanonicalTransformation):
+    class Cubic(lm.charts.CanonicalTransformation):
         degrees: ClassVar[int] = 1
 
         def generating(self, t: float, q: lm.Vec, P: lm.Vec) -> float:
@@ -228,7 +228,7 @@ def test_a_closed_form_serves_methods_that_expand_in_power_series() -> None:
 
 def test_what_is_refused() -> None:
     @lm.record
-    class Folded(lm.CanonicalTransformation):
+    class Folded(lm.charts.CanonicalTransformation):
         """Q = q^2: nothing is negative."""
 
         degrees: ClassVar[int] = 1
@@ -241,14 +241,14 @@ def test_what_is_refused() -> None:
         Folded().old(0.0, lm.vec(-4.0), lm.vec(1.0))
 
     @lm.record
-    class Timeless(lm.CanonicalTransformation):
+    class Timeless(lm.charts.CanonicalTransformation):
         degrees: ClassVar[int] = 1
 
         def generating(self, q: lm.Vec, P: lm.Vec) -> float:  # type: ignore[override]
             return q[0] * P[0]
 
     @lm.record
-    class Vector(lm.CanonicalTransformation):
+    class Vector(lm.charts.CanonicalTransformation):
         degrees: ClassVar[int] = 1
 
         def generating(self, t: float, q: lm.Vec, P: lm.Vec) -> Any:
@@ -261,7 +261,7 @@ def test_what_is_refused() -> None:
     with pytest.raises(InvalidInput, match="must say its degrees of freedom"):
 
         @lm.record
-        class Mute(lm.CanonicalTransformation):
+        class Mute(lm.charts.CanonicalTransformation):
             pass
 
         Mute()

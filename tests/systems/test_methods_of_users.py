@@ -150,8 +150,9 @@ def test_names_that_are_nearly_right() -> None:
         ("Rattle", "RATTLE"),
         ("rigid_body", "RigidBody"),
         ("LieVerlett", "LieVerlet"),
+        ("heavy_top", "models.HeavyTop"),
     ):
-        with pytest.raises(AttributeError, match=rf"Did you mean liemech.{right}\?"):
+        with pytest.raises(AttributeError, match=rf"Did you mean lm.{right}\?"):
             getattr(lm, wrong)
     with pytest.raises(AttributeError, match=r"no attribute 'zzzzzz'$"):
         _ = lm.zzzzzz

@@ -11,7 +11,7 @@ from scipy.interpolate import BPoly, CubicSpline, make_interp_spline
 
 import liemech as lm
 from liemech.formulas import sin, vec
-from liemech.systems.parts import OfCoordinate, recognised, second_degree
+from liemech.systems.parts import FunctionOfCoordinate, recognised, second_degree
 from liemech.systems.time_scales import EqualArc, EqualChange, EqualPath, OfState
 
 # ---------------------------------------------------------------- time scales
@@ -41,14 +41,14 @@ def test_the_values_of_time_scales() -> None:
     kinetic = 0.5 * P @ V
     values = {
         EqualArc(): 1.0 / np.sqrt(V @ V + SLOPE @ SLOPE),
-        lm.DistancePower(1.5): np.linalg.norm(Q) ** 1.5,
-        lm.DistancePower(2.0): Q @ Q,
+        lm.time_scales.DistancePower(1.5): np.linalg.norm(Q) ** 1.5,
+        lm.time_scales.DistancePower(2.0): Q @ Q,
         EqualPath(): kinetic**-0.5,
         EqualChange(): (kinetic + SLOPE @ (SLOPE * [1.0, 0.25])) ** -0.5,
     }
     for scale, wanted in values.items():
         assert scale.bound(system, start).value(system, start) == pytest.approx(wanted, rel=1e-14)
-    assert lm.DistancePower(1.5).slope(system, start.q) == pytest.approx(
+    assert lm.time_scales.DistancePower(1.5).slope(system, start.q) == pytest.approx(
         1.5 * np.linalg.norm(Q) ** -0.5 * Q, rel=1e-14
     )
     top, begun = heavy_top()
@@ -67,10 +67,10 @@ def cases() -> list[Any]:
     plane, (top, turning), (body, floating) = Tilted(), heavy_top(), kirchhoff_body()[:2]
     swinging = lm.SphericalPendulum()
     hanging = swinging.state([0.6, 0.0, -0.8], [0.4, 0.9, 0.3])
-    water = lm.LotkaVolterra()
+    water = lm.models.LotkaVolterra()
     return [
         (plane, plane.state(Q, P), EqualArc()),
-        (plane, plane.state(Q, P), lm.DistancePower(1.5)),
+        (plane, plane.state(Q, P), lm.time_scales.DistancePower(1.5)),
         (plane, plane.state(Q, P), OfState(lambda p: 1.0 + p @ p, ("p",))),
         (swinging, hanging, OfState(lambda q, p: 2.0 + q[0] * p[1] + p[2], ("q", "p"))),
         (top, turning, OfState(lambda mu: 2.0 + mu[0] + mu[1] * mu[2], ("mu",))),
@@ -134,7 +134,9 @@ def test_a_body_in_a_field_is_moved_by_element_and_kick(retraction: lm.Retractio
     top, start = heavy_top()
     g, mu, w, f = np.array(start.g), np.array(start.mu), [0.3, -0.2, 0.5], [0.1, 0.4, -0.2]
     h = np.array(lm.SO3().exp(w))
-    n = np.array(lm.SO3().dexp(w, f))  # the same on vectors and covectors of rotations
+    n = np.array(
+        lm.SO3().dexp(w, f, side="right")
+    )  # the same on vectors and covectors of rotations
     for kick, moved_by in ((f, n), ([0.0] * 3, 0.0)):
         end = top.displaced(retraction, start, vec(*w, *kick))
         assert np.allclose(end.g, g @ h, rtol=0.0, atol=1e-15)
@@ -262,7 +264,7 @@ def test_energies_of_one_coordinate(index: int) -> None:
             return mu[index] ** 3 + sin(mu[index])
 
     part = recognised(lm.coadjoint(lm.SO3()).poisson_structure, Of())
-    assert isinstance(part, OfCoordinate) and part.index == index
+    assert isinstance(part, FunctionOfCoordinate) and part.index == index
 
 
 @pytest.mark.parametrize(
@@ -283,7 +285,7 @@ def test_which_splittings_are_of_second_degree(power: int, field: int, wanted: b
         def energy(self, mu: lm.Vec) -> float:
             return mu[0] ** field
 
-    assert second_degree(lm.Canonical(1), Kinetic(), Position()) is wanted
+    assert second_degree(lm.structures.Canonical(1), Kinetic(), Position()) is wanted
 
 
 def test_turns_make_no_pair_of_second_degree() -> None:

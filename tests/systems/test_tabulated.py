@@ -5,6 +5,7 @@ lengths, the same bits.
 from __future__ import annotations
 
 import pickle
+import warnings
 from pathlib import Path
 from typing import ClassVar
 
@@ -302,6 +303,18 @@ def test_controlled_steps_are_cut_where_inputs_jump_too():
         run = lm.integrate(system, method, system.state(**START), h=h, t_end=2.0, compiled=False)
         errors.append(np.abs(run.mu[-1] - wanted).max())
     assert (np.abs(np.diff(np.log2(errors)) + 4.0) < 0.4).all()
+
+
+def test_steps_in_fictive_time_warn_of_jumps_that_they_go_across():
+    held = lm.PiecewisePolynomial(SWITCHED.knots, SWITCHED._terms(), "hold")
+    with pytest.warns(lm.errors.OrderWarning, match=r"an input of .* jumps.*ReversibleController"):
+        lm.SundmanTransformed(turned(held), lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))
+    smooth = lm.PiecewisePolynomial.linear(
+        [0.0, 1.0, 2.0], [[0.0] * 3, [1.0] * 3, [0.0] * 3], "hold"
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        lm.SundmanTransformed(turned(smooth), lambda g: 1.0 / (1.5 + 0.3 * g[2, 2]))
 
 
 @lm.record

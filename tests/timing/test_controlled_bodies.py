@@ -11,7 +11,7 @@ import pytest
 
 import liemech as lm
 
-SATELLITE = lm.OrbitingBody([1e-4, 1.5e-4, 2e-4], mass=1.0, attraction=1.0)
+SATELLITE = lm.models.OrbitingBody([1e-4, 1.5e-4, 2e-4], mass=1.0, attraction=1.0)
 """Its orbit has the axis 1, e = 0.7: it feels the gradient of gravity at the pericentre, 0.3."""
 
 
@@ -100,7 +100,7 @@ def test_a_top_near_the_vertical(method: lm.Method, gain: float) -> None:
     """It spins too slowly to sleep: it lingers upright, falls fast, and rises again; the steps
     follow its turning.
     """
-    top = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.3, length=1.0)
+    top = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.3, length=1.0)
     assert top.sleeping_momentum > 1.2
     start = top.state(mu=[0.0, 0.0, 1.2], g=lm.SO3().exp([1e-2, 0.0, 0.0]))
     run, varied, equal = changes(

@@ -17,11 +17,11 @@ ORBIT = KEPLER.pericentre(0.9)
 PERIOD = 2.0 * np.pi
 
 SIGMAS = {
-    "1": lm.EqualArc(),
-    "2, alpha = 2": lm.DistancePower(2.0),
-    "2, alpha = 3/2": lm.DistancePower(1.5),
-    "3": lm.EqualChange(),
-    "4": lm.EqualPath(),
+    "1": lm.time_scales.EqualArc(),
+    "2, alpha = 2": lm.time_scales.DistancePower(2.0),
+    "2, alpha = 3/2": lm.time_scales.DistancePower(1.5),
+    "3": lm.time_scales.EqualChange(),
+    "4": lm.time_scales.EqualPath(),
 }
 PERIODS = {"1": 16.0, "2, alpha = 2": 14.4, "2, alpha = 3/2": 8.4, "3": 15.2, "4": 3.3}
 """A period in fictive time, to three figures."""
@@ -112,7 +112,7 @@ def test_table_of_equal_steps() -> None:
 @pytest.mark.compiled
 @pytest.mark.parametrize("e", [0.99, 0.999])
 def test_steps_for_each_revolution_do_not_grow_with_the_eccentricity(e: float) -> None:
-    """120 steps of order 8: equal steps of Stormer and Verlet need about 120 for each (1 - e)^(3/2)
+    """120 steps of order 8: fixed steps of Stormer and Verlet need about 120 for each (1 - e)^(3/2)
     of a period.
     """
     start = KEPLER.pericentre(e)
@@ -132,10 +132,10 @@ def test_narrow_ellipses_by_distance_powers(e: float) -> None:
     start = KEPLER.pericentre(e)
     far = KEPLER.exact(start, 9.5 * PERIOD)
     for method, system in (
-        (lm.ReversibleController(lm.Splitting(order=6), lm.DistancePower(1.5)), KEPLER),
+        (lm.ReversibleController(lm.Splitting(order=6), lm.time_scales.DistancePower(1.5)), KEPLER),
         (
             lm.Composition(lm.AdaptiveVerlet(), order=6),
-            lm.TimeTransformed(KEPLER, lm.DistancePower(1.5)),
+            lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)),
         ),
     ):
         run = lm.integrate(system, method, start, h=PERIOD / 200, t_end=9.5 * PERIOD)

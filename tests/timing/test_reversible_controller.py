@@ -28,13 +28,13 @@ KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.6)
 TIME = 7.3
 
-TOP = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
+TOP = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
 FALLING = TOP.state(mu=[0.3, 0.0, 1.5], g=np.eye(3))
 
 
 def verlet(sigma: Any = None) -> lm.ReversibleController:
     return lm.ReversibleController(
-        lm.StormerVerlet(), lm.DistancePower(1.5) if sigma is None else sigma
+        lm.StormerVerlet(), lm.time_scales.DistancePower(1.5) if sigma is None else sigma
     )
 
 
@@ -45,7 +45,7 @@ def slopes(error: Callable[[float], float], h: float, count: int = 3) -> list[fl
 
 @lm.record
 class Constant(lm.TimeScale):
-    """Steps of one length, in another unit."""
+    """Fixed steps, in another unit."""
 
     unit: float
 
@@ -58,19 +58,23 @@ class Constant(lm.TimeScale):
     ("method", "order", "h"),
     [
         (verlet(), 2, 0.08),
-        (verlet(lm.EqualArc()), 2, 0.08),
-        pytest.param(verlet(lm.EqualChange()), 2, 0.08, marks=pytest.mark.slow),
+        (verlet(lm.time_scales.EqualArc()), 2, 0.08),
+        pytest.param(verlet(lm.time_scales.EqualChange()), 2, 0.08, marks=pytest.mark.slow),
         (verlet(lambda q, p: 1.0 / (1.0 + lm.dot(p, p))), 2, 0.08),
-        (lm.ReversibleController(lm.Splitting(order=4), lm.EqualArc()), 4, 0.16),
+        (lm.ReversibleController(lm.Splitting(order=4), lm.time_scales.EqualArc()), 4, 0.16),
         (
             lm.ReversibleController(
-                lm.Composition(lm.StormerVerlet(), order=4), lm.DistancePower(2.0)
+                lm.Composition(lm.StormerVerlet(), order=4), lm.time_scales.DistancePower(2.0)
             ),
             4,
             0.16,
         ),
         (lm.Composition(verlet(), order=4), 4, 0.16),
-        (lm.ReversibleController(lm.Splitting(order=6), lm.DistancePower(1.5)), 6, 0.32),
+        (
+            lm.ReversibleController(lm.Splitting(order=6), lm.time_scales.DistancePower(1.5)),
+            6,
+            0.32,
+        ),
         (lm.Composition(verlet(), order=6), 6, 0.32),
     ],
     ids=lambda x: getattr(x, "name", None),
@@ -93,14 +97,14 @@ def test_order_at_a_physical_time(method: lm.Method, order: int, h: float) -> No
     [
         (lm.LieVerlet(), 2, lambda mu: 1.0 / (0.1 + lm.dot(mu, mu))),
         (lm.KickDrift(order=4), 4, lambda g: 1.0 + 0.5 * g[2, 2]),
-        pytest.param(lm.LieVerlet(), 2, lm.EqualArc(), marks=pytest.mark.slow),
+        pytest.param(lm.LieVerlet(), 2, lm.time_scales.EqualArc(), marks=pytest.mark.slow),
         pytest.param(
             lm.KickDrift(order=4),
             4,
             lambda mu: 1.0 / (0.1 + lm.dot(mu, mu)),
             marks=pytest.mark.slow,
         ),
-        pytest.param(lm.KickDrift(order=4), 4, lm.EqualArc(), marks=pytest.mark.slow),
+        pytest.param(lm.KickDrift(order=4), 4, lm.time_scales.EqualArc(), marks=pytest.mark.slow),
     ],
 )
 def test_order_on_a_group(base: lm.Method, order: int, sigma: Any) -> None:
@@ -128,7 +132,9 @@ def test_a_constant_sigma_is_no_transformation() -> None:
 
 
 @pytest.mark.parametrize(
-    "method", [verlet(), verlet(lm.EqualArc()), lm.Composition(verlet(), order=4)], ids=repr
+    "method",
+    [verlet(), verlet(lm.time_scales.EqualArc()), lm.Composition(verlet(), order=4)],
+    ids=repr,
 )
 def test_symmetric(method: lm.Method) -> None:
     """Steps with h, as many with -h from where they lead, with z and time: back at the start."""
@@ -159,8 +165,8 @@ def test_reversible_where_sigma_does_not_tell_the_direction() -> None:
         return type(state)(state.q, -state.p, state.time, state.z)
 
     for sigma, exact in (
-        (lm.DistancePower(1.5), True),
-        (lm.EqualArc(), True),
+        (lm.time_scales.DistancePower(1.5), True),
+        (lm.time_scales.EqualArc(), True),
         (lambda p: 1.0 / (1.0 + lm.dot(p, p)), True),
         (lambda p: 1.0 / (2.0 + lm.formulas.tanh(p[0] + p[1])), False),
     ):
@@ -193,7 +199,7 @@ def test_steps_by_the_printed_formula_collapse() -> None:
     """The slides print G(y_n) in the second half step too, (3.8) and (3.9): then z sigma = 1 is
     lost, and z falls below zero.
     """
-    start, sigma = KEPLER.pericentre(0.9), lm.DistancePower(2.0)
+    start, sigma = KEPLER.pericentre(0.9), lm.time_scales.DistancePower(2.0)
     whole, eps = Clocked(KEPLER, sigma), 0.06
 
     def smallest(printed: bool) -> float:
@@ -231,7 +237,7 @@ def test_steps_by_the_printed_formula_collapse() -> None:
         ),
         pytest.param(
             TOP,
-            lm.ReversibleController(lm.LieVerlet(), lm.EqualArc()),
+            lm.ReversibleController(lm.LieVerlet(), lm.time_scales.EqualArc()),
             FALLING,
             marks=pytest.mark.slow,
         ),
@@ -273,17 +279,17 @@ def test_a_member_of_an_ensemble_moves_as_it_does_alone() -> None:
 
 def test_what_is_refused() -> None:
     with pytest.raises(InvalidInput, match="not symmetric"):
-        lm.ReversibleController(lm.SymplecticEuler(), lm.EqualArc())
-    with pytest.raises(InvalidInput, match="steps of one length"):
-        lm.ReversibleController(verlet(), lm.EqualArc())
+        lm.ReversibleController(lm.SymplecticEuler(), lm.time_scales.EqualArc())
+    with pytest.raises(InvalidInput, match="fixed steps"):
+        lm.ReversibleController(verlet(), lm.time_scales.EqualArc())
     with pytest.raises(InvalidType, match="sigma is a TimeScale"):
         lm.ReversibleController(lm.StormerVerlet(), 3.0)  # type: ignore[arg-type]
     with pytest.raises(InvalidType, match="must be a method"):
-        lm.ReversibleController(lm.StormerVerlet, lm.EqualArc())  # type: ignore[arg-type]
+        lm.ReversibleController(lm.StormerVerlet, lm.time_scales.EqualArc())  # type: ignore[arg-type]
     body = lm.RigidBody([1.0, 1.5, 2.0])
     spin = body.state(mu=[0.5, 0.0, 0.75**0.5])
     free = lm.CovariantVariational(lm.Cayley())
-    for sigma in (lm.DistancePower(), lm.EqualPath()):
+    for sigma in (lm.time_scales.DistancePower(), lm.time_scales.EqualPath()):
         with pytest.raises(IncompatibleSystem):
             lm.integrate(body, lm.ReversibleController(free, sigma), spin, h=0.1, steps=3)
     with pytest.raises(IncompatibleSystem, match="StormerVerlet"):
@@ -292,7 +298,7 @@ def test_what_is_refused() -> None:
         lm.integrate(KEPLER, verlet(lambda x: x), ORBIT, h=0.1, steps=3)
     starts = KEPLER.state([ORBIT.q, ORBIT.q], [ORBIT.p, ORBIT.p])
     with pytest.raises(InvalidInput, match="energy of one start"):
-        lm.integrate(KEPLER, verlet(lm.EqualPath()), starts, h=0.1, steps=3)
+        lm.integrate(KEPLER, verlet(lm.time_scales.EqualPath()), starts, h=0.1, steps=3)
     with pytest.raises(InvalidTimeScale, match="body 1"):
         two = KEPLER.state([[1.0, 0.0], [-1.0, 0.0]], [[0.0, 1.0], [0.0, 1.0]])
         lm.integrate(KEPLER, verlet(lambda q: q[0]), two, h=0.1, steps=3)
@@ -302,7 +308,7 @@ def test_sigma_and_z_must_be_positive() -> None:
     with pytest.raises(InvalidTimeScale, match=r"sigma\(q\) = -1 at the start"):
         lm.integrate(KEPLER, verlet(lambda q: -1.0), ORBIT, h=0.1, steps=3)
     with pytest.raises(InvalidTimeScale, match=r"try 1\.25") as failed:
-        lm.integrate(KEPLER, verlet(lm.DistancePower(2.0)), ORBIT, h=5.0, steps=30)
+        lm.integrate(KEPLER, verlet(lm.time_scales.DistancePower(2.0)), ORBIT, h=5.0, steps=30)
     run = failed.value.trajectory
     assert " tau = " in str(failed.value) and " t = " not in str(failed.value)
     # the time of what there is does not go back
@@ -358,10 +364,14 @@ class Pumped(lm.DrivenHamiltonian):
 SWING, PUMPED = Swing(), lm.DrivenLiePoissonSystem(lm.SO3(), Pumped())
 DRIVEN = [
     (SWING, SWING.state([1.0, 0.2], [0.3, 0.8]), lm.SymmetricHamiltonJacobi(order=4), sigma)
-    for sigma in (lm.EqualArc(), lm.DistancePower(1.0), lambda q, p: 1.0 / (1.0 + lm.dot(p, p)))
+    for sigma in (
+        lm.time_scales.EqualArc(),
+        lm.time_scales.DistancePower(1.0),
+        lambda q, p: 1.0 / (1.0 + lm.dot(p, p)),
+    )
 ] + [
     (PUMPED, PUMPED.state([0.4, 0.9, 1.1]), lm.LiePoissonHamiltonJacobi(order=4), sigma)
-    for sigma in (lm.EqualArc(), lambda mu: 1.0 / (1.0 + mu[0] * mu[0]))
+    for sigma in (lm.time_scales.EqualArc(), lambda mu: 1.0 / (1.0 + mu[0] * mu[0]))
 ]
 
 
@@ -421,7 +431,9 @@ def test_gauss_methods_on_vector_spaces_and_not_on_groups() -> None:
     """(3.8) for any symmetric Phi: those of Gauss are symmetric on R^n, of one stage everywhere."""
     gauss = lm.tableaus.gauss
     for stages in (1, 2):
-        method = lm.ReversibleController(lm.RKMK(tableau=gauss(stages)), lm.DistancePower(1.5))
+        method = lm.ReversibleController(
+            lm.RKMK(tableau=gauss(stages)), lm.time_scales.DistancePower(1.5)
+        )
         whole = Clocked(KEPLER, method.sigma)
         start = whole.extended(ORBIT, 0.0)
         state = start
@@ -439,7 +451,7 @@ def test_gauss_methods_on_vector_spaces_and_not_on_groups() -> None:
             )
             errors.append(np.abs(run.q[-1] - exact).max())
         assert math.log2(errors[0] / errors[1]) == pytest.approx(2 * stages, abs=0.3)
-    sigma = lm.EqualArc()
+    sigma = lm.time_scales.EqualArc()
     lm.ReversibleController(lm.RKMK(tableau=gauss(1)), sigma).require(TOP)
     with pytest.raises(IncompatibleSystem, match="its chart stands at the start of the step"):
         lm.ReversibleController(lm.RKMK(tableau=gauss(2)), sigma).require(TOP)
@@ -465,9 +477,12 @@ def test_sigma_is_asked_for_when_the_motion_starts(transformed: bool) -> None:
         system: Any = Ramp(begins)
         start, method = system.state([0.0], [0.0]), lm.SymmetricHamiltonJacobi(order=4)
         if transformed:
-            system, method = lm.SundmanTransformed(system, lm.EqualArc()), lm.RKMK(order=4)
+            system, method = (
+                lm.SundmanTransformed(system, lm.time_scales.EqualArc()),
+                lm.RKMK(order=4),
+            )
         else:
-            method = lm.ReversibleController(method, lm.EqualArc())
+            method = lm.ReversibleController(method, lm.time_scales.EqualArc())
         return lm.integrate(system, method, start, h=0.01, steps=20, t0=t0)
 
     there = run(1.0, 0.0)

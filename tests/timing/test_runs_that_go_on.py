@@ -17,11 +17,11 @@ from liemech.errors import IntegrationInterrupted, InvalidInput, InvalidType
 
 KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.6)
-CONTROLLED = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5))
+CONTROLLED = lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5))
 PAIRS = [
     (KEPLER, CONTROLLED),
     # a sigma that knows the energy of the start
-    (lm.TimeTransformed(KEPLER, lm.EqualChange()), lm.AdaptiveVerlet()),
+    (lm.TimeTransformed(KEPLER, lm.time_scales.EqualChange()), lm.AdaptiveVerlet()),
     (lm.LogarithmicHamiltonian(KEPLER), lm.StormerVerlet()),
 ]
 
@@ -94,7 +94,7 @@ def test_ensembles_go_on_in_files_and_on_workers(tmp_path: Path) -> None:
     starts = KEPLER.state(q=[[1.0, 0.0]] * 5, p=np.column_stack([0.0 * speeds, speeds]))
     for prepared in (
         plan(),
-        plan(lm.TimeTransformed(KEPLER, lm.DistancePower(1.5)), lm.AdaptiveVerlet()),
+        plan(lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet()),
     ):
         whole, first = prepared.run(starts, steps=12), prepared.run(starts, steps=5)
         first.save(tmp_path / "runs.npz")
@@ -242,10 +242,19 @@ def test_what_a_run_does_not_go_on_with() -> None:
     first = plan().run(ORBIT, t_end=2.0)
     for other, words in (
         (plan().replace(h=0.1), "h = 0.05 instead of 0.1"),
-        (plan(method=lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.0))), "power"),
+        (
+            plan(
+                method=lm.ReversibleController(
+                    lm.StormerVerlet(), lm.time_scales.DistancePower(1.0)
+                )
+            ),
+            "power",
+        ),
         (plan(lm.Kepler(2.0)), "another system"),
         (
-            plan(lm.TimeTransformed(KEPLER, lm.DistancePower(1.5)), lm.AdaptiveVerlet()),
+            plan(
+                lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5)), lm.AdaptiveVerlet()
+            ),
             "another system",
         ),
     ):
@@ -272,10 +281,10 @@ ORBITS = KEPLER.state(q=[[0.5, 0.0], [0.7, 0.0]], p=[[0.0, 1.2]] * 2)
 
 
 def test_steps_and_clocks_of_ensembles_in_fictive_time() -> None:
-    method = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5))
+    method = lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5))
     run = lm.Plan(KEPLER, method, [0.05, 0.1], compiled=False).run(ORBITS, steps=4)
     assert np.array_equal(run.h, [0.05, 0.1])
-    system = lm.TimeTransformed(KEPLER, lm.DistancePower(1.5))
+    system = lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5))
     plan = lm.Plan(system, lm.RKMK(order=4), [0.05, 0.1], compiled=False)
     many = plan.tangent(ORBITS, steps=3)
     assert np.allclose(many.tau[-1], [0.15, 0.3], rtol=1e-15)
@@ -283,7 +292,7 @@ def test_steps_and_clocks_of_ensembles_in_fictive_time() -> None:
 
 
 START = KEPLER.state(q=[0.4, 0.0], p=[0.0, 2.0])
-EXTENDED = lm.TimeTransformed(KEPLER, lm.DistancePower(1.5))
+EXTENDED = lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5))
 PLANS = [
     lm.Plan(KEPLER, CONTROLLED, h=0.2, compiled=False),
     lm.Plan(KEPLER, CONTROLLED, h=0.2, every=3, compiled=False),
@@ -338,7 +347,7 @@ def test_an_event_inside_of_the_step_is_that_of_the_whole_run() -> None:
 
 
 def test_a_step_that_fails_tells_the_fictive_time() -> None:
-    method = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(2.0))
+    method = lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(2.0))
     plan = lm.Plan(KEPLER, method, h=5.0, compiled=False)
     carry = plan.begin(KEPLER.state(q=[0.1, 0.0], p=[0.0, 4.0]), t0=3.0)
     with pytest.raises(lm.errors.InvalidTimeScale, match=r"step 2 of 30, tau = 5;"):

@@ -17,7 +17,7 @@ from liemech.formulas import cos, sin, sqrt
 
 KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.6)
-TOP = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
+TOP = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
 FALLING = TOP.state(mu=[0.3, 0.0, 1.5], g=np.eye(3))
 
 
@@ -47,7 +47,7 @@ def speed(y: lm.Vec) -> float:
 
 
 SCENES: dict[str, tuple[Any, Any, Any, tuple[str, ...]]] = {
-    "orbit": (KEPLER, lm.DistancePower(1.5), ORBIT, ("q", "p")),
+    "orbit": (KEPLER, lm.time_scales.DistancePower(1.5), ORBIT, ("q", "p")),
     "field": (Spiral(), speed, Spiral().state([2.0, 0.5]), ("y",)),
     "driven": (Driven(), lambda p: 1.0 / (1.0 + p[0] * p[0]), Driven().state([0.3], [0.5]), ("q", "p")),
     "top": (TOP, lambda mu: 1.0 / (1.0 + lm.dot(mu, mu)), FALLING, ("mu", "g")),
@@ -61,7 +61,7 @@ def end(run: lm.Trajectory, parts: tuple[str, ...]) -> np.ndarray:
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("order", [2, 4])
 def test_order_at_a_physical_time(scene: str, order: int) -> None:
-    """Beside the equation itself, by steps of equal length."""
+    """Beside the equation itself, by fixed steps."""
     system, sigma, start, parts = SCENES[scene]
     exact = end(
         lm.integrate(
@@ -115,7 +115,7 @@ def test_a_constant_sigma_is_no_transformation() -> None:
 
 
 def test_steps_follow_sigma_and_the_path_is_the_same() -> None:
-    system = lm.SundmanTransformed(KEPLER, lm.DistancePower(1.5))
+    system = lm.SundmanTransformed(KEPLER, lm.time_scales.DistancePower(1.5))
     run = lm.integrate(system, lm.RKMK(order=8), ORBIT, h=0.05, steps=100, progress=False)
     lengths = np.diff(run.t)
     assert lengths.max() / lengths.min() > 4.0
@@ -128,7 +128,7 @@ def test_equal_arcs_of_a_driven_system_know_the_time() -> None:
     """Steps of equal length on the path, also where the force changes with time."""
     system = Driven()
     run = lm.integrate(
-        lm.SundmanTransformed(system, lm.EqualArc()),
+        lm.SundmanTransformed(system, lm.time_scales.EqualArc()),
         lm.RKMK(order=4),
         system.state([0.3], [2.0]),
         h=0.05,
@@ -144,7 +144,7 @@ def test_reversible_where_sigma_does_not_tell_the_direction() -> None:
     """A symmetric method on the transformed equation: forth, turned, forth, turned."""
     h, method = 0.1, lm.RKMK(tableau=lm.tableaus.gauss(2))
     for sigma, exact in (
-        (lm.EqualArc(), True),
+        (lm.time_scales.EqualArc(), True),
         (lambda p: 1.0 / (2.0 + lm.formulas.tanh(p[0] + p[1])), False),
     ):
         system = lm.SundmanTransformed(KEPLER, sigma)
@@ -185,7 +185,10 @@ def test_native_code_gives_the_same_bits(scene: str) -> None:
 
 def test_runs_go_on_and_are_kept_in_files(tmp_path: Path) -> None:
     plan = lm.Plan(
-        lm.SundmanTransformed(KEPLER, lm.EqualArc()), lm.RKMK(order=4), h=0.1, progress=False
+        lm.SundmanTransformed(KEPLER, lm.time_scales.EqualArc()),
+        lm.RKMK(order=4),
+        h=0.1,
+        progress=False,
     )
     whole = plan.run(ORBIT, steps=30)
     first = plan.run(ORBIT, steps=12)
@@ -221,7 +224,7 @@ def test_what_is_refused() -> None:
         lm.SundmanTransformed(3.0, speed)  # type: ignore[arg-type]
     with pytest.raises(IncompatibleSystem, match="RKMK accepts every system"):
         lm.integrate(
-            lm.SundmanTransformed(KEPLER, lm.DistancePower(1.5)),
+            lm.SundmanTransformed(KEPLER, lm.time_scales.DistancePower(1.5)),
             lm.StormerVerlet(),
             ORBIT,
             h=0.1,

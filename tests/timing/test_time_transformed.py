@@ -25,7 +25,7 @@ LOGARITHMIC = lm.LogarithmicHamiltonian(KEPLER)
 
 
 def transformed(sigma: Any = None) -> lm.TimeTransformed:
-    return lm.TimeTransformed(KEPLER, lm.DistancePower(1.5) if sigma is None else sigma)
+    return lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5) if sigma is None else sigma)
 
 
 def slopes(error: Callable[[float], float], h: float) -> list[float]:
@@ -35,7 +35,7 @@ def slopes(error: Callable[[float], float], h: float) -> list[float]:
 
 @lm.record
 class Constant(lm.TimeScale):
-    """Steps of one length, in another unit."""
+    """Fixed steps, in another unit."""
 
     parts: ClassVar[tuple[str, ...] | None] = ("q",)
 
@@ -70,9 +70,13 @@ def sway(q: lm.Vec) -> float:
     [
         (transformed(), lm.AdaptiveVerlet(), 2, 0.08),
         pytest.param(
-            transformed(lm.EqualChange()), lm.AdaptiveVerlet(), 2, 0.08, marks=pytest.mark.slow
+            transformed(lm.time_scales.EqualChange()),
+            lm.AdaptiveVerlet(),
+            2,
+            0.08,
+            marks=pytest.mark.slow,
         ),
-        (transformed(lm.EqualPath()), lm.AdaptiveVerlet(), 2, 0.04),
+        (transformed(lm.time_scales.EqualPath()), lm.AdaptiveVerlet(), 2, 0.04),
         (transformed(), lm.Composition(lm.AdaptiveVerlet(), order=4), 4, 0.16),
         pytest.param(
             transformed(),
@@ -81,7 +85,9 @@ def sway(q: lm.Vec) -> float:
             0.16,
             marks=pytest.mark.slow,
         ),
-        pytest.param(transformed(lm.EqualArc()), GAUSS4, 4, 0.32, marks=pytest.mark.slow),
+        pytest.param(
+            transformed(lm.time_scales.EqualArc()), GAUSS4, 4, 0.32, marks=pytest.mark.slow
+        ),
         (LOGARITHMIC, lm.StormerVerlet(), 2, 0.08),
         (LOGARITHMIC, lm.Splitting(order=4, quadratic=False), 4, 0.16),
         (LOGARITHMIC, lm.Splitting(order=6, quadratic=False), 6, 0.16),
@@ -100,7 +106,9 @@ def test_order_at_a_physical_time(system: Any, method: lm.Method, order: int, h:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sigma", [lm.EqualArc(), lambda q, p: 1.0 / (1.0 + lm.dot(p, p))])
+@pytest.mark.parametrize(
+    "sigma", [lm.time_scales.EqualArc(), lambda q, p: 1.0 / (1.0 + lm.dot(p, p))]
+)
 def test_order_of_hamilton_jacobi_methods(sigma: Any) -> None:
     """Implicit, for a sigma of positions and momenta."""
     exact = KEPLER.exact(ORBIT, 3.0)
@@ -152,8 +160,8 @@ def tangent(system: Any, method: lm.Method, start: Any, h: float) -> np.ndarray:
     ("system", "method"),
     [
         (transformed(), lm.AdaptiveVerlet()),
-        (transformed(lm.EqualChange()), lm.AdaptiveVerlet()),
-        pytest.param(transformed(lm.EqualArc()), GAUSS4, marks=pytest.mark.slow),
+        (transformed(lm.time_scales.EqualChange()), lm.AdaptiveVerlet()),
+        pytest.param(transformed(lm.time_scales.EqualArc()), GAUSS4, marks=pytest.mark.slow),
         pytest.param(
             transformed(lambda q, p: 1.0 / (1.0 + lm.dot(p, p))),
             lm.HamiltonJacobi(order=2),
@@ -233,7 +241,11 @@ def test_the_logarithmic_hamiltonian_is_its_formula() -> None:
     assert max(abs(by_q + whole.force(point.q, point.p))) < 1e-14
     derived = lm.SeparableSystem.relative_force(KEPLER, lm.vec(0.5, 0.3))
     assert max(abs(KEPLER.relative_force(lm.vec(0.5, 0.3)) - derived)) < 1e-15
-    for sigma in (lm.DistancePower(1.5), lm.EqualArc(), lm.EqualChange()):
+    for sigma in (
+        lm.time_scales.DistancePower(1.5),
+        lm.time_scales.EqualArc(),
+        lm.time_scales.EqualChange(),
+    ):
         system = transformed(sigma).bound(ORBIT)
         p = point.p + lm.vec(0.0, 0.0, 0.1)
         for closed, derived in (
@@ -292,7 +304,7 @@ def test_an_ensemble_has_an_energy_for_each_member() -> None:
 @pytest.mark.parametrize(
     ("system", "method"),
     [
-        (transformed(lm.EqualChange()), lm.AdaptiveVerlet()),
+        (transformed(lm.time_scales.EqualChange()), lm.AdaptiveVerlet()),
         (LOGARITHMIC, lm.Splitting(order=4, quadratic=False)),
     ],
     ids=repr,
@@ -312,25 +324,27 @@ def test_native_code_gives_the_same_bits(system: Any, method: lm.Method) -> None
 def test_what_is_refused() -> None:
     body = lm.RigidBody([1.0, 1.5, 2.0])
     with pytest.raises(IncompatibleSystem, match="ReversibleController"):
-        lm.TimeTransformed(body, lm.EqualArc())
+        lm.TimeTransformed(body, lm.time_scales.EqualArc())
     with pytest.raises(IncompatibleSystem, match="SeparableSystem"):
-        lm.LogarithmicHamiltonian(lm.DoublePendulum())
+        lm.LogarithmicHamiltonian(lm.models.DoublePendulum())
     with pytest.raises(IncompatibleSystem):
-        lm.TimeTransformed(transformed(), lm.EqualArc())
+        lm.TimeTransformed(transformed(), lm.time_scales.EqualArc())
     with pytest.raises(IncompatibleSystem, match="AdaptiveVerlet"):  # a sum no longer
         lm.integrate(transformed(), lm.StormerVerlet(), ORBIT, h=0.1, steps=3)
     with pytest.raises(IncompatibleSystem, match="TimeTransformed"):
         lm.integrate(KEPLER, lm.AdaptiveVerlet(), ORBIT, h=0.1, steps=3)
     with pytest.raises(IncompatibleSystem, match="sigma of q alone"):
-        lm.integrate(transformed(lm.EqualArc()), lm.AdaptiveVerlet(), ORBIT, h=0.1, steps=3)
+        lm.integrate(
+            transformed(lm.time_scales.EqualArc()), lm.AdaptiveVerlet(), ORBIT, h=0.1, steps=3
+        )
     with pytest.raises(IncompatibleSystem, match="second degree"):
         lm.integrate(LOGARITHMIC, lm.Splitting(order=4), ORBIT, h=0.1, steps=3)
     with pytest.raises(IncompatibleSystem, match="one of them will do"):
-        controller = lm.ReversibleController(lm.AdaptiveVerlet(), lm.EqualArc())
+        controller = lm.ReversibleController(lm.AdaptiveVerlet(), lm.time_scales.EqualArc())
         lm.integrate(transformed(), controller, ORBIT, h=0.1, steps=3)
     with pytest.raises(InvalidInput, match="needs the energy"):
-        lm.EqualPath().value(KEPLER, ORBIT)
-    galaxy = lm.HenonHeiles()
+        lm.time_scales.EqualPath().value(KEPLER, ORBIT)
+    galaxy = lm.models.HenonHeiles()
     with pytest.raises(InvalidTimeScale, match="Subtract a constant"):
         lm.integrate(
             lm.LogarithmicHamiltonian(galaxy),
@@ -344,13 +358,17 @@ def test_what_is_refused() -> None:
 def test_steps_that_are_too_large() -> None:
     with pytest.raises((NoConvergence, InvalidTimeScale), match=r"too large|positive"):
         lm.integrate(
-            transformed(lm.DistancePower(2.0)), lm.AdaptiveVerlet(), ORBIT, h=6.0, steps=30
+            transformed(lm.time_scales.DistancePower(2.0)),
+            lm.AdaptiveVerlet(),
+            ORBIT,
+            h=6.0,
+            steps=30,
         )
-    pendulum = lm.Pendulum()
+    pendulum = lm.models.Pendulum()
     swing = pendulum.state(1.0, 0.0)
     with pytest.raises(InvalidTimeScale):  # at rest at the start, where equal paths have no steps
         lm.integrate(
-            lm.TimeTransformed(pendulum, lm.EqualPath(-10.0)),
+            lm.TimeTransformed(pendulum, lm.time_scales.EqualPath(-10.0)),
             lm.AdaptiveVerlet(),
             swing,
             h=0.1,

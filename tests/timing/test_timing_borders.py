@@ -122,21 +122,21 @@ BODY = lm.RigidBody([1.0, 1.5, 2.0])
     [
         (
             SPRING,
-            lm.EqualPath(),
+            lm.time_scales.EqualPath(),
             SPRING.state(1.0, 0.0),
             InvalidTimeScale,
             "EqualPath.* has no value at the start",
         ),
         (
             SPRING,
-            lm.EqualPath(0.1),
+            lm.time_scales.EqualPath(0.1),
             SPRING.state(1.0, 0.0),
             InvalidTimeScale,
             "EqualPath.* = nan at the start",
         ),
         (
             BODY,
-            lm.EqualArc(),
+            lm.time_scales.EqualArc(),
             BODY.state([0.0, 0.0, 0.0]),
             InvalidTimeScale,
             "EqualArc.* has no value at the start",
@@ -172,7 +172,10 @@ def test_distances_of_constrained_systems() -> None:
     """On the unit sphere |q| = 1: equal steps."""
     varied, equal = (
         lm.integrate(PENDULUM, method, SWINGING, h=0.05, steps=10, compiled=False, progress=False)
-        for method in (lm.ReversibleController(lm.RATTLE(), lm.DistancePower(1.5)), lm.RATTLE())
+        for method in (
+            lm.ReversibleController(lm.RATTLE(), lm.time_scales.DistancePower(1.5)),
+            lm.RATTLE(),
+        )
     )
     assert np.abs(varied.q - equal.q).max() < 1e-12
 

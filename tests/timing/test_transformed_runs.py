@@ -18,7 +18,7 @@ from liemech.errors import (
 
 KEPLER = lm.Kepler()
 ORBIT = KEPLER.pericentre(0.6)
-METHOD = lm.ReversibleController(lm.StormerVerlet(), lm.DistancePower(1.5))
+METHOD = lm.ReversibleController(lm.StormerVerlet(), lm.time_scales.DistancePower(1.5))
 
 
 def run(**options: object) -> lm.Trajectory:
@@ -92,7 +92,7 @@ def test_native_code_finds_the_same_states_between_the_steps() -> None:
 
 
 def test_what_is_recorded_and_summed_up_is_chosen() -> None:
-    body = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0).body
+    body = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0).body
     start = body.state(mu=[0.3, 0.0, 1.5], g=np.eye(3))
     method = lm.ReversibleController(
         lm.CovariantVariational(lm.Cayley()), lambda mu: 1.0 + mu[0] ** 2
@@ -131,9 +131,9 @@ def test_what_a_run_in_fictive_time_has_not() -> None:
     with pytest.raises(InvalidInput, match="fictive time"):
         lm.check_method(METHOD, KEPLER, ORBIT, h=0.1)
     assert lm.check_method(METHOD, KEPLER, ORBIT)
-    top = lm.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
+    top = lm.models.LagrangeTop(weight=1.0, transverse=1.0, axial=0.5, length=1.0)
     inside = lm.KickDrift(
-        lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.EqualArc())
+        lm.ReversibleController(lm.CovariantVariational(lm.Cayley()), lm.time_scales.EqualArc())
     )
     with pytest.raises(IncompatibleSystem, match="take one"):
         lm.integrate(top, inside, top.state(mu=[0.3, 0.0, 1.5], g=np.eye(3)), h=0.1, steps=1)

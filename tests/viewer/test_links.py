@@ -16,12 +16,12 @@ from liemech.models.poses import rotated
 from liemech.viewer import Links, Motion, Scene
 from liemech.viewer.links import principal_box
 
-models: Any = lm
+library: Any = lm
 
 
 def rods(count: int = 3) -> Motion:
     """Poses of a chain whose joints hold, at four times; no equation is solved."""
-    chain, rng = models.chain(count, length=0.8), np.random.default_rng(3)
+    chain, rng = library.joints.chain(count, length=0.8), np.random.default_rng(3)
     poses = np.tile(np.eye(4), (4, count, 1, 1))
     for pose in poses:
         top = np.zeros(3)
@@ -55,13 +55,13 @@ def test_the_box_of_a_link_has_its_size() -> None:
     edges, mass = np.array([0.3, 0.5, 0.9]), 2.5
     J = mass * ((edges**2).sum() - edges**2) / 12.0
     R = np.array(lm.SO3().exp([0.4, -0.3, 0.5]))
-    assert principal_box(lm.Link(mass, J))[1] == pytest.approx(edges, rel=1e-14)
-    axes, found = principal_box(lm.Link(mass, R @ np.diag(J) @ R.T))
+    assert principal_box(lm.joints.Link(mass, J))[1] == pytest.approx(edges, rel=1e-14)
+    axes, found = principal_box(lm.joints.Link(mass, R @ np.diag(J) @ R.T))
     assert np.sort(found) == pytest.approx(edges, rel=1e-12)
     assert np.linalg.det(axes) == pytest.approx(1.0) and axes * found**2 @ axes.T == pytest.approx(
         R * edges**2 @ R.T
     )
-    assert principal_box(lm.Link.rod(1.3, 0.8, 0.05))[1][2] == pytest.approx(0.8, rel=1e-14)
+    assert principal_box(lm.joints.Link.rod(1.3, 0.8, 0.05))[1][2] == pytest.approx(0.8, rel=1e-14)
 
 
 def test_rods_of_a_four_bar_linkage_keep_their_length_and_stand_on_their_supports() -> None:
@@ -87,7 +87,7 @@ def test_bodies_under_conditions_have_pictures(name: str) -> None:
 
 def test_the_path_of_a_linkage_is_that_of_its_bodies() -> None:
     pytest.importorskip("matplotlib")
-    chain = models.chain(2)
+    chain = library.joints.chain(2)
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[:, 2, 3] = -0.5, -1.5
     start = chain.assembled(poses, [[1.0, 0.0, 0.0, 0.0, 0.5, 0.0], [0.0, 2.0, 0.0, 0.0, 0.0, 0.0]])

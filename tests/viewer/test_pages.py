@@ -36,7 +36,7 @@ needs_meshcat = pytest.mark.skipif(
 BODY = lm.RigidBody([1.0, 2.0, 3.0])
 START = BODY.state(mu=[0.3, 1.0, 0.2], g=np.eye(3))
 RUN = lm.integrate(BODY, lm.RKMK(order=4), START, h=0.1, steps=60, compiled=False)
-TOP = lm.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
+TOP = lm.models.HeavyTop(inertia=[1.0, 1.5, 0.7], weight=1.3, centre=[0.6, 0.0, 0.8])
 
 
 def content(page: str) -> dict[str, Any]:
@@ -275,9 +275,9 @@ SYSTEMS = (
 def test_every_system_has_a_picture(name: str) -> None:
     attitude = lm.SO3().exp([0.4, -0.3, 0.5])
     top = TOP.state(mu=[0.3, 0.6, 1.1], g=attitude)
-    orbiting = lm.OrbitingBody([1.0, 2.0, 2.5], 100.0, 1.0)
-    falling = lm.FallingBody([1.0, 2.0, 2.5], 3.0)
-    kepler, pendulum, double = lm.Kepler(), lm.Pendulum(), lm.DoublePendulum()
+    orbiting = lm.models.OrbitingBody([1.0, 2.0, 2.5], 100.0, 1.0)
+    falling = lm.models.FallingBody([1.0, 2.0, 2.5], 3.0)
+    kepler, pendulum, double = lm.Kepler(), lm.models.Pendulum(), lm.models.DoublePendulum()
     free = lm.LiePoissonSystem(lm.UnitQuaternions(), BODY.hamiltonian)
     systems: dict[str, tuple[Any, Any, set[str]]] = {
         "HeavyTop": (TOP, top, {"run 1/body/top", "run 1/nose", "run 1/vertical trail"}),
@@ -319,7 +319,7 @@ def test_every_system_has_a_picture(name: str) -> None:
 
 
 def test_points_of_ones_own() -> None:
-    system = lm.HenonHeiles()
+    system = lm.models.HenonHeiles()
     run = lm.integrate(
         system,
         lm.RKMK(order=4),

@@ -1,0 +1,137 @@
+"""The page of all public names, from the stubs that list them: `python docs/site/names.py` writes
+it.  A name is explained on the page that is most about it, where a table or the text first has it.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import inspect
+import itertools
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent.parent
+sys.path[:0] = [str(DOCS.parent), str(DOCS / "site")]
+
+from contents import groups  # noqa: E402
+
+from liemech.formulas import annotations  # noqa: E402
+from liemech.names import everything, public, sentence  # noqa: E402
+
+APART = ("errors", "formulas", "plots", "tableaus", "viewer")
+"""Modules with a page, or a tree, of their own."""
+
+PASSED_OVER = ("Proof",)
+"""Headings of the first page under which nothing is explained."""
+
+WORDS = ("equations", "gallery", "glossary", "notation")
+"""Pages that mention what others explain."""
+
+EVERYWHERE = {
+    "CovariantVariational": "algorithm_1",
+    "GalerkinVariational": "galerkin",
+    "HamiltonianSystem": "classical_hamilton_jacobi",
+    "MoserVeselov": "algorithm_1",
+    "Retraction": "your_own_group",
+    "RigidBody": "tutorial",
+    "integrate": "options",
+}
+"""Names that many pages use, and the page about each."""
+
+INTRODUCTION = """# Names
+
+The public names, from A to Z: what each is, and where it is explained. `lm` is the library,
+`import liemech as lm`. At its top are what runs and checks, the base classes, groups, systems and
+methods. What is ready to be used with them is in modules by its kind, such as `lm.models` and
+`lm.joints`. A name that is asked for in another place gives an error that says where it is. Five
+modules have names of their own, which are not in this list: [lm.plots](plots.md),
+[lm.viewer](viewer.md), [lm.tableaus](tableaus.md), [lm.formulas](native.md), such as
+`lm.formulas.cos`, and `lm.errors`, whose docstring draws the tree.
+
+| name | what it is | more |
+| --- | --- | --- |
+"""
+
+
+def page() -> str:
+    """The text of the page."""
+    things = everything()
+    names = [n for n, full in public().items() if full.split(".")[1] not in APART]
+    rows = [
+        f"| `{public()[name]}` | {about(name, things[name])} | {link(name)} |"
+        for name in sorted(names, key=str.lower)
+    ]
+    return INTRODUCTION + "\n".join(rows) + "\n"
+
+
+def about(name: str, thing: Any) -> str:
+    """A sentence about a public name, fit for a cell of a table."""
+    documented = inspect.isclass(thing) or inspect.isroutine(thing) or inspect.ismodule(thing)
+    text = sentence(thing) if documented else constants()[name]
+    # what a forge would take for a mark of its own
+    return re.sub(r"(`[^`]*`)|([|*_<])", lambda m: m[1] or "\\" + m[2], text)
+
+
+@functools.cache
+def constants() -> dict[str, str]:
+    """The sentences under the names of annotations that are no classes."""
+    tree = ast.parse(inspect.getsource(annotations)).body
+    return {
+        one.target.id: inspect.cleandoc(ast.literal_eval(after.value))
+        .partition(". ")[0]
+        .rstrip(".")
+        for one, after in itertools.pairwise(tree)
+        if isinstance(one, ast.AnnAssign)
+        and isinstance(one.target, ast.Name)
+        and isinstance(after, ast.Expr)
+    }
+
+
+@functools.cache
+def texts() -> dict[str, str]:
+    """The pages that explain, in the order of reading."""
+    listed = groups((DOCS / "index.md").read_text(encoding="utf-8"))
+    pages = [p for heading, ps in listed.items() if heading not in PASSED_OVER for p in ps]
+    pages = [p for p in pages if p not in (*WORDS, "names") and not p.startswith("generated/")]
+    return {p: (DOCS / f"{p}.md").read_text(encoding="utf-8") for p in pages}
+
+
+def link(name: str) -> str:
+    """Where a name is explained, as a link to a section."""
+    page = EVERYWHERE.get(name) or max(texts(), key=lambda page: weight(name, texts()[page]))
+    place = re.search(rf"^\| `{name}\b", texts()[page], flags=re.MULTILINE)
+    before = texts()[page][
+        : place.start() if place else min(mentions(name, texts()[page]), default=0)
+    ]
+    if not before:
+        raise LookupError(f"{name} is on no page that explains; write a line about it")
+    before = re.sub(r"```.*?(```|$)", "", before, flags=re.DOTALL)
+    title, *sections = re.findall(r"^#+ (.+)$", before, flags=re.MULTILINE)
+    anchor = re.sub(r"[^\w -]", "", sections[-1].lower()).replace(" ", "-") if sections else ""
+    return f"[{title}]({page}.md{'#' if anchor else ''}{anchor})"
+
+
+def weight(name: str, text: str) -> float:
+    """How much a page is about a name: it is in the title, begins rows of tables, stands in the text
+    or is used in programs.
+    """
+    title = bool(re.match(rf"# .*\b{name}\b", text))
+    rows = len(re.findall(rf"^\| `{name}\b", text, flags=re.MULTILINE))
+    return 100 * title + 10 * min(rows, 1) + sum(mentions(name, text).values())
+
+
+def mentions(name: str, text: str) -> dict[int, float]:
+    """The places of a name in the code of a page, and what each counts."""
+    code = re.finditer(r"```.*?```|`[^`\n]+`", text, flags=re.DOTALL)
+    return {
+        block.start() + word.start(): 0.5 if block[0].startswith("```") else 1.0
+        for block in code
+        for word in re.finditer(rf"\b{name}\b(?!=)", block[0])
+    }
+
+
+if __name__ == "__main__":
+    (DOCS / "names.md").write_text(page(), encoding="utf-8")

@@ -1,0 +1,197 @@
+"""Frozen dataclasses that cost little to define: `@frozen` is `@dataclass(frozen=True)` without
+code that is written and compiled for each class.
+
+`dataclasses` compiles six methods for a class, half a millisecond, and there are hundreds of
+classes.  Here five of them are closures, and `__init__` is left to `dataclasses` until it is first
+asked for.  Fields, defaults, `replace`, `fields`, `repr`, comparisons and errors are those of
+`dataclasses`.
+"""
+
+from __future__ import annotations
+
+import abc
+import dataclasses
+import inspect
+import operator
+import reprlib
+import types
+from collections.abc import Callable
+from typing import Any, ClassVar, TypeVar, dataclass_transform
+
+from .annotations import own_annotations
+
+T = TypeVar("T", bound=type)
+
+MISSING = dataclasses.MISSING
+
+
+@dataclasses.dataclass(frozen=True)
+class _Example:
+    """From which it is taken how `dataclasses` marks a class, a field and what is none."""
+
+    field: Any
+    other: ClassVar[Any] = None
+
+
+_FIELDS, _PARAMS = "__dataclass_fields__", "__dataclass_params__"
+_FIELD, _NO_FIELD = [f._field_type for f in vars(_Example)[_FIELDS].values()]
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+def frozen(cls: T) -> T:
+    """Make a class a frozen dataclass."""
+    made: Any = cls
+    fields: dict[str, Any] = {}
+    for base in cls.__mro__[:0:-1]:
+        fields |= getattr(base, _FIELDS, {})
+        if _PARAMS in vars(base) and not vars(base)[_PARAMS].frozen:
+            raise TypeError("cannot inherit frozen dataclass from a non-frozen one")
+    fields |= _own_fields(made)
+    setattr(made, _FIELDS, fields)
+    setattr(made, _PARAMS, vars(_Example)[_PARAMS])
+    in_order = [
+        f for f in fields.values() if f._field_type is not _NO_FIELD and f.init and not f.kw_only
+    ]
+    needed = [f.default is MISSING and f.default_factory is MISSING for f in in_order]
+    if needed != sorted(needed, reverse=True):
+        _initialiser(made)  # which says what is wrong
+    own = {*vars(made)}
+    if vars(made).get("__hash__") is None and "__eq__" in own:  # which Python puts beside `__eq__`
+        own.discard("__hash__")
+    methods = _methods(made, [f for f in fields.values() if f._field_type is _FIELD])
+    for name, value in methods.items():
+        if name not in own:
+            setattr(made, name, value)
+        elif name in ("__setattr__", "__delattr__"):
+            raise TypeError(f"Cannot overwrite attribute {name} in class {made.__name__}")
+    if "__match_args__" not in own:
+        made.__match_args__ = tuple([f.name for f in in_order])  # type: ignore[misc]
+    if "__init__" not in own:
+        made.__init__ = _WhenAsked(made, "__init__", _initialiser)
+    if not made.__doc__:
+        made.__doc__ = _WhenAsked(made, "__doc__", _documentation)
+    made.__replace__ = dataclasses.replace  # which `copy.replace` asks for
+    abc.update_abstractmethods(made)
+    return cls
+
+
+def _own_fields(cls: Any) -> dict[str, Any]:
+    """The fields that are annotated in a class itself; what `dataclasses.field` says of one gives
+    way to its default.
+    """
+    annotations = own_annotations(cls)
+    for name, value in vars(cls).items():
+        if isinstance(value, dataclasses.Field) and name not in annotations:
+            raise TypeError(f"{name!r} is a field but has no type annotation")
+    if not annotations:
+        return {}
+    carrier: Any = type(cls.__name__, (), {"__module__": cls.__module__, "__doc__": "of fields"})
+    carrier.__annotations__ = dict(annotations)
+    for name in annotations:
+        if hasattr(cls, name):
+            setattr(carrier, name, getattr(cls, name))
+    dataclasses.dataclass(init=False, repr=False, eq=False, match_args=False)(carrier)
+    fields: dict[str, Any] = vars(carrier)[_FIELDS]
+    for name, field in fields.items():
+        if isinstance(getattr(cls, name, None), dataclasses.Field):
+            if field.default is MISSING:
+                delattr(cls, name)
+            else:
+                setattr(cls, name, field.default)
+    return fields
+
+
+def _methods(cls: Any, fields: list[Any]) -> dict[str, Any]:
+    """The methods of a frozen dataclass that need no code of their own."""
+    names = frozenset([f.name for f in fields])
+    compared = _values([f.name for f in fields if f.compare])
+    hashed = _values([f.name for f in fields if (f.compare if f.hash is None else f.hash)])
+    shown = [f.name for f in fields if f.repr]
+
+    def __repr__(self: Any) -> str:
+        values = ", ".join([f"{name}={getattr(self, name)!r}" for name in shown])
+        return f"{type(self).__qualname__}({values})"
+
+    def __eq__(self: Any, other: object) -> Any:
+        if other.__class__ is self.__class__:
+            return compared(self) == compared(other)
+        return NotImplemented
+
+    def __hash__(self: Any) -> int:
+        return hash(hashed(self))
+
+    def __setattr__(self: Any, name: str, value: Any) -> None:
+        if type(self) is cls or name in names:
+            raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
+        super(cls, self).__setattr__(name, value)
+
+    def __delattr__(self: Any, name: str) -> None:
+        if type(self) is cls or name in names:
+            raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+        super(cls, self).__delattr__(name)
+
+    made = __repr__, __eq__, __hash__, __setattr__, __delattr__
+    for method in made:
+        method.__qualname__ = f"{cls.__qualname__}.{method.__name__}"
+        method.__module__ = cls.__module__
+    return {m.__name__: m for m in made} | {"__repr__": _once(__repr__)}
+
+
+# as of those that `dataclasses` writes, their code is of no file: nobody who asks what a user has
+# written finds them
+_methods.__code__ = _methods.__code__.replace(
+    co_consts=tuple(
+        [
+            c.replace(co_filename="<string>") if isinstance(c, types.CodeType) else c
+            for c in _methods.__code__.co_consts
+        ]
+    )
+)
+_once = getattr(dataclasses, "_recursive_repr", None) or reprlib.recursive_repr()
+
+
+def _values(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
+    """A function for the values of these attributes as a tuple."""
+    if len(names) > 1:
+        return operator.attrgetter(*names)
+    if not names:
+        return lambda record: ()
+    value = operator.attrgetter(*names)
+    return lambda record: (value(record),)
+
+
+# ------------------------------------------------------------------ made when it is asked for
+
+
+class _WhenAsked:
+    """An attribute of a class that is made when somebody asks for it, and stays."""
+
+    def __init__(self, cls: type, name: str, make: Callable[[Any], Any]) -> None:
+        self.cls, self.name, self.make = cls, name, make
+
+    def __get__(self, owner: Any, cls: type | None = None) -> Any:
+        value = self.make(self.cls)
+        setattr(self.cls, self.name, value)
+        return value.__get__(owner, cls) if hasattr(value, "__get__") else value
+
+
+def _initialiser(cls: Any) -> Any:
+    """The `__init__` that `dataclasses` writes for the fields of a class."""
+    marks = {name: vars(cls)[name] for name in (_FIELDS, _PARAMS)}
+    types = {name: field.type for name, field in marks[_FIELDS].items()}
+    base = type("_", (), {**marks, "__annotations__": types})
+    space = {"__module__": cls.__module__, "__qualname__": cls.__qualname__, "__doc__": "of fields"}
+    if hasattr(cls, "__post_init__"):
+        space["__post_init__"] = cls.__post_init__
+    made: Any = dataclasses.dataclass(frozen=True, repr=False, eq=False)(
+        type(cls.__name__, (base,), space)
+    )
+    return made.__init__
+
+
+def _documentation(cls: Any) -> str:
+    """The fields, for a class without a docstring."""
+    try:
+        return cls.__name__ + str(inspect.signature(cls)).replace(" -> None", "")
+    except (TypeError, ValueError):
+        return str(cls.__name__)

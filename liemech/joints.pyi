@@ -1,0 +1,11 @@
+from .models.joints import BallJoint as BallJoint
+from .models.joints import PrismaticJoint as PrismaticJoint
+from .models.joints import RevoluteJoint as RevoluteJoint
+from .models.joints import RigidRod as RigidRod
+from .models.joints import UniversalJoint as UniversalJoint
+from .models.linkage import Link as Link
+from .models.linkage import Linkage as Linkage
+from .models.linkage import chain as chain
+from .models.rolling import Blade as Blade
+from .models.rolling import Rolling as Rolling
+from .models.rolling import Suslov as Suslov
