@@ -174,8 +174,8 @@ class Tolerance(Record):
                 before, n = where(good, root, before), n + where(good, 1.0, 0.0)
                 write(out, at, (t, state, trial.curve), row)
             rejected = rejected + where(tried and not good, 1.0, 0.0)
-        made = Clock(t, h, before, n, rejected, stuck, clock.fresh)
-        return made, (state, xi), n != clock.steps
+        now = Clock(t, h, before, n, rejected, stuck, clock.fresh)
+        return now, (state, xi), n != clock.steps
 
 
 @record

@@ -323,6 +323,7 @@ def execution_of(
     call = driver, *arguments, array, array, None
     asked = None if native else False
     made = Execution(asked, None, *call, lanes=lanes, silent=silent), numbers_of(*arguments)
+    made[0].used(wanted)
     if len(_executions) >= FEW:
         _executions.clear()
     _executions[key] = made  # which has the arguments, so that their identities remain theirs

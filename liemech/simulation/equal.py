@@ -11,6 +11,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..errors import failure, is_mistake
+from ..formulas.pytree import layout_of
 from .carry import Carries, Carry, stacked
 from .control import CLOCK, LIMIT, MARK, STEP, STUCK, TAKEN, TIME, Equal
 from .dense import evaluated, short_step
@@ -28,6 +29,7 @@ class EqualRun(Run):
     """A run of steps of one length."""
 
     control: Any = Equal()
+    shape: Any
     extra: Any = ()
 
     def aim(self, ends: list[Any], steps: Any) -> None:
@@ -52,28 +54,39 @@ class EqualRun(Run):
         return self.zero + self.aims[LIMIT] * self.h
 
     def begin(self) -> None:
-        begun = self._first_run()
-        shape, count = begun.shape, self.count
+        start, count, failures = self._from(), self.count, {}  # type: Any, int, dict[int, Any]
+        alone = self.fresh and not self.bodies
+        known: Any = self.way.shapes.get((layout_of(start), False)) if alone else None
+        memory = None if known is None else np.empty((known.carried + known.sampled, 1))
+        if memory is not None and known.begin(start, memory[:, 0]):
+            shape, taken = known, np.zeros(1)
+            numbers, heads = memory[: shape.carried - 1], memory[shape.carried :]
+        else:
+            begun = self._first_run(start)
+            shape, failures = begun.shape, begun.failures
+            numbers, heads = begun.states[:-1, :count].copy(), begun.out[0, :, :count].copy()
+            taken = begun.taken[:count] if self.fresh else np.zeros(count)
+            self._place(numbers, heads)
         self.shape = shape
         self.lanes = lanes = self._lanes(shape, self.way.way, self.way.system)
-        numbers, heads = begun.states[:-1, :count].copy(), begun.out[0, :, :count].copy()
-        taken = begun.taken[:count] if self.fresh else np.zeros(count)
-        self._place(numbers, heads)
         clocks = np.zeros((CLOCK.width, count))
         clocks[TIME] = self.zero + self.first * self.h
         clocks[STEP], clocks[TAKEN] = self.h, self.first
         for i in np.flatnonzero((taken < 0) & ~self.over).tolist():
-            clocks[MARK, i], self.failures[i] = STUCK, [begun.failures.get(i)]
+            clocks[MARK, i], self.failures[i] = STUCK, [failures.get(i)]
         self.table = np.concatenate([numbers, clocks, self.aims, *lanes.own])
         self.here = np.concatenate([clocks[TIME][None], heads])
         self.here[0, self.over] = self.t0[self.over]
 
-    def _first_run(self) -> FixedRun:
+    def _from(self) -> Any:
+        """What the run begins with."""
+        if isinstance(self.start, Carries):
+            return stacked([one.state for one in self.start.members])
+        return self.start
+
+    def _first_run(self, start: Any) -> FixedRun:
         """The run of no step, with what the method begins with."""
         way = dataclasses.replace(self.way, every=1, progress=False)
-        start = self.start
-        if isinstance(start, Carries):
-            start = stacked([one.state for one in start.members])
         return FixedRun(way, start, 0, self.t0.item(0))
 
     def _place(self, numbers: np.ndarray, heads: np.ndarray) -> None:

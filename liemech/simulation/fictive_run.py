@@ -81,7 +81,7 @@ class FictiveRun(EqualRun):
 
     def begin(self) -> None:
         super().begin()
-        clocks = np.split(self.table, self.lanes.parts)[1]
+        clocks = self.lanes.parts(self.table)[1]
         column = self._column()
         here = self.here
         clocks[TIME] = here[1 + column]
@@ -107,7 +107,7 @@ class FictiveRun(EqualRun):
             self.shape.column = int(self.wholes[0].apart(found)[0][0])
         return self.shape.column
 
-    def _first_run(self) -> FixedRun:
+    def _from(self) -> Any:
         self.timeless: dict[int, Any] = {}
         now = [self._now(i) for i in range(self.count)]
         one = self.begun(0)
@@ -117,12 +117,12 @@ class FictiveRun(EqualRun):
                 doubt = self.of(0)[1].step_warning(self.wholes[0], now[0], self.h.item(0))
                 if doubt:
                     warn(doubt, StepWarning)
-            start = one.inner if isinstance(one, FictiveCarry) else now[0]
-        else:
-            system = Systems(tuple(self.wholes))
-            steps = self.plan._steps
-            self.way = dataclasses.replace(steps, system=system, shapes={}, clock="tau")
-            start = stacked(now)
+            return one.inner if isinstance(one, FictiveCarry) else now[0]
+        system = Systems(tuple(self.wholes))
+        self.way = dataclasses.replace(self.plan._steps, system=system, shapes={}, clock="tau")
+        return stacked(now)
+
+    def _first_run(self, start: Any) -> FixedRun:
         try:
             return FixedRun(dataclasses.replace(self.way, every=1, progress=False), start, 0)
         except IntegrationFailure as error:

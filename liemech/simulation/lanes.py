@@ -44,7 +44,7 @@ class Lanes:
             things.append(thing)
         self.constants = numbers_of(*things, control)
         self.mark = self.row.width - 1 if isinstance(control, Fictive) else 0
-        self.arguments = *things, control, layout, self.row
+        self.arguments: Any = (*things, control, layout, self.row)
         none = np.empty(0)
         call = advance, *self.arguments, 1, none, none, none, none, None
         self.stepping = Execution(asked, progress, *call, lanes=side, silent=side > 1)
@@ -61,21 +61,26 @@ class Lanes:
         )
         return made
 
-    def of_body(self, i: int) -> tuple[Any, ...]:
+    def of_body(self, i: int) -> Any:
         """The arguments of a driver for one body."""
         return *(x.values[i] if isinstance(x, Several) else x for x in self.arguments[:2]), *(
             self.arguments[2:]
         )
 
-    @property
-    def parts(self) -> list[int]:
-        """Where clocks, goals and parameters begin among the numbers of a column."""
+    @functools.cached_property
+    def _parts(self) -> list[tuple[int, int]]:
+        """Where numbers, clocks, goals and parameters of their own are in a column."""
         widths = self.layout.width, CLOCK.width, GOAL.width, *(len(x) for x in self.own)
-        return np.cumsum(widths)[:-1].tolist()
+        ends = [sum(widths[: i + 1]) for i in range(len(widths))]
+        return [*zip([0, *ends[:-1]], ends, strict=True)]
+
+    def parts(self, columns: np.ndarray) -> list[np.ndarray]:
+        """Numbers, clocks, goals and parameters of their own, views of columns."""
+        return [columns[begin:end] for begin, end in self._parts]
 
     def natively(self, columns: np.ndarray, out: np.ndarray, turns: int, workers: int) -> None:
         """So many trials of the bodies in these columns, whole lanes, perhaps in threads."""
-        numbers, clocks, goals, *own = np.split(columns, self.parts)
+        numbers, clocks, goals, *own = self.parts(columns)
         padded, side = columns.shape[1], self.stepping.lanes
         native: Any = self.stepping.native
         arrays = *own, goals, numbers, clocks, out
@@ -93,10 +98,11 @@ class Lanes:
         """So many trials of a body in plain Python.  column : numbers, clock, goal.  out : rows,
         (turns, ...).
         """
-        numbers, clock, goal, *_ = [x.copy() for x in np.split(column, self.parts)]
+        numbers, clock, goal = [x.copy() for x in self.parts(column)[:3]]
         rows = out.ravel()
         with self.stepping.plain():
-            advance(*self.of_body(body), turns, goal, numbers, clock, rows, failures)
+            driver: Any = advance
+            driver(*self.of_body(body), turns, goal, numbers, clock, rows, failures)
         out[:] = rows.reshape(out.shape)
         column[: len(numbers)], column[len(numbers) :][: len(clock)] = numbers, clock
 
@@ -112,7 +118,8 @@ class Lanes:
         clock = self.layout.width
         if not native:
             for k, body in enumerate(bodies.tolist()):
-                self.plainly(body, *_own(columns, k, out[1:]), turns, failures.setdefault(body, []))
+                told = failures.setdefault(body, [])
+                self.plainly(body, columns[:, k], out[1:, :, k], turns, told)
             return
         self.natively(columns, out[1:], turns, workers)
         for k in np.flatnonzero(columns[clock + MARK, : len(bodies)] == ASKED).tolist():
@@ -120,11 +127,7 @@ class Lanes:
             told = failures.setdefault(body, [])
             columns[clock + MARK, k] = 0.0
             while columns[clock + TAKEN, k] == taken and columns[clock + MARK, k] != STUCK:
-                self.plainly(body, *_own(columns, k, out[-1:]), 1, told)
-
-
-def _own(columns: np.ndarray, k: int, out: np.ndarray) -> Any:
-    return columns[:, k], out[..., k]
+                self.plainly(body, columns[:, k], out[-1:, :, k], 1, told)
 
 
 @functools.cache

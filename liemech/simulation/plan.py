@@ -391,7 +391,7 @@ class Plan:
         made = kind(self, start, t0, steps, t_end, t_eval, kept, recorder)
         if recorder is self.recorder:
             return made.trajectory()
-        own, keeper = type(made.begun(0).state), self.recorder
+        own, keeper = type(made.begun(0).state), self.recorder  # type: Any, Any
         if kept is not None:
             kept.shown = functools.partial(keeper.presented, kind=own, compiled=way.compiled)
         shown: Trajectory = keeper.instead(made.trajectory, own, way.compiled)

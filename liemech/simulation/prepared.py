@@ -148,6 +148,7 @@ class Prepared:
 
     arguments: tuple[Any, Any, Any, Any]
     constants: bytes
+    stepping: Any
 
     def of_system(self, system: System) -> Any:
         """The same for another system of the same layout."""

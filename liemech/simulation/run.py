@@ -30,7 +30,7 @@ from .trajectory import Trajectory
 ROOM = 1024
 """Bodies of a thread whose numbers stay in the cache."""
 
-TURNS, LONGEST, WORK = 8, 512, 2**13
+TURNS, LONGEST, WORK = 8, 2**11, 2**13
 """Trials of a body between two looks at who has come to the end: at least and at most, and of all
 bodies together.
 """
@@ -52,6 +52,10 @@ class Run:
 
     adaptive: ClassVar[bool] = False
     lanes: Lanes
+    table: Any
+    here: Any
+    t_end: Any
+    sign: Any
 
     def __init__(
         self, plan: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
@@ -89,7 +93,7 @@ class Run:
         )
         self.begin()
         self.state_width = self.lanes.state.width
-        self.numbers, self.clocks, self.goals, *_ = np.split(self.table, self.lanes.parts)
+        self.numbers, self.clocks, self.goals, *_ = self.lanes.parts(self.table)
         self.limit = self.goals[LIMIT]
         self.observers = self.observe()
         self.events: Any = None
@@ -157,7 +161,7 @@ class Run:
         if shared and (self.t0 == self.t0[0]).all() and (ends == ends[0]).all():
             times = arguments.times(columns[0], self.t0.item(0), ends.item(0))
             return np.broadcast_to(times[:, None], (len(times), self.count))
-        found = [
+        found: list[Any] = [
             one if isinstance(self.begun(i), Ended) and not self.adaptive else
             arguments.times(one, self.t0.item(i), ends.item(i))
             for i, one in enumerate(columns)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..compiler.driver import accepted, attempt, itself, reason
-from ..errors import InvalidInput, StepTooSmall, failure, is_mistake
+from ..errors import InvalidInput, InvalidType, StepTooSmall, failure, is_mistake
 from ..formulas.pytree import build, layout_of
 from ..formulas.vectors import Vec
 from ..integrators.ending_at_jumps import MARGIN, jumps_between, same
@@ -188,7 +188,7 @@ class ToleranceRun(Run):
         width = lanes.state.width
         parts = [np.zeros((lanes.layout.width, count)), np.zeros((CLOCK.width, count)), self.aims]
         self.table = np.concatenate([*parts, *lanes.own])
-        numbers, clocks, goals, *_ = np.split(self.table, lanes.parts)
+        numbers, clocks, goals, *_ = lanes.parts(self.table)
         clocks[:] = np.array([0.0, 0.0, *FRESH])[:, None]
         clocks[TIME], clocks[STEP] = self.t0, self.first_steps
         if self.fresh:
@@ -351,7 +351,7 @@ class ToleranceRun(Run):
         if not steps:
             first = velocity(system, t, state)
             if not accepted(first, itself):
-                error = reason(first)
+                error: Any = reason(first)
                 if not is_mistake(error):
                     error = failure(error, repr(method), f"at the start, t = {self.t0[i]:g}")
                 return self.explained(error, i, goes_on=False)
@@ -392,7 +392,7 @@ def of_bodies(check: Any, values: Any) -> list[Any]:
     try:
         for value in values:
             found.append(check(value))
-    except (InvalidInput, arguments.InvalidType) as error:
+    except (InvalidInput, InvalidType) as error:
         error.add_note(f"[integrate: body {len(found)}]")
         raise
     return found
