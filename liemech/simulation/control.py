@@ -112,10 +112,11 @@ def going(clock: Any, goal: Any) -> bool:
 class Tolerance(Record):
     """Steps as long as the error estimate allows.
 
-    curves : do rows have the way between the steps?
+    curves : do rows have the way between the steps?  rows : are there any?
     """
 
     curves: bool
+    rows: bool
 
     def begun(
         self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any
@@ -172,7 +173,8 @@ class Tolerance(Record):
                 t = where(good, where(last and made == step, goal.t_end, t + made), t)
                 state, xi = where(good, trial.state, state), where(good, trial.velocity, xi)
                 before, n = where(good, root, before), n + where(good, 1.0, 0.0)
-                write(out, at, (t, state, trial.curve), row)
+                if self.rows:
+                    write(out, at, (t, state, trial.curve), row)
             rejected = rejected + where(tried and not good, 1.0, 0.0)
         now = Clock(t, h, before, n, rejected, stuck, clock.fresh)
         return now, (state, xi), n != clock.steps

@@ -227,6 +227,14 @@ class At:
     @property
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
         """The samples, (n, bodies, width), and how many each body has."""
+        if not self.run.rows:  # there are none but at the start and where the bodies stand
+            at_end = (self.asked == self.run.here[0]) & ~self.run.open
+            self.samples[:] = np.where(at_end[..., None], self.run.here.T, self.samples)
+            np.maximum(
+                self.told,
+                np.where(at_end, np.arange(1, len(at_end) + 1)[:, None], 0).max(axis=0, initial=0),
+                out=self.told,
+            )
         self.move()
         return self.samples, self.told
 

@@ -51,6 +51,7 @@ class Run:
     """
 
     adaptive: ClassVar[bool] = False
+    rows: bool = True
     lanes: Lanes
     table: Any
     here: Any
@@ -310,13 +311,19 @@ class Run:
     def _piece(self, bodies: np.ndarray, columns: np.ndarray, turns: int) -> None:
         """Some trials of some bodies, whose columns these are; then observers look at them."""
         m, lanes, clock = len(bodies), self.lanes, self._clock
+        workers = self.plan._given["workers"]
+        if not self.rows:  # only where they come to is asked for
+            out = np.empty((2, lanes.row.width, columns.shape[1]))
+            lanes.forwards(bodies, columns, out, turns, workers, self.failures, self.native)
+            self.here[:, bodies] = columns[[clock + TIME, *range(len(self.here) - 1)], :m]
+            self._stand(bodies, columns)
+            return
         out = np.empty((turns + 1, lanes.row.width, columns.shape[1]))
         begun = columns[clock + TIME] if not lanes.mark else self.here[-1, bodies]
         begun, taken = begun.copy(), columns[clock + TAKEN, :m].copy()
         out[:, lanes.mark, : len(begun)] = begun
         out[0, : len(self.here), :m] = self.here[:, bodies]
         before = columns.copy() if self.events else columns
-        workers = self.plan._given["workers"]
         lanes.forwards(bodies, columns, out, turns, workers, self.failures, self.native)
         piece = Piece(self, bodies, out, begun, taken)
         try:
@@ -373,12 +380,16 @@ class Run:
             one.see(piece)
         ends = np.flatnonzero(piece.ends)
         self.here[:, piece.body[ends]] = piece.rows(ends)[:, self.head].T
+        self._stand(bodies, columns)
+        if self.recorder is not None:
+            self._flush()
+
+    def _stand(self, bodies: np.ndarray, columns: np.ndarray) -> None:
+        """Stand where these columns do."""
         changed = self._clock + CLOCK.width + 1  # with the time to which they go
         if self.left:
             self._beyond_jumps(bodies, columns)
         self.table[:changed, bodies] = columns[:changed, : len(bodies)]
-        if self.recorder is not None:
-            self._flush()
 
     def _beyond_jumps(self, bodies: np.ndarray, columns: np.ndarray) -> None:
         """Of bodies that have come to a jump of the velocity: on beyond it, to the next one."""

@@ -227,6 +227,7 @@ class ToleranceRun(Run):
     def _lanes(self) -> Lanes:
         """What is laid out and compiled, from other runs of the plan if their starts were alike."""
         plan, way, curves = self.plan, self.way, self.curves
+        self.rows = curves or not self.bodies
         example = self.begun(0).state
         key = layout_of(example), curves, bool(self.bodies)
         lanes = None if plan.of_each else way.shapes.get(key)
@@ -242,7 +243,7 @@ class ToleranceRun(Run):
                 example, xi = begun.state, found
                 break
         lanes = Lanes(
-            plan.method, plan.system, Tolerance(curves), layout_of((example, xi)), example,
+            plan.method, plan.system, Tolerance(curves, self.rows), layout_of((example, xi)), example,
             (xi,) * method.curve_terms if curves else (),
             self.asked_for, plan._given["progress"],
             kernel.width() if self.bodies and self.asked_for is not False and kernel.available() is None else 1,
