@@ -169,7 +169,7 @@ def names(record: Any) -> Any:
         return record
 
 
-def only_adaptive(method: Any, every: int, h: Any, **options: Any) -> None:
+def only_adaptive(method: Any, h: Any, **options: Any) -> None:
     """Refuse what has no adaptive steps.  options : those of adaptive steps."""
     given = {name: x for name, x in options.items() if x is not None}
     asked = [name for name, x in given.items() if axes(x, name) == 0 or np.size(x)]
@@ -189,8 +189,6 @@ def only_adaptive(method: Any, every: int, h: Any, **options: Any) -> None:
             f"integrate: {method!r} has no error estimate to choose steps by. Give h and steps, or "
             "take a method with an embedded pair, such as RKMK(order=5)"
         )
-    if every != 1:
-        raise InvalidInput("integrate: every is for steps of one length; adaptive ones have t_eval")
 
 
 def longest(value: Any) -> float:

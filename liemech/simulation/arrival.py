@@ -11,9 +11,9 @@ from ..compiler import kernel
 from ..compiler.driver import attempt, read
 from ..errors import InvalidInput
 from ..formulas.pytree import NUMBER, layout_of, rounded
-from ..systems.system import small_state, state_of
+from ..systems.system import state_of
 from .control import landed
-from .dense import Between, evaluated, flat, one_or_many, told, unpacked
+from .dense import Between, evaluated, one_or_many, told, unpacked
 
 
 def arrive(
@@ -116,24 +116,7 @@ class FictiveMotion(Between):
         one = 0 if at.ndim == 0 else slice(None)
         return state_of(self.kind, {name: x[one] for name, x in states.items()})
 
-    def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
-        """Of the numbers of states with their clock the layout and the numbers of what formulas
-        take.
-        """
-        return layout_of(self._small(numbers[:1])), flat(self._own(numbers), len(numbers))
-
-    def state(self, t: float) -> Any:
-        """The state at a time as formulas take it."""
-        return self._small(self.numbers(np.array([t])))
-
-    def end(self, k: int) -> Any:
-        """The state at the k-th end of a step as formulas take it."""
-        return self._small(self.points[k : k + 1])
-
     def _own(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
         """Of the numbers of states with their clock the parts of the states themselves."""
         shown = layout_of(self.example)
         return self.system.apart(unpacked(shown, numbers[:, : shown.width]))[1]
-
-    def _small(self, numbers: np.ndarray) -> Any:
-        return small_state(self.kind, {name: x[0] for name, x in self._own(numbers).items()})

@@ -130,18 +130,6 @@ class Between:
             *(arrays[name][one] if name in arrays else None for name in self.example.parts)
         )
 
-    def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
-        """Of the numbers of states, (m, ...), the layout and the numbers of what formulas take."""
-        return layout_of(self.example), numbers
-
-    def state(self, t: float) -> Any:
-        """The state at a time as formulas take it."""
-        return build(layout_of(self.example), iter(self.numbers(np.array([t]))[0].tolist()))
-
-    def end(self, k: int) -> Any:
-        """The state at the k-th end of a step as formulas take it."""
-        return build(layout_of(self.example), iter(self.points[k].tolist()))
-
 
 @dataclass(frozen=True, eq=False)
 class DenseOutput(Between):

@@ -104,7 +104,7 @@ class EqualRun(Run):
             native = self.asked_for is not False and kernel.available() is None
             lanes = shape.others[many] = Lanes(
                 method, system, self.control, shape.layout, shape.example, self.extra,
-                self.asked_for, self.plan._given["progress"],
+                self.asked_for, self.plan.options.progress,
                 kernel.width() if many and native else 1,
             )  # fmt: skip
         else:

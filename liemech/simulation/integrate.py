@@ -12,18 +12,13 @@ from ..formulas.pytree import exact, layout_of, leaves
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
+from .options import EQUAL, TOLERANCE, Options
 from .plan import Plan
 from .systems import methods_of, systems_of
 from .trajectory import Trajectory
 
 KEPT = 32
 """Plans that are kept."""
-
-OPTIONS = (
-    *("h", "rtol", "atol", "max_step", "breaks", "every", "record", "events"),
-    *("dense", "compensated", "precision", "compiled", "progress", "workers"),
-)
-"""What a plan is made of beside system and method."""
 
 _plans: dict[Any, Plan] = {}
 
@@ -113,30 +108,15 @@ def integrate(
     its own way), is found in `Trajectory.stopped` with its reason, and in a warning, and disturbs no
     other.
     """
-    rest = (
-        *(
-            h,
-            rtol,
-            atol,
-            max_step,
-            breaks,
-            every,
-            record,
-            events,
-            dense,
-            compensated,
-            precision,
-            compiled,
-            progress,
-            workers,
-        ),
-        t_end is None,
-    )
+    options = Options(
+        h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision,
+        compiled, progress, workers,
+    )  # fmt: skip
     key: Any = None
     if isinstance(system, System) and isinstance(method, Method):
         layout = layout_of(method)
         numbers = exact(tuple(leaves(method, layout))) if layout.width else ()
-        key = layout_of(system), layout, numbers, *map(type, rest), *rest
+        key = layout_of(system), layout, numbers, t_end is None, *map(type, options), *options
     try:
         plan = _plans.get(key)
     except TypeError:  # a list or an array among them
@@ -148,20 +128,19 @@ def integrate(
         one: Any = system if several is None else several[0]
         way: Any = method if kinds is None else kinds[0]
         arguments.matching(one, way)
-        options = dict(zip(OPTIONS, rest, strict=False))
         if way.fictive or one.fictive:
             pass
         elif t_end is None:
-            _only_alike(h, steps, options)
-        elif (
-            h is None
-            or arguments.chooses_steps(way)
-            or any(options[name] is not None for name in ("rtol", "atol", "max_step"))
-        ):
-            asked = {name: options[name] for name in ("rtol", "atol", "max_step")}
-            arguments.only_adaptive(way, every, h, **asked)
-            options["rtol"] = arguments.RTOL if rtol is None else rtol
-        plan = Plan(system, method, **options)
+            options._replace(dense=None).require(EQUAL, way)
+            if h is None or steps is None:
+                raise InvalidInput(
+                    "integrate: give h and steps, for steps of one length, or t_end, for adaptive "
+                    "ones"
+                )
+        elif options.asks_for_tolerance or arguments.chooses_steps(way):
+            options.require(TOLERANCE, way)
+            options = options._replace(rtol=arguments.RTOL if rtol is None else rtol)
+        plan = Plan(system, method, **options._asdict())
         if key is not None:
             if len(_plans) >= KEPT:
                 _plans.pop(next(iter(_plans)), None)
@@ -177,17 +156,3 @@ def integrate(
         return plan.run(start, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval, **kept)
     except NotCompilable as error:
         raise error.with_traceback(None)  # noqa: B904 - it names the formula and its line; the way through the compiler tells nothing
-
-
-def _only_alike(h: Any, steps: Any, options: dict[str, Any]) -> None:
-    """Refuse what is for adaptive steps."""
-    for name in ("rtol", "atol", "max_step"):
-        if options[name] is not None:
-            raise InvalidInput(
-                f"integrate: {name} is for adaptive steps; give t_end "
-                "and, if you like, h as the first step"
-            )
-    if h is None or steps is None:
-        raise InvalidInput(
-            "integrate: give h and steps, for steps of one length, or t_end, for adaptive ones"
-        )

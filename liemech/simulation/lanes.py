@@ -34,7 +34,6 @@ class Lanes:
     ) -> None:  # fmt: skip
         self.example, self.state, self.layout = example, layout_of(example), layout
         self.row = layout_of((0.0, example, extra))
-        self.system, self.method = system, method
         self.own: list[np.ndarray] = []
         things = []
         for thing in (method, system):
@@ -54,7 +53,6 @@ class Lanes:
         method, _, *rest = self.arguments
         made: Lanes = like(
             self,
-            system=system,
             arguments=(method, system, *rest),
             constants=numbers_of(method, system, rest[0]),
             stepping=self.stepping.of(system),

@@ -25,6 +25,7 @@ from .execution import like
 from .fictive import FictiveCarry
 from .fictive_run import FictiveRun
 from .fixed_run import FixedRun
+from .options import EQUAL, FICTIVE, TOLERANCE, Options
 from .prepared import Steps
 from .recorded import Recorder, recorder_of
 from .short import short
@@ -88,106 +89,49 @@ class Plan:
             system = tuple(system)
         if isinstance(method, (list, tuple)):
             method = tuple(method)
-        breaks = arguments.jumps(breaks)
-        record = arguments.names(record)
+        options = self.options = Options(
+            h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision,
+            compiled, progress, workers,
+        ).checked()  # fmt: skip
         several, kinds = systems_of(system), methods_of(method)
         one: Any = system if several is None else several[0]
         for way in (method,) if kinds is None else kinds:
             arguments.matching(one, way)
-        every, workers = arguments.count(every, "every", 1), arguments.count(workers, "workers", 1)
-        for name, value in (
-            ("compensated", compensated),
-            ("compiled", compiled),
-            ("progress", progress),
-        ):
-            arguments.choice(value, name)
-        arguments.choice(dense, "dense")
-        arguments.digits(precision, compensated)
         self.system: Any = one if several is None else several
-        self.recorder = recorder_of(record, one)
         self.method: Any = method if kinds is None else kinds
-        self.record, self._one = record, one
-        # are the steps equal in a fictive time, and not in time?
-        self.fictive = bool(of_body(self.method, 0).fictive or one.fictive)
-        events = self.events = arguments.events(events)
-        self._given = dict(
-            system=system, method=method, h=h, rtol=rtol, atol=atol, max_step=max_step, breaks=breaks, every=every, record=record,
-            events=events, dense=dense, compensated=compensated, precision=precision, compiled=compiled, progress=progress,
-            workers=workers,
-        )  # fmt: skip
-        numbers = ("h", h), ("rtol", rtol), ("atol", atol), ("max_step", max_step)
+        self.record, self.events, self._one = options.record, options.events, one
+        self.recorder = recorder_of(options.record, one)
+        self._given: dict[str, Any] = {"system": system, "method": method} | options._asdict()
+        numbers = [(name, getattr(options, name)) for name in ("h", "rtol", "atol", "max_step")]
         self.of_each: dict[str, Any] = {
             name: value
             for name, value in (("system", several), ("method", kinds), *numbers)
             if isinstance(value, OfBodies) or (value is not None and arguments.axes(value, name))
         }
-        self._steps: Any = None
         # of starts as they are given: how they are laid out in runs
         self._laid_out: dict[Layout, Layout] = {}
         first = self._first_of
-        if self.fictive:
-            if h is None:
-                raise InvalidInput(
-                    "integrate: give h, the step in fictive time, and steps or t_end"
-                )
-            others: dict[str, Any] = {"precision": precision if precision != "double" else None}
-            others |= {"rtol": rtol, "atol": atol, "max_step": max_step, "dense": dense}
-            others |= {"breaks": breaks or None}
-            for name in (name for name, given in others.items() if given is not None):
-                raise InvalidInput(
-                    f"integrate: {name} is not for steps in fictive "
-                    f"time, as {self.method!r} makes them by h"
-                )
-            self._steps = Steps(
-                self.system,
-                self.method,
-                arguments.step(first("h")),
-                every,
-                compensated,
-                precision,
-                compiled,
-                progress,
-                workers,
+        self.fictive = bool(first("method").fictive or one.fictive)  # steps equal in fictive time
+        control = FICTIVE if self.fictive else TOLERANCE if options.asks_for_tolerance else EQUAL
+        options.require(control, first("method"))
+        self._steps: Any
+        if control == TOLERANCE:
+            h = None if h is None else arguments.step(first("h"))
+            tolerances = (
+                arguments.tolerance(first("rtol"), "rtol", arguments.RTOL),
+                arguments.tolerance(first("atol"), "atol", arguments.ATOL),
+                arguments.longest(first("max_step")),
             )
-        elif h is None or not (rtol is atol is max_step is None):
-            asked = {"rtol": rtol, "atol": atol, "max_step": max_step}
-            arguments.only_adaptive(first("method"), every, h, **asked)
-            if precision != "double":
-                raise InvalidInput(
-                    f"integrate: precision={precision!r} is for "
-                    "steps of one length; give h and steps"
-                )
-            if compensated is not None:
-                raise InvalidInput(
-                    "integrate: compensated is for steps of one length; "
-                    "adaptive ones have larger errors than rounding"
-                )
-            own = first("h"), first("rtol"), first("atol"), first("max_step")
-            self._steps = AdaptiveSteps.checked(
-                one, first("method"), *own, breaks, dense, compiled, progress
-            )
+            own: Any = h, *tolerances, options.breaks, dense, compiled, progress
+            self._steps = AdaptiveSteps(one, first("method"), *own)
         else:
-            if dense is not None and dense is not True:
-                raise InvalidInput(
-                    "integrate: dense is for adaptive steps; those of "
-                    "one length keep no way between them"
-                )
-            self._steps = Steps(
-                self.system,
-                self.method,
-                arguments.steps(h),
-                every,
-                compensated,
-                precision,
-                compiled,
-                progress,
-                workers,
-                breaks=breaks,
-            )
+            h = arguments.step(first("h")) if self.fictive else arguments.steps(h)
+            own = h, options.every, compensated, precision, compiled, progress, options.workers
+            self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
         self._plain = (  # is there nothing to do but to step, with one length, and for one system?
             not self.adaptive
-            and not (self.of_each or events or self.fictive or self.recorder is not None)
+            and not (self.of_each or self.events or self.fictive or self.recorder is not None)
         )
 
     def _first_of(self, name: str) -> Any:
@@ -298,7 +242,7 @@ class Plan:
         if self.events:
             arguments.events(self.events)  # whose attributes may have changed
         start, t0 = self._started(start), arguments.real(t0, "t0")
-        if self.adaptive and self._given["atol"] is None:
+        if self.adaptive and self.options.atol is None:
             arguments.large_enough(start)
         if self.adaptive:
             return self._in_pieces(start, t0, steps, t_end, t_eval, kept)

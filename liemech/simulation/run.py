@@ -64,7 +64,7 @@ class Run:
     ) -> None:  # fmt: skip
         self.plan, self.way, self.kept, self.recorder = plan, plan._steps, kept, recorder
         self.start, self.bodies, self.count = start, start.bodies, start.bodies or 1
-        self.asked_for, self.fresh = plan._given["compiled"], isinstance(start, State)
+        self.asked_for, self.fresh = plan.options.compiled, isinstance(start, State)
         members = None if self.fresh else members_of(start)
         self.begun = functools.cache(
             (lambda i: Waiting(member(start, i), t0)) if members is None else members.__getitem__
@@ -238,7 +238,7 @@ class Run:
         """Take all bodies to their goals."""
         try:
             with Bar(
-                self.plan._given["progress"], self.count if self.bodies else 1000,
+                self.plan.options.progress, self.count if self.bodies else 1000,
                 "body" if self.bodies else "",
             ) as bar:  # fmt: skip
                 self._march(bar)
@@ -264,7 +264,7 @@ class Run:
 
     def _march(self, bar: Bar) -> None:
         """Pieces of as many bodies as run side by side, until all have come to their ends."""
-        stepping, kept, workers = self.lanes.stepping, self.kept, self.plan._given["workers"]
+        stepping, kept, workers = self.lanes.stepping, self.kept, self.plan.options.workers
         room, least, work, span = ROOM * workers, TURNS, WORK * workers, TURNS
         if self.recorder is not None:
             self._flush()
@@ -311,7 +311,7 @@ class Run:
     def _piece(self, bodies: np.ndarray, columns: np.ndarray, turns: int) -> None:
         """Some trials of some bodies, whose columns these are; then observers look at them."""
         m, lanes, clock = len(bodies), self.lanes, self._clock
-        workers = self.plan._given["workers"]
+        workers = self.plan.options.workers
         if not self.rows:  # only where they come to is asked for
             out = np.empty((2, lanes.row.width, columns.shape[1]))
             lanes.forwards(bodies, columns, out, turns, workers, self.failures, self.native)

@@ -97,7 +97,7 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
         here(i)
 
     try:
-        with Bar(plan._given["progress"], start.bodies, "body") as bar:
+        with Bar(plan.options.progress, start.bodies, "body") as bar:
             for i in range(len(jobs)):
                 hand_out(i)
             while running:

@@ -70,29 +70,6 @@ class AdaptiveSteps:
             },
         )
 
-    @classmethod
-    def checked(
-        cls,
-        system: Any,
-        method: Any,
-        h: Any,
-        rtol: Any,
-        atol: Any,
-        longest: Any,
-        breaks: Any,
-        dense: Any,
-        compiled: Any,
-        progress: Any,
-    ) -> AdaptiveSteps:
-        """From what a user gave."""
-        tolerances = (
-            arguments.tolerance(rtol, "rtol", arguments.RTOL),
-            arguments.tolerance(atol, "atol", arguments.ATOL),
-        )
-        longest = arguments.longest(longest)
-        first = None if h is None else arguments.step(h)
-        return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
-
     def first(self, t0: float, t_end: float) -> float:
         """The first step, signed; zero if it is to be found."""
         return 0.0 if self.h is None else math.copysign(self.h, t_end - t0)
@@ -117,12 +94,12 @@ class ToleranceRun(Run):
     adaptive: ClassVar[bool] = True
 
     def aim(self, ends: list[Any], steps: Any) -> None:
-        own, given = self.plan.of_each, self.plan._given
+        own, given = self.plan.of_each, self.plan.options
         if ends[0] is None:
             raise InvalidInput(
                 "integrate: adaptive steps need a t_end; for steps of one length give h and steps"
             )
-        if given["dense"] and (self.bodies or self.recorder is not None):
+        if given.dense and (self.bodies or self.recorder is not None):
             what = (
                 "is for one body at a time"
                 if self.bodies
@@ -138,7 +115,7 @@ class ToleranceRun(Run):
         }
         if own:
             numbers = {
-                name: of_bodies(check, own[name]) if name in own else check(given[name])
+                name: of_bodies(check, own[name]) if name in own else check(getattr(given, name))
                 for name, check in checked.items()
             }
         else:
@@ -165,13 +142,13 @@ class ToleranceRun(Run):
     @property
     def keeps_rows(self) -> bool:
         """Are all steps of one body kept?"""
-        dense = self.plan._given["dense"]
+        dense = self.plan.options.dense
         return not self.bodies and (dense is True or (self.asked is None and self.recorder is None))
 
     @property
     def curves(self) -> bool:
         """Do rows have the way between the steps?"""
-        dense, asked = self.plan._given["dense"], self.asked
+        dense, asked = self.plan.options.dense, self.asked
         if (
             not self.bodies
             and dense is not False
@@ -245,7 +222,7 @@ class ToleranceRun(Run):
         lanes = Lanes(
             plan.method, plan.system, Tolerance(curves, self.rows), layout_of((example, xi)), example,
             (xi,) * method.curve_terms if curves else (),
-            self.asked_for, plan._given["progress"],
+            self.asked_for, plan.options.progress,
             kernel.width() if self.bodies and self.asked_for is not False and kernel.available() is None else 1,
         )  # fmt: skip
         if not plan.of_each:
@@ -306,7 +283,7 @@ class ToleranceRun(Run):
         if i is None:
             return {"h": float(np.mean(h)), "rejected": int(rejected.sum())}
         found: dict[str, Any] = {"h": float(h[i]), "rejected": int(rejected[i])}
-        dense, last = self.plan._given["dense"], self.observers[-1]
+        dense, last = self.plan.options.dense, self.observers[-1]
         kept = dense is True or (dense is None and self.asked is None and not self.recorder)
         if kept and isinstance(last, Dense):
             (system, method), rows = self.of(i), last.rows
