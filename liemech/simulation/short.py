@@ -39,6 +39,8 @@ class Prepared:
     def __init__(self, lanes: Lanes, sampled: bool) -> None:
         carried, width, row = lanes.layout.width, lanes.state.width, lanes.row.width
         self.lanes, self.gather = lanes, gatherer(lanes.state)
+        self.carried, self.row, self.sampled = carried, row, sampled
+        self.constants, self.curves = lanes.constants, lanes.arguments[2].curves
         self.rest, self.no_curve = (0.0,) * (carried - width), (0.0,) * (row - 1 - width)
         self.clock, self.goal = 8 * carried, 8 * (carried + CLOCK.width)
         self.kept = carried + CLOCK.width + GOAL.width
@@ -84,7 +86,7 @@ def short(
         prepared = plan.shapes[key] = Prepared(lanes, times is not None)
     if not prepared.ready():
         return None
-    limit = min(limit, max(1, LONGEST // prepared.lanes.layout.width**2))
+    limit = min(limit, max(1, LONGEST // prepared.carried**2))
     if times is None:
         made: Short = EveryStep(plan, prepared, start, t0, t_end, limit)
     else:
@@ -110,7 +112,7 @@ class Short:
         self.memory = np.empty(shape.kept + size)
         numbers, goal = shape.gather(start), (t_end, plan.rtol, plan.atol, plan.longest, limit, 0.0)
         clock = t0, plan.first(t0, t_end), *FRESH
-        row = (t0, *numbers, *begun) if begun or shape.stepping is shape.lanes.stepping else ()
+        row = () if shape.sampled else (t0, *numbers, *begun)
         shape.begun(self.memory, 0, *numbers, *shape.rest, *clock, *goal, *row)
 
     def _run(self, integers: tuple[int, ...], *buffers: tuple[int, int]) -> None:
@@ -120,12 +122,12 @@ class Short:
         shape, place = self.shape, address(self.memory)
         own = (
             (place + shape.goal, GOAL.width),
-            (place, shape.lanes.layout.width),
+            (place, shape.carried),
             (place + shape.clock, CLOCK.width),
         )
         buffers = *own, *buffers
         words = *integers, *[where for where, _ in buffers]
-        block = shape.call(1, 0, 1, *words, shape.lanes.constants)
+        block = shape.call(1, 0, 1, *words, shape.constants)
         shape.stepping.native.on_memory(block, buffers)  # type: ignore[union-attr]
         self.clock = CLOCKS.unpack_from(self.memory, shape.clock)
 
@@ -165,7 +167,7 @@ class EveryStep(Short):
     def __init__(
         self, plan: Any, shape: Prepared, start: Any, t0: float, t_end: float, limit: int
     ) -> None:
-        width = shape.lanes.row.width
+        width = shape.row
         room = min(limit, max(1, ROWS // width))
         super().__init__(plan, shape, start, t0, t_end, (1 + room) * width, limit, *shape.no_curve)
         self._run((room,), (address(self.memory) + 8 * (shape.kept + width), room * width))
@@ -173,11 +175,11 @@ class EveryStep(Short):
     def trajectory(self, dense: DenseOutput | None = None) -> Trajectory:
         """With the motion between the steps."""
         plan, shape = self.plan, self.shape
-        width, begin = shape.lanes.row.width, shape.kept
+        width, begin = shape.row, shape.kept
         end = begin + width * (1 + int(self.clock[TAKEN]))
         self.memory.resize((end,), refcheck=False)  # nobody else has seen it
         rows = self.rows = self.memory[begin:].reshape(-1, width)
-        if shape.lanes.arguments[2].curves:
+        if shape.curves:
             method = plan.method
             way = rows, method.dense_order, plan.compiled
             dense = DenseOutput(plan.system, method.retraction, shape.lanes.example, *way)
