@@ -6,7 +6,8 @@ import functools
 import inspect
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from datetime import timedelta
 from typing import Any
 
@@ -223,8 +224,22 @@ class Plan:
         except IntegrationInterrupted:
             raise
         except KeyboardInterrupt:
-            end = {"t_end": t0} if self.adaptive else {"steps": 0}
-            raise self._not_begun(lambda plan: plan.run(start, t0=t0, **end)) from None
+            raise self._not_begun(lambda plan: plan._standing(start, t0)) from None
+
+    def _standing(self, start: Any, t0: float) -> Trajectory:
+        """The run of no step."""
+        return self.run(start, t0=t0, **{"t_end": t0} if self.adaptive else {"steps": 0})
+
+    @contextmanager
+    def _beginning(self, start: Any, t0: float) -> Iterator[None]:
+        """Around what begins at a start, and may make native code for it: Ctrl-C leaves the start."""
+        try:
+            yield
+        except IntegrationInterrupted:
+            raise
+        except KeyboardInterrupt:
+            plain = {"record": None, "events": ()}
+            raise self._not_begun(lambda plan: plan.replace(**plain)._standing(start, t0)) from None
 
     def _not_begun(self, standing: Callable[[Plan], Trajectory]) -> IntegrationInterrupted:
         """Ctrl-C outside of the steps of a run.  standing : of a plan the run of no step."""
@@ -657,14 +672,15 @@ class Plan:
             raise InvalidType(
                 f'Plan.tangent: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
             )
-        if start.bodies is None:
-            return self._tangent(start, steps, t_end, t0, names)
-        ends = arguments.ends(t_end, start.bodies)
-        runs = [
-            self._of_body(i)._tangent(member(start, i), steps, ends[i], t0, names)
-            for i in range(start.bodies)
-        ]
-        return of_bodies(self.method, runs)
+        with self._beginning(start, t0):
+            if start.bodies is None:
+                return self._tangent(start, steps, t_end, t0, names)
+            ends = arguments.ends(t_end, start.bodies)
+            runs = [
+                self._of_body(i)._tangent(member(start, i), steps, ends[i], t0, names)
+                for i in range(start.bodies)
+            ]
+            return of_bodies(self.method, runs)
 
     def _of_body(self, i: int) -> Plan:
         """The plan of one body."""
@@ -705,7 +721,8 @@ class Plan:
         if self.fictive:
             return self.run(start, steps=0, t0=t0).carry
         start, t0 = self._started(start), arguments.real(t0, "t0")
-        return FixedRun(self._steps, start, 0, t0).trajectory().carry
+        with self._beginning(start, t0):
+            return FixedRun(self._steps, start, 0, t0).trajectory().carry
 
     def step(self, carry: Carry, steps: int = 1) -> Carry:
         """What the method carries along after some more steps: its `t` and `state` are those of

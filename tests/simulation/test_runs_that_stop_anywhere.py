@@ -305,6 +305,25 @@ def test_an_interrupt_while_native_code_is_made(
     assert stop.value.trajectory.steps == 0
 
 
+@pytest.mark.parametrize("verb", ["begin", "stepper", "tangent"])
+def test_ctrl_c_while_native_code_is_made_for_what_is_no_run(
+    verb: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It leaves the start, too."""
+
+    def pressed(*call: Any, **options: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(kernel, "kernel", pressed)
+    monkeypatch.setattr(kernel, "known", lambda *call, **options: None)
+    plan = lm.Plan(BODY, lm.RKMK(order=4), 0.05, compiled=True)
+    more = {"steps": 3} if verb == "tangent" else {}
+    with pytest.raises(lm.errors.IntegrationInterrupted, match="before the steps") as stop:
+        getattr(plan, verb)(START, **more)
+    run: Any = stop.value.trajectory
+    assert run.steps == 0 and np.array_equal(run.mu[0], START.mu)
+
+
 def test_a_disk_that_has_room_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     save, asked = lm.Trajectory.save, []
 
