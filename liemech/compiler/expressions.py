@@ -17,7 +17,7 @@ from ..formulas.numbers import ByValue
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
 from ..formulas.vectors import Entries, Equal, Mat, Unequal, Vec
-from . import arrays, memory_loops
+from . import arrays, lookups, memory_loops
 from .advice import instead_of_syntax
 from .arrays import Array
 from .content_hashes import looks_itself
@@ -448,7 +448,7 @@ class Expressions(Loops):
         self.fail_if(
             self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count))
         )
-        result = memory_loops.picked(self.emitter, entries, index)
+        result = lookups.picked(self.emitter, entries, index)
         if result is not None:
             return result
         result, *others = entries  # pick by comparison

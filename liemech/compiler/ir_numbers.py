@@ -124,10 +124,16 @@ class Emitter:
             return value.values
         if isinstance(value.value, ir.Constant):
             return self.constant(value.value.constant, kind, True).values
-        undefined = ir.Constant(self.type(kind, True), ir.Undefined)
-        first = b.insert_element(undefined, value.value, ir.Constant(I32, 0))
-        zeros = ir.Constant(ir.VectorType(I32, self.width), [0] * self.width)
-        return (b.shuffle_vector(first, undefined, zeros),) * self.registers(True)
+        return (self.spread(value.value, self.width),) * self.registers(True)
+
+    def spread(self, value: ir.Value, width: int) -> ir.Value:
+        """A vector of so many times the same value, of one the value itself."""
+        if width == 1:
+            return value
+        undefined = ir.Constant(ir.VectorType(value.type, width), ir.Undefined)
+        first = self.builder.insert_element(undefined, value, ir.Constant(I32, 0))
+        zeros = ir.Constant(ir.VectorType(I32, width), [0] * width)
+        return self.builder.shuffle_vector(first, undefined, zeros)
 
     def alike(
         self, *items: Any, kind: str = "b", varying: bool = False

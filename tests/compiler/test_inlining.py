@@ -5,8 +5,8 @@ whatever becomes a function.
 from __future__ import annotations
 
 import collections
+import importlib
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +108,7 @@ def no_kernels(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(kernel, "_kept", collections.OrderedDict())
     patch.setattr(execution, "_histories", {})
     patch.setattr(execution, "_told", set())
-    patch.setattr(sys.modules["liemech.simulation.integrate"], "_plans", {})
+    patch.setattr(importlib.import_module("liemech.simulation.integrate"), "_plans", {})
 
 
 @pytest.fixture(params=["known", "general"])
