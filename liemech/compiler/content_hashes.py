@@ -199,13 +199,14 @@ def has_operators(cls: type) -> bool:
 
 
 def _is_written(member: Any) -> bool:
-    """Did somebody write it, other than `dataclass`, `enum` or `collections.namedtuple`?"""
+    """Did somebody write it, other than `record`, `dataclass`, `enum` or `collections.namedtuple`?"""
     if member is None:  # `__hash__` beside an `__eq__`
         return False
     code = getattr(member, "__code__", None)
     if code is None:
         return not isinstance(member, types.BuiltinFunctionType)
-    return not code.co_filename.startswith("<") and str(member.__module__) not in _MAKERS
+    of_dataclass = code.co_filename.startswith("<") or code.co_filename == dataclasses.__file__
+    return not of_dataclass and str(member.__module__) not in _MAKERS
 
 
 _MAKERS = {"enum", "dataclasses", "collections", "typing"}

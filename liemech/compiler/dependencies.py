@@ -169,6 +169,15 @@ class Reads:
             decides = isinstance(kind, type) and type(kind) is not type
             if decides and self.from_outside(value) and self.from_outside(kind):
                 found = found or self._related(value, "isinstance", kind)
+            elif decides and any(
+                "__instancecheck__" in vars(c)
+                for c in type(kind).__mro__
+                if of_python(c) and c.__module__ not in _OF_PYTHON
+            ):
+                raise NotCompilable(
+                    f"`isinstance` of {kind.__qualname__}, whose class decides it itself, of what is "
+                    "no object from outside: ask before the run"
+                )
             else:
                 found = found or isinstance(value, kind)
         return found
@@ -487,6 +496,7 @@ class Reads:
 _OWN: Any = object()
 _LIBRARY = f"{__name__.partition('.')[0]}."
 _PLAIN_CLASSES = {type, abc.ABCMeta}
+_OF_PYTHON = {"abc", "typing"}
 _OF_ONE_NAME = (
     bool,
     type,
