@@ -69,7 +69,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def parts(value: Any) -> Iterator[Part]:
-    """What a value consists of."""
+    """The parts of a value: items, fields, attributes."""
     if isinstance(value, (tuple, list)):
         for i, x in enumerate(value):
             yield "item", i, x
@@ -353,7 +353,7 @@ def _one_of(common: Any, value: Any, known: Known) -> str:
 
 @functools.lru_cache(4096)
 def code_token(code: types.CodeType) -> str:
-    """What a function does, from its code: comments, docstrings and line numbers make no
+    """A hash of the code of a function: comments, docstrings and line numbers make no
     difference.
     """
     return hashlib.sha256(repr(_code(code)).encode()).hexdigest()

@@ -1,5 +1,5 @@
-"""What a translation reads from outside: names, attributes, code.  All of it is written down, and
-compared before it counts again.
+"""Dependencies: the names, attributes and code that a translation reads from outside.  All of it is
+written down, and compared before the native code is used again.
 
 A read has a path: from an argument of the driver, or the driver itself, over attributes, classes,
 globals and closures to a value.  In this process the values are compared with the present ones by
@@ -121,7 +121,7 @@ class Reads:
         return any("__setattr__" in inspect.unwrap(c).__code__.co_names for c in checks if c)
 
     def has(self, value: Any, name: str) -> bool:
-        """What `hasattr` says."""
+        """hasattr(value, name)."""
         if id(value) in self._given or (
             isinstance(value, Record) and id(value) not in self._origins
         ):
@@ -273,8 +273,8 @@ class Reads:
     def _bound(
         self, member: Any, owner: Any, cls: type, name: str, call: Callable[..., Any]
     ) -> Any:
-        """What Python makes of a member of a class, asked for through an instance or, if there is
-        none, through the class.
+        """The attribute that a member of a class becomes, through an instance or, if there is none,
+        through the class.
         """
         if isinstance(member, types.FunctionType):
             return member if owner is None else types.MethodType(member, owner)
@@ -457,7 +457,7 @@ class Reads:
         return True
 
     def _found_from(self, args: Sequence[Any]) -> tuple[list[Any], Known] | None:
-        """What the paths from these arguments lead to; None if some of it is not what was read."""
+        """The values at the ends of the paths from these arguments; None if some of them have changed."""
         values: list[Any] = []
         known: Known = {}
         try:
@@ -505,7 +505,7 @@ _OF_ONE_NAME = (
     types.FunctionType,
     types.BuiltinFunctionType,
 )
-"""What `is` may compare: their tokens say which object it is."""
+"""Types that `is` may compare: their tokens say which object it is."""
 
 
 def varies(value: Any) -> bool:

@@ -433,7 +433,7 @@ class Emitter:
 
 
 def kind_of(x: Any) -> str:
-    """What a number is in Python: a float, an integer or a truth value."""
+    """The kind of a number in Python: a float, an integer or a truth value."""
     if isinstance(x, Num):
         return x.kind
     if isinstance(x, (bool, int, float)):
@@ -464,7 +464,7 @@ def _operator(function: Callable[[Emitter], Callable[..., Any]]) -> tuple[Any, A
 
 
 def _arithmetic(op: str) -> tuple[Any, Any]:
-    """The same for what most instructions are: two numbers of the run are not asked what they are."""
+    """The two methods of the commonest operators: numbers of the run are not asked for their kind."""
     left, right = _operator(lambda e: functools.partial(e.arithmetic, op))
 
     def method(self: Num, other: Any) -> Any:

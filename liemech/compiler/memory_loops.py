@@ -197,7 +197,7 @@ def sums(e: Emitter, function: Any, table: Any, x: Any, y: Any) -> Any:
 def _sums(
     e: Emitter, antisymmetric: bool, terms: list[Any], count: int, X: Memory, Y: Memory
 ) -> Memory:
-    """So many sums of equally many terms (c, i, j): of c x_i y_j, or of c (x_i y_j - x_j y_i)."""
+    """Sums, `count` of them, of equally many terms (c, i, j): of c x_i y_j, or of c (x_i y_j - x_j y_i)."""
     b, length = e.builder, len(terms) // count
     factors = constants(e, [float(c) for c, _, _ in terms], F64)
     places = constants(e, [k for _, i, j in terms for k in (i, j)], I64)

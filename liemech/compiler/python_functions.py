@@ -1,5 +1,5 @@
-"""What the functions of Python, `math` and NumPy mean where run-time numbers are among their
-arguments.
+"""Functions of Python, `math` and NumPy: native code for each, where numbers of the run are among
+its arguments.
 """
 
 from __future__ import annotations

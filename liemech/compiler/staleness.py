@@ -112,14 +112,14 @@ class Guard:
         return same
 
     def _along(self, path: Any) -> str:
-        """What a path from the arguments leads to, as a text."""
+        """An expression for the value at the end of a path from the arguments."""
         now = "_args"
         for how, name in path:
             now = f"{now}[{name}]" if how == "argument" else self._asked(now, how, name)
         return now
 
     def _comparison(self, i: int, holder: Any, how: str, name: Any) -> str:
-        """What read number i asks for is what it was, as a text."""
+        """An expression that is true while read number i gives what it gave."""
         now, then = f"v{self.steps[i][0]}", f" is v{i}"
         if how == "cell":
             return f"{self._other(holder.__closure__[holder.__code__.co_freevars.index(name)])}.cell_contents{then}"
@@ -215,7 +215,7 @@ def _never(*_: Any) -> bool:
 
 
 def member_of(cls: type, after: int, name: str) -> Any:
-    """What the classes say about a name, from this one of the resolution order on."""
+    """The member of a class, or of its bases, from this one of the resolution order on."""
     for c in cls.__mro__[after:]:
         if name in vars(c):
             return vars(c)[name]
@@ -223,7 +223,7 @@ def member_of(cls: type, after: int, name: str) -> Any:
 
 
 def asked(holder: Any, how: str, name: Any) -> Any:
-    """What is there now."""
+    """The present answer of a holder to a read."""
     match how.partition(" ")[0]:
         case "attribute" | "property":
             return getattr(holder, name)

@@ -211,7 +211,7 @@ class Interpreter(Statements):
         return made if promised is None else self.promised(promised, function, vector(made))
 
     def promised(self, promised: Any, function: types.FunctionType, made: Any) -> Any:
-        """What a method gives, a list as a vector; refused if it is not what its base says."""
+        """The value of a method, a list as a vector; refused if it is not what its base promises."""
         try:
             return kept(promised, function.__qualname__, made)
         except InvalidType as error:
