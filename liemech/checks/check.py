@@ -24,6 +24,7 @@ from .algebra_laws import ALGEBRA
 from .closed_forms import laws_of_closed_forms
 from .group_laws import GROUP, NATIVE, PLACE
 from .law import replaced, verdicts
+from .like_units import in_like_units
 from .local_claims import is_reversible, look_around
 from .map_laws import CAYLEY, EXPONENTIAL, Map
 from .method_claims import Trial, claims
@@ -266,21 +267,23 @@ def _require_reversal(place: Place, rho: Any) -> None:
 
 def _of_group(group: LieGroup, native: bool, seed: int) -> Iterator[Finding]:
     try:
-        where = sample_points(group, seed)
+        alike = in_like_units(group)
+        where = sample_points(alike, seed)
     except NotImplementedError as missing:
         yield Finding("obligations", "a group has an algebra", "broken", remark=str(missing))
         return
-    own, exp = partial(replaced, group, LieGroup), Map(Exponential(), group)
-    yield from verdicts(ALGEBRA, group.algebra, where, partial(replaced, group.algebra, LieAlgebra))
-    yield from verdicts(GROUP, group, where, own)
+    own, exp = partial(replaced, group, LieGroup), Map(Exponential(), alike, group)
+    yield from verdicts(ALGEBRA, alike.algebra, where, partial(replaced, group.algebra, LieAlgebra))
+    yield from verdicts(GROUP, alike, where, own)
     yield from verdicts(exp.laws() + EXPONENTIAL, exp, where, exp.own)
-    yield from _of_cayley(group, where)
-    yield from verdicts(PLACE, group, where, own)
-    yield from verdicts(NATIVE if native else [], group, where, own)
+    yield from _of_cayley(Map(Cayley(), alike, group), where)
+    yield from verdicts(PLACE, alike, where, own)
+    if native:
+        yield from verdicts(NATIVE, group, sample_points(group, seed), own)
 
 
-def _of_cayley(group: LieGroup, where: list[At]) -> Iterator[Finding]:
-    cay, reason = Map(Cayley(), group), group.why_no_cayley()
+def _of_cayley(cay: Map, where: list[At]) -> Iterator[Finding]:
+    reason = cay.group.why_no_cayley()
     if reason:
         yield Finding("Cayley map", "(1 - xi/2)^-1 (1 + xi/2)", "not there", remark=reason)
     else:
@@ -289,7 +292,7 @@ def _of_cayley(group: LieGroup, where: list[At]) -> Iterator[Finding]:
 
 
 def _of_retraction(retraction: Retraction, group: LieGroup, seed: int) -> Iterator[Finding]:
-    tau, reason = Map(retraction, group), retraction.why_not(group)
+    tau, reason = Map(retraction, group, group), retraction.why_not(group)
     if reason:
         yield Finding("a retraction", "tau(0) = e, dtau_0 = 1", "refused", remark=reason)
     else:

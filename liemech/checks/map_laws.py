@@ -32,10 +32,14 @@ TAU = "tau tau_inv tau_Ad_star compose_tau dtau dtau_inv dtau_dual dtau_inv_dual
 
 @dataclass(eq=False)
 class Map:
-    """A retraction on a group, under the names that it has there."""
+    """A retraction on a group, under the names that it has there.
+
+    author : the group whose class is asked for closed forms; `group` may be that in other units.
+    """
 
     retraction: Retraction
     group: LieGroup
+    author: LieGroup
     differentials: dict[tuple[At, str], tuple[np.ndarray, float]] = field(
         default_factory=dict, repr=False
     )
@@ -70,8 +74,8 @@ class Map:
         if isinstance(self.retraction, Exponential | Cayley):
             word = self.words.get(name, name)
             if hasattr(LieAlgebra, word):
-                return replaced(self.group.algebra, LieAlgebra, word)
-            return replaced(self.group, LieGroup, word)
+                return replaced(self.author.algebra, LieAlgebra, word)
+            return replaced(self.author, LieGroup, word)
         derived = ("dtau", "dtau_dual", "dtau_inv", "dtau_inv_dual", "residual")
         return (
             replaced(self.retraction, Retraction, name)

@@ -31,6 +31,7 @@ from ..systems.mechanical import MechanicalSystem
 from ..systems.system import small_state
 from ..systems.time_transformed import ExtendedSystem
 from ..systems.vector_field import VectorField
+from .report import shown
 from .sample_points import flat, size
 from .sample_states import knows_time, members, pace
 
@@ -61,11 +62,7 @@ class Place:
     compiled: bool | None = None
 
     def __str__(self) -> str:
-        parts = (
-            f"{name} = ({', '.join(f'{c:.3g}' for c in flat(x)[:6])})"
-            for name, x in self.start.parts.items()
-            if x is not None
-        )
+        parts = (shown(name, flat(x)[:6]) for name, x in self.start.parts.items() if x is not None)
         return f"{self.name}, t = {self.t0:g}, {', '.join(parts)}"
 
     # ---------------------------------------------------------------- systems and their states

@@ -14,6 +14,7 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas import Vec, check_finite, real_array
 from ..groups.poisson_structure import PoissonStructure
+from .report import shown
 from .sample_points import flat
 
 Named = list[tuple[str, Vec]]
@@ -37,7 +38,7 @@ class AtPoint:
         return np.array(self.B.matrix(self.y), dtype=float)
 
     def __str__(self) -> str:
-        return f"{self.name}, y = ({', '.join(f'{c:.3g}' for c in self.y[:8])})"
+        return f"{self.name}, {shown('y', self.y[:8])}"
 
 
 def given_points(me: str, n: int, points: Any) -> Named:

@@ -12,6 +12,11 @@ ROUNDING = 2.0**-52
 """The unit in which defects are given, times the size of what is compared."""
 
 
+def shown(name: str, values: Iterable[float]) -> str:
+    """Numbers of a point, in few digits: `xi = (1.27, 0, -0.2)`."""
+    return f"{name} = ({', '.join(f'{x + 0.0:.3g}' for x in values)})"
+
+
 @dataclass(frozen=True)
 class Finding:
     """The verdict on one law: the worst point, the defect there and its bound, in roundings of the
@@ -27,11 +32,11 @@ class Finding:
     size: float = 0.0
     remark: str = ""
 
-    columns = f"{'law':<26} {'verdict':<9} {'worst defect, bound':<21} where"
+    columns = f"{'law':<29} {'verdict':<9} {'roundings, at worst':<21} where"
 
     def __str__(self) -> str:
         worst = f"{self.defect:>9.2g} of {self.bound:<8.3g} {self.where}" if self.bound else ""
-        return f"{self.law:<26} {self.verdict:<9} {worst}  {self.remark}".rstrip()
+        return f"{self.law:<29} {self.verdict:<9} {worst}  {self.remark}".rstrip()
 
     @property
     def details(self) -> list[str]:
@@ -61,11 +66,11 @@ class Observation(Finding):
     observed: str = ""
     wanted: str = ""
 
-    columns = f"{'law':<26} {'verdict':<9} {'observed':<34} wanted"
+    columns = f"{'law':<29} {'verdict':<9} {'observed':<34} wanted"
 
     def __str__(self) -> str:
         at = self.where if self.verdict == "broken" else ""
-        return f"{self.law:<26} {self.verdict:<9} {self.observed:<34} {self.wanted}  {at}  {self.remark}".rstrip()
+        return f"{self.law:<29} {self.verdict:<9} {self.observed:<34} {self.wanted}  {at}  {self.remark}".rstrip()
 
     @property
     def details(self) -> list[str]:

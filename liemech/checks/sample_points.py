@@ -17,6 +17,8 @@ import numpy as np
 from ..formulas import Vec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
+from .like_units import GroupInUnits
+from .report import shown
 from .seeds import generator
 
 STEP = 0.01
@@ -282,7 +284,9 @@ class At:
         return self.shaped(flat(g) + 1e-3 * self.units.weight * change)
 
     def __str__(self) -> str:
-        return f"{self.name}, xi = ({', '.join(f'{x:.3g}' for x in self.xi)})"
+        group, xi = self.group, self.xi
+        given = group.units * xi if isinstance(group, GroupInUnits) else xi
+        return f"{self.name}, {shown('xi', given)}"
 
 
 def sample_points(group: LieGroup, seed: int) -> list[At]:

@@ -23,6 +23,7 @@ from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
 from ..systems.vector_field import VectorField
+from .report import shown
 from .sample_points import STENCIL, STEP, flat, size
 from .seeds import generator
 
@@ -100,11 +101,7 @@ class AtState:
         return np.asarray(found), max(map(size, values)) / self.unit
 
     def __str__(self) -> str:
-        parts = (
-            f"{n} = ({', '.join(f'{c:.3g}' for c in flat(x)[:6])})"
-            for n, x in self.state.parts.items()
-            if x is not None
-        )
+        parts = (shown(n, flat(x)[:6]) for n, x in self.state.parts.items() if x is not None)
         when = f"t = {self.t:g}, " if knows_time(self.system) else ""
         return f"{self.name}, {when}{', '.join(parts)}"
 
