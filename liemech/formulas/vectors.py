@@ -327,7 +327,7 @@ def small(x: Any) -> Any:
     if isinstance(x, np.ndarray):
         if not x.ndim:
             return x.item()
-        x = x if x.dtype == bool else x.tolist()
+        x = x if x.dtype.kind == "b" else x.tolist()
     return Mat.of(x) if len(x) and isinstance(x[0], _VECTORS) else Vec.of(x)
 
 
