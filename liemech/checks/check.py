@@ -29,7 +29,7 @@ from .local_claims import is_reversible, look_around
 from .map_laws import CAYLEY, EXPONENTIAL, Map
 from .method_claims import Trial, claims
 from .places import Place
-from .report import Finding, Observation, Report
+from .report import Finding, Observation, Report, finished, require
 from .sample_points import At, sample_points
 from .sample_states import members, pace, sample_states
 from .special_points import SPECIAL
@@ -56,8 +56,8 @@ def check_group(
     Returns a Report, which prints as a table.  Raises LawViolation: the first law that is broken,
     where, by how much, what was expected and, where that can be told, the slip.
     """
-    _require("check_group: group", group, LieGroup)
-    return _finished(repr(group), _of_group(group, native, seed), raises)
+    require("check_group: group", group, LieGroup)
+    return finished(repr(group), _of_group(group, native, seed), raises)
 
 
 def check_retraction(
@@ -68,11 +68,9 @@ def check_retraction(
 
     As `check_group`, which the group should have passed before.
     """
-    _require("check_retraction: retraction", retraction, Retraction)
-    _require("check_retraction: group", group, LieGroup)
-    return _finished(
-        f"{retraction!r} on {group!r}", _of_retraction(retraction, group, seed), raises
-    )
+    require("check_retraction: retraction", retraction, Retraction)
+    require("check_retraction: group", group, LieGroup)
+    return finished(f"{retraction!r} on {group!r}", _of_retraction(retraction, group, seed), raises)
 
 
 def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: int = 0) -> Report:
@@ -102,7 +100,7 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
         dataclasses.replace(at, point=small(some[i % len(some)])) for i, at in enumerate(where)
     ]
     laws = [*ACTION, *laws_of_closed_forms(action, arguments, named)]
-    return _finished(repr(action), verdicts(laws, action, where, lambda name: True), raises)
+    return finished(repr(action), verdicts(laws, action, where, lambda name: True), raises)
 
 
 def check_system(
@@ -133,9 +131,9 @@ def check_system(
     Returns a Report, which prints as a table.  Raises LawViolation: the first law that is broken,
     where, by how much, what was expected and, where that can be told, the slip.
     """
-    _require("check_system: system", system, System)
+    require("check_system: system", system, System)
     if states is not None:
-        _require("check_system: states", states, State)
+        require("check_system: states", states, State)
 
     def findings() -> Iterator[Finding]:
         where = sample_states(system, states, seed)
@@ -144,7 +142,7 @@ def check_system(
         yield from verdicts(SPECIAL, system, where, lambda name: True)
         yield from verdicts(RUNS if native else [], system, where, lambda name: True)
 
-    return _finished(repr(system), findings(), raises)
+    return finished(repr(system), findings(), raises)
 
 
 def check_method(
@@ -191,9 +189,9 @@ def check_method(
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 (order), V.1
     (symmetry), V.1 (rho-reversible maps), VII.4 (Poisson maps), VIII.3.2 (sigma(rho y) = sigma(y)).
     """
-    _require("check_method: method", method, Method)
-    _require("check_method: system", system, System)
-    _require("check_method: start", start, State)
+    require("check_method: method", method, Method)
+    require("check_method: system", system, System)
+    require("check_method: start", start, State)
     if rho is not None and not callable(rho):
         raise InvalidType(
             "check_method: rho must be a function of a state, such as "
@@ -214,7 +212,7 @@ def check_method(
     if rho is not None and speed > 0.0:
         _require_reversal(place, rho)
     findings = _claims(place, h, speed, tuple(keeps), native, rho)
-    return _finished(f"{method!r} on {system!r}", findings, raises)
+    return finished(f"{method!r} on {system!r}", findings, raises)
 
 
 def _claims(
@@ -225,8 +223,8 @@ def _claims(
     native: bool,
     rho: Any,
 ) -> Iterator[Finding]:
-    """What is observed from the start, unless it is broken elsewhere, and then what only short runs
-    tell.
+    """Observations from the start, or from elsewhere where the claim is broken only there; then
+    those that short runs alone can make.
     """
     method, system, start = place.method, place.system, place.start
     given: list[Observation] = []
@@ -265,19 +263,6 @@ def _require_reversal(place: Place, rho: Any) -> None:
             f"check_method: rho does not turn the motion of {place.base!r} back: rho f(y) differs "
             f"from -f(rho y), along a short motion by {off:.1e}"
         )
-
-
-def _require(name: str, value: Any, kind: type) -> None:
-    if not isinstance(value, kind):
-        cure = f"; write {value.__name__}(), with the brackets" if isinstance(value, type) else ""
-        raise InvalidType(f"{name} must be a {kind.__name__}; got {value!r}{cure}")
-
-
-def _finished(subject: str, findings: Iterator[Finding], raises: bool) -> Report:
-    report = Report(subject, tuple(findings))
-    if report.broken and raises:
-        raise report.violation()
-    return report
 
 
 def _of_group(group: LieGroup, native: bool, seed: int) -> Iterator[Finding]:

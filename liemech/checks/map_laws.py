@@ -108,7 +108,7 @@ class Map:
         return at.units.coordinates(slope(moved, STEP / at.units.length(eta)))
 
     def slips(self, at: At, dual: bool, inverse: bool) -> dict[str, Any]:
-        """What a differential, its inverse or a dual of them is mistaken for."""
+        """The maps for which a differential, its inverse or a dual of them is mistaken."""
         here, there = (self.differential(at, side)[0] for side in ("left", "right"))
         x = flat(at.mu) if dual else flat(at.eta)
         if inverse:
