@@ -170,7 +170,7 @@ def test_the_action_is_stationary(method: GalerkinVariational) -> None:
 
     assert (
         np.abs(
-            np.array(group.compose(start.g, tau.tau(group, h * b @ V))) - np.array(memory.g)
+            np.array(group.compose(start.g, tau.tau(group, h * b @ V))) - np.array(memory.state.g)
         ).max()
         < 1e-15
     )
