@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import NotDefined
+from ..errors import undefined
 from ..formulas import Mat, Vec, record
 from .lie_algebra import LieAlgebra
 
@@ -28,15 +28,15 @@ class AlgebraOfParts(LieAlgebra):
 
     def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
         """A map of the velocity eta at xi, such as "dexp".  xi, eta : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `of_velocities`")
+        raise undefined(self, "of_velocities")
 
     def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
         """A map of the momentum mu at xi, such as "ad_star".  xi, mu : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `of_momenta`")
+        raise undefined(self, "of_momenta")
 
     def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """A residual and its derivatives, "exp_residual" or "cayley_residual".  xi, p, mu : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `of_equations`")
+        raise undefined(self, "of_equations")
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """[xi, eta]."""
