@@ -1,11 +1,12 @@
-"""What came of checking laws: a table of verdicts, or an error that names the law."""
+"""Reports of checked laws: a table of verdicts, or an error that names the law."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
-from ..errors import LawViolation
+from ..errors import InvalidType, LawViolation
 
 ROUNDING = 2.0**-52
 """The unit in which defects are given, times the size of what is compared."""
@@ -18,7 +19,7 @@ def shown(name: str, values: Iterable[float]) -> str:
 
 @dataclass(frozen=True)
 class Finding:
-    """What came of one law: the worst point, the defect there and its bound, in roundings of the
+    """The verdict on one law: the worst point, the defect there and its bound, in roundings of the
     size, and a remark.
     """
 
@@ -39,7 +40,7 @@ class Finding:
 
     @property
     def details(self) -> list[str]:
-        """What an error says of it, line by line."""
+        """The lines of an error about it."""
         unit, lines = ROUNDING * self.size, []
         if self.where:
             lines.append(f"  where     {self.where}")
@@ -56,7 +57,8 @@ class Finding:
 
 @dataclass(frozen=True)
 class Observation(Finding):
-    """What came of one claim of a method: the number that was observed and the one that was wanted.
+    """The verdict on one claim of a method: the number that was observed and the one that was
+    wanted.
 
     Of what a method does not claim the verdict is "seen" or "not seen".
     """
@@ -72,7 +74,7 @@ class Observation(Finding):
 
     @property
     def details(self) -> list[str]:
-        """What an error says of it, line by line."""
+        """The lines of an error about it."""
         lines = [f"  observed  {self.observed}", f"  wanted    {self.wanted}"]
         lines += [f"  where     {self.where}"] if self.where and self.verdict == "broken" else []
         return [*lines, f"  because   {self.remark}"] if self.remark else lines
@@ -128,3 +130,18 @@ class Report:
         if others:
             lines.append(f"  also broken: {', '.join(f.law for f in others)}")
         return LawViolation("\n".join(lines))
+
+
+def finished(subject: str, findings: Iterable[Finding], raises: bool) -> Report:
+    """The report, or the first broken law as an error."""
+    report = Report(subject, tuple(findings))
+    if report.broken and raises:
+        raise report.violation()
+    return report
+
+
+def require(name: str, value: Any, kind: type) -> None:
+    """Raise InvalidType for an argument of another kind; of a class it says what is missing."""
+    if not isinstance(value, kind):
+        cure = f"; write {value.__name__}(), with the brackets" if isinstance(value, type) else ""
+        raise InvalidType(f"{name} must be a {kind.__name__}; got {value!r}{cure}")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from ..errors import InvalidInput
-from ..formulas import Vec, derivative, exp, log, plain, record, vec, where
+from ..formulas import Vec, derivative, exp, log, plain, record, sqrt, vec, where
 from ..formulas.products import Products
 from ..formulas.series import Series
 from ..groups.bernoulli import TERMS
@@ -21,6 +21,9 @@ ORDERS = 2, 30
 
 SAFETY = 0.8
 """A step is so much of the one whose last terms would be as large as the tolerance."""
+PARTS = 2.0, 1.0, 0.5, 0.25, 0.125, 0.0625
+LEAST_EXPECTED = 2.0 ** -sum(PARTS)
+"""Binary logarithms of the shares that others are products of; and the product of them all."""
 WHOLE = 0.999
 """A step that may be nearly as long as it was to be is made whole, lest a tiny one is left."""
 NEAR = 0.1
@@ -146,9 +149,10 @@ class Taylor(Method):
         `dense`.
 
         With e_k the root mean square of what Omega_k changes, over atol + rtol |what it changes|,
-        the step for an error of 1 is h/r, r = max(e_p^(1/p), e_(p-1)^(1/(p-1))).  The terms of a
-        step s h are s^k Omega_k: they need not be computed again, so no step is rejected.  The
-        velocity is passed on as it came; no step needs it.
+        the step for an error of 1 is h/r, r = max(e_p^(1/p), e_(p-1)^(1/(p-1))), and the error of
+        the step h is max(e_p, e_(p-1)).  The terms of a step s h are s^k Omega_k: they need not be
+        computed again, so no step is rejected.  The velocity is passed on as it came; no step needs
+        it.
         """
         p, terms = self.order, self._terms(system, t, state, h)
         moved, size = system.variation(state, terms[0])
@@ -156,15 +160,38 @@ class Taylor(Method):
         before, last = (
             mean_square(weights, system.variation(state, term)[0]) for term in terms[p - 2 :]
         )
-        log_r = max((0.5 / p) * log(last), (0.5 / (p - 1.0)) * log(before))
-        share = SAFETY * exp(-log_r)
+        share = shortened(last, before, p)
         share = where(share < WHOLE, share, 1.0)
         powers = [share]
         for k in range(2, p + 1):  # each of two of half its exponent: no long chain of products
             powers.append(powers[k // 2 - 1] * powers[k - k // 2 - 1])
         way = tuple([power * term for power, term in zip(powers, terms)])
         new = system.displaced(self.retraction, state, total(way))
-        return Trial(new, first, exp(p * log_r), way if dense else (), share)
+        return Trial(new, first, sqrt(max(last, before)), way if dense else (), share)
+
+
+def shortened(last: float, before: float, p: int) -> float:
+    """SAFETY over the larger of last^(1/2p) and before^(1/(2p-2)), of mean squares of terms, at most 1.
+
+    To a hundredth, as no step needs more, and without logarithms; of a share much below the tenth
+    that is expected with them.
+    """
+    share = min(_nearly(last, 2 * p), _nearly(before, 2 * p - 2), 1.0)
+    if share < LEAST_EXPECTED:
+        share = SAFETY * exp(-max((0.5 / p) * log(last), (0.5 / (p - 1.0)) * log(before)))
+    return share
+
+
+def _nearly(x: float, n: int) -> float:
+    """SAFETY/x^(1/n): a product of 2^-2, 2^-1, ..., 2^-1/16, as far as x exceeds their powers, and
+    between two neighbours the powers lie on a chord.
+    """
+    x, s = (1.0 / SAFETY) ** n * x, 1.0
+    for part in PARTS:
+        beyond = x > 2.0 ** (n * part)
+        s, x = where(beyond, 2.0**-part * s, s), where(beyond, 2.0 ** (-n * part) * x, x)
+    slope = (1.0 - 2.0 ** -PARTS[-1]) / (2.0 ** (n * PARTS[-1]) - 1.0)
+    return s * ((1.0 + slope) - slope * x)
 
 
 def mean_square(weights: Sequence[float], x: Vec) -> float:
@@ -172,7 +199,7 @@ def mean_square(weights: Sequence[float], x: Vec) -> float:
     total = 0.0
     for w, a in zip(weights, x):
         total = total + (w * a) * (w * a)
-    return total / len(x)
+    return total * (1.0 / len(x))
 
 
 def total(terms: Sequence[Vec]) -> Vec:

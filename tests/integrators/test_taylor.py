@@ -4,6 +4,7 @@ dense output; adaptive steps.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -20,7 +21,7 @@ from liemech.errors import (
     StepTooSmall,
 )
 from liemech.formulas import cos, dot, exp, log, record, sin, sqrt, tanh, vec, where
-from liemech.integrators.taylor import Taylor
+from liemech.integrators.taylor import SAFETY, Taylor, shortened
 
 
 @record
@@ -420,14 +421,28 @@ class Powers(lm.LinearGroupEquation):
 
 
 def test_taylor_takes_the_last_term_but_one_where_the_last_is_missing() -> None:
-    """Of x' = t^2 the term of h^4 is zero: the error is e_3^(4/3), e_3 in units of the tolerance."""
+    """Of x' = t^2 the term of h^4 is zero: the error is e_3, in units of the tolerance, and its
+    cubic root shortens the step.
+    """
     line = Powers(lm.VectorSpace(1), 2)
     method, start = lm.Taylor(order=4), line.state([0.0])
 
-    def error(atol: float) -> float:
-        return method.trial(line, 0.5, start, line.drive(0.5), 0.8, 0.0, atol, False).error
+    def trial(atol: float) -> Any:
+        return method.trial(line, 0.5, start, line.drive(0.5), 0.8, 0.0, atol, False)
 
     e3 = 0.8**3 / 3.0
-    assert error(1.0) == pytest.approx(e3 ** (4.0 / 3.0), rel=1e-14)
-    assert error(1e-6) == pytest.approx((1e6 * e3) ** (4.0 / 3.0), rel=1e-14)
-    assert np.isclose(error(0.5), 2.0 ** (4.0 / 3.0) * error(1.0), rtol=1e-14)
+    for atol in (1.0, 0.5, 1e-3, 1e-6):
+        assert trial(atol).error == pytest.approx(e3 / atol, rel=1e-14)
+        share = min(1.0, SAFETY * (atol / e3) ** (1.0 / 3.0))
+        assert trial(atol).share == pytest.approx(share, rel=2e-3)
+
+
+@pytest.mark.parametrize("p", [2, 3, 8, 18, 30])
+def test_the_share_of_a_step_is_right_to_a_hundredth(p: int) -> None:
+    """Whichever of two terms is the larger one, and however large."""
+    for share in np.geomspace(1e-4, 2.0, 300).tolist():
+        last, before = (share / SAFETY) ** (-2 * p), (share / SAFETY) ** (2 - 2 * p)
+        for found in (shortened(last, 0.1 * before, p), shortened(0.1 * last, before, p)):
+            assert (1.0 - 1e-13) * min(share, 1.0) <= found <= 1.014 * min(share, 1.0)
+    assert shortened(0.0, 0.0, p) == 1.0
+    assert shortened(math.inf, 1.0, p) == 0.0
