@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler.reads import Guard, Reads, Step, _asked
-from liemech.compiler.tokens import Known, digest
+from liemech.compiler.content_hashes import Known, digest
+from liemech.compiler.dependencies import Guard, Reads, Step, _asked
 
 TEXT = """
 import functools
