@@ -285,6 +285,12 @@ def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None) -> Any:
 # ------------------------------------------------------------------ exact motions
 
 
+def alone(start: Any, name: str, what: str = "body") -> None:
+    """Refuse an ensemble.  name : of the method that is asked, for one such thing at a time."""
+    if start.bodies is not None:
+        raise InvalidInput(f"{name} takes one {what} at a time; loop over the ensemble")
+
+
 def exact_times(t: Any, name: str) -> np.ndarray:
     """One time, (), or a row of them, (n,), finite.  name : of the method that is asked."""
     times = real_array(t, f"{name}: t")
