@@ -71,7 +71,11 @@ def lazily(namespace: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
 
     def getattribute(name: str) -> Any:
         if name not in homes:
-            raise AttributeError(_missing(namespace, name), name=name, obj=module)
+            said, moved = _missing(namespace, name)
+            if moved and sys._getframe(1).f_code.co_name == "_handle_fromlist":
+                # `from liemech import HeavyTop`, which would make a text of its own of the other
+                raise ImportError(said, name=name)
+            raise AttributeError(said, name=name, obj=module)
         home = homes[name]
         value = (
             import_module(f"{package}.{name}")
@@ -87,18 +91,20 @@ def lazily(namespace: str) -> tuple[Callable[[str], Any], Callable[[], list[str]
     return getattribute, names, list(homes)
 
 
-def _missing(namespace: str, name: str) -> str:
-    """Why a namespace has no such name, and where it is or what is written alike."""
+def _missing(namespace: str, name: str) -> tuple[str, bool]:
+    """Why a namespace has no such name, with where it is or what is written alike; and is it in
+    another place?
+    """
     said = f"module {namespace!r} has no attribute {name!r}"
-    package = getattr(sys.modules[namespace], "__path__", None)
+    package = vars(sys.modules[namespace]).get("__path__")
     # asked for by tools, which want no answer, and by `from . import name` before it imports a file
     if name.startswith("_") or (package and PathFinder.find_spec(f"{namespace}.{name}", package)):
-        return said
+        return said, False
     here, known = namespace.replace("liemech", "lm", 1), public()
     if place := known.get(name) or FORMER.get(name):
-        return f"{said}: {here}.{name} is {place}"
+        return f"{said}: {here}.{name} is {place}", True
     near = nearest(name, known)
-    return f"{said}. Did you mean {known[near]}?" if near else said
+    return f"{said}. Did you mean {known[near]}?" if near else said, False
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

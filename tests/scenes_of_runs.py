@@ -111,7 +111,7 @@ class Scene:
             ends = span.get("t_end")
             half, whole = self.first, self.rest
             if ends is not None:
-                half, whole = [0.5 * x for x in ends], ends
+                half, whole = np.multiply(0.5, ends).tolist(), ends
             return (
                 {"t_end": self.rest, "t0": self.t0},
                 {"t_end": half, "t0": self.t0},

@@ -88,6 +88,14 @@ def test_a_name_in_another_place_says_where_it_is(asked: str, words: str) -> Non
         eval(asked, {"lm": lm})
 
 
+def test_a_name_that_is_imported_from_another_place_says_where_it_is() -> None:
+    with pytest.raises(ImportError, match=r"lm\.HeavyTop is lm\.models\.HeavyTop"):
+        exec("from liemech import HeavyTop")
+    with pytest.raises(ImportError, match="cannot import name 'zzzzzz'"):
+        exec("from liemech import zzzzzz")
+    exec("from liemech import errors, solvers\nfrom liemech.models import HeavyTop")
+
+
 def test_what_stands_for_former_names_is_there() -> None:
     for name, now in names.FORMER.items():
         assert name not in names.public()

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..formulas import Vec
 from .closed_forms import Arguments
-from .law import Law, Same, axiom, factors
+from .law import Law, Same, axiom, factors, shaped
 from .sample_points import STEP, At, size, slope
 
 ACTION: list[Law] = []
@@ -20,8 +20,7 @@ def moved_points(action: Any, at: At) -> Iterator[Same]:
     x = np.asarray(at.point)
     for g in (at.g, at.h, at.group.compose(at.g, at.h), at.back):
         moved = np.asarray(action.act(g, at.point))
-        yield Same(np.array([moved.ndim, *moved.shape]), np.array([x.ndim, *x.shape]))
-        yield Same(moved - moved, 0.0 * x)
+        yield from shaped(moved, x.shape)
 
 
 @axiom(ACTION, "neutral element", "e . x = x")
@@ -73,7 +72,7 @@ def points_stay(action: Any, at: At) -> Iterator[Same]:
 
 
 def arguments(at: At) -> Arguments:
-    """What the arguments of an action's formulas are, by their names; covectors are named p."""
+    """Values for the arguments of an action's formulas, by their names; covectors are named p."""
     covector = np.random.default_rng(at.dim).normal(size=np.shape(at.point))
     found = {"g": at.g, "xi": at.xi, "x": at.point, "p": Vec.of(covector.ravel().tolist())}
     return {name: (value,) for name, value in found.items()}

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..groups.lie_algebra import LieAlgebra
-from .law import Law, Same, axiom, factors
+from .law import Law, Same, axiom, factors, vanishes
 from .sample_points import At, flat, size
 
 ALGEBRA: list[Law] = []
@@ -24,7 +24,7 @@ def antisymmetry(a: LieAlgebra, at: At) -> Iterator[Same]:
 def jacobi(a: LieAlgebra, at: At) -> Iterator[Same]:
     x, y, z, b = at.xi, at.eta, at.zeta, a.bracket
     largest = sum(at.units.bracket_size(*three) for three in ((x, y, z), (y, z, x), (z, x, y)))
-    yield Same(b(x, b(y, z)) + b(y, b(z, x)) + b(z, b(x, y)), 0.0 * x, largest)
+    yield vanishes(b(x, b(y, z)) + b(y, b(z, x)) + b(z, b(x, y)), largest)
 
 
 @axiom(

@@ -1,4 +1,4 @@
-"""What Casimirs must be beside constant: functions that change at all, none a function of others."""
+"""Independence of Casimirs: each changes somewhere, and none is a function of others."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Independent(Same):
     """The number of Casimirs beside the number of directions that their gradients have."""
 
     def slips(self, allowed: float) -> str:
-        """What such a number means."""
+        """The number of independent gradients, in words."""
         return (
             f"of {flat(self.right)[0]:.0f} Casimirs only {flat(self.left)[0]:.0f} have gradients "
             "that are independent: one of them is a constant, or a function of others"

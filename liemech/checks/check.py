@@ -24,11 +24,12 @@ from .algebra_laws import ALGEBRA
 from .closed_forms import laws_of_closed_forms
 from .group_laws import GROUP, NATIVE, PLACE
 from .law import replaced, verdicts
+from .like_units import in_like_units
 from .local_claims import is_reversible, look_around
 from .map_laws import CAYLEY, EXPONENTIAL, Map
 from .method_claims import Trial, claims
 from .places import Place
-from .report import Finding, Observation, Report
+from .report import Finding, Observation, Report, finished, require
 from .sample_points import At, sample_points
 from .sample_states import members, pace, sample_states
 from .special_points import SPECIAL
@@ -55,8 +56,8 @@ def check_group(
     Returns a Report, which prints as a table.  Raises LawViolation: the first law that is broken,
     where, by how much, what was expected and, where that can be told, the slip.
     """
-    _require("check_group: group", group, LieGroup)
-    return _finished(repr(group), _of_group(group, native, seed), raises)
+    require("check_group: group", group, LieGroup)
+    return finished(repr(group), _of_group(group, native, seed), raises)
 
 
 def check_retraction(
@@ -67,11 +68,9 @@ def check_retraction(
 
     As `check_group`, which the group should have passed before.
     """
-    _require("check_retraction: retraction", retraction, Retraction)
-    _require("check_retraction: group", group, LieGroup)
-    return _finished(
-        f"{retraction!r} on {group!r}", _of_retraction(retraction, group, seed), raises
-    )
+    require("check_retraction: retraction", retraction, Retraction)
+    require("check_retraction: group", group, LieGroup)
+    return finished(f"{retraction!r} on {group!r}", _of_retraction(retraction, group, seed), raises)
 
 
 def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: int = 0) -> Report:
@@ -101,7 +100,7 @@ def check_action(action: Any, points: Any = None, *, raises: bool = True, seed: 
         dataclasses.replace(at, point=small(some[i % len(some)])) for i, at in enumerate(where)
     ]
     laws = [*ACTION, *laws_of_closed_forms(action, arguments, named)]
-    return _finished(repr(action), verdicts(laws, action, where, lambda name: True), raises)
+    return finished(repr(action), verdicts(laws, action, where, lambda name: True), raises)
 
 
 def check_system(
@@ -132,9 +131,9 @@ def check_system(
     Returns a Report, which prints as a table.  Raises LawViolation: the first law that is broken,
     where, by how much, what was expected and, where that can be told, the slip.
     """
-    _require("check_system: system", system, System)
+    require("check_system: system", system, System)
     if states is not None:
-        _require("check_system: states", states, State)
+        require("check_system: states", states, State)
 
     def findings() -> Iterator[Finding]:
         where = sample_states(system, states, seed)
@@ -143,7 +142,7 @@ def check_system(
         yield from verdicts(SPECIAL, system, where, lambda name: True)
         yield from verdicts(RUNS if native else [], system, where, lambda name: True)
 
-    return _finished(repr(system), findings(), raises)
+    return finished(repr(system), findings(), raises)
 
 
 def check_method(
@@ -190,9 +189,9 @@ def check_method(
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., II.1 (order), V.1
     (symmetry), V.1 (rho-reversible maps), VII.4 (Poisson maps), VIII.3.2 (sigma(rho y) = sigma(y)).
     """
-    _require("check_method: method", method, Method)
-    _require("check_method: system", system, System)
-    _require("check_method: start", start, State)
+    require("check_method: method", method, Method)
+    require("check_method: system", system, System)
+    require("check_method: start", start, State)
     if rho is not None and not callable(rho):
         raise InvalidType(
             "check_method: rho must be a function of a state, such as "
@@ -213,7 +212,7 @@ def check_method(
     if rho is not None and speed > 0.0:
         _require_reversal(place, rho)
     findings = _claims(place, h, speed, tuple(keeps), native, rho)
-    return _finished(f"{method!r} on {system!r}", findings, raises)
+    return finished(f"{method!r} on {system!r}", findings, raises)
 
 
 def _claims(
@@ -224,8 +223,8 @@ def _claims(
     native: bool,
     rho: Any,
 ) -> Iterator[Finding]:
-    """What is observed from the start, unless it is broken elsewhere, and then what only short runs
-    tell.
+    """Observations from the start, or from elsewhere where the claim is broken only there; then
+    those that short runs alone can make.
     """
     method, system, start = place.method, place.system, place.start
     given: list[Observation] = []
@@ -266,36 +265,25 @@ def _require_reversal(place: Place, rho: Any) -> None:
         )
 
 
-def _require(name: str, value: Any, kind: type) -> None:
-    if not isinstance(value, kind):
-        cure = f"; write {value.__name__}(), with the brackets" if isinstance(value, type) else ""
-        raise InvalidType(f"{name} must be a {kind.__name__}; got {value!r}{cure}")
-
-
-def _finished(subject: str, findings: Iterator[Finding], raises: bool) -> Report:
-    report = Report(subject, tuple(findings))
-    if report.broken and raises:
-        raise report.violation()
-    return report
-
-
 def _of_group(group: LieGroup, native: bool, seed: int) -> Iterator[Finding]:
     try:
-        where = sample_points(group, seed)
+        alike = in_like_units(group)
+        where = sample_points(alike, seed)
     except NotImplementedError as missing:
         yield Finding("obligations", "a group has an algebra", "broken", remark=str(missing))
         return
-    own, exp = partial(replaced, group, LieGroup), Map(Exponential(), group)
-    yield from verdicts(ALGEBRA, group.algebra, where, partial(replaced, group.algebra, LieAlgebra))
-    yield from verdicts(GROUP, group, where, own)
+    own, exp = partial(replaced, group, LieGroup), Map(Exponential(), alike, group)
+    yield from verdicts(ALGEBRA, alike.algebra, where, partial(replaced, group.algebra, LieAlgebra))
+    yield from verdicts(GROUP, alike, where, own)
     yield from verdicts(exp.laws() + EXPONENTIAL, exp, where, exp.own)
-    yield from _of_cayley(group, where)
-    yield from verdicts(PLACE, group, where, own)
-    yield from verdicts(NATIVE if native else [], group, where, own)
+    yield from _of_cayley(Map(Cayley(), alike, group), where)
+    yield from verdicts(PLACE, alike, where, own)
+    if native:
+        yield from verdicts(NATIVE, group, sample_points(group, seed), own)
 
 
-def _of_cayley(group: LieGroup, where: list[At]) -> Iterator[Finding]:
-    cay, reason = Map(Cayley(), group), group.why_no_cayley()
+def _of_cayley(cay: Map, where: list[At]) -> Iterator[Finding]:
+    reason = cay.group.why_no_cayley()
     if reason:
         yield Finding("Cayley map", "(1 - xi/2)^-1 (1 + xi/2)", "not there", remark=reason)
     else:
@@ -304,7 +292,7 @@ def _of_cayley(group: LieGroup, where: list[At]) -> Iterator[Finding]:
 
 
 def _of_retraction(retraction: Retraction, group: LieGroup, seed: int) -> Iterator[Finding]:
-    tau, reason = Map(retraction, group), retraction.why_not(group)
+    tau, reason = Map(retraction, group, group), retraction.why_not(group)
     if reason:
         yield Finding("a retraction", "tau(0) = e, dtau_0 = 1", "refused", remark=reason)
     else:

@@ -35,7 +35,7 @@ NUDGE = 2.0**-26
 GROUPS = LieGroup, LieAlgebra
 
 Arguments = dict[str, tuple[Any, ...]]
-"""What may be put in for an argument, by its name: one value, or one after the other."""
+"""Values to put in for an argument, by its name: one, or one after the other."""
 
 
 def laws_of_closed_forms(

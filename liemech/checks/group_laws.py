@@ -18,7 +18,7 @@ from ..simulation.integrate import integrate
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import LiePoissonSystem
 from .casimir_laws import independence
-from .law import Law, Same, axiom, cases, factors
+from .law import Law, Same, axiom, cases, factors, shaped, vanishes
 from .sample_points import STEP, At, exponential, flat, size, slope
 
 GROUP: list[Law] = []
@@ -29,8 +29,7 @@ GROUP: list[Law] = []
 @axiom(GROUP, "elements", "e and exp(xi) are arrays of numbers, of one shape")
 def elements(G: LieGroup, at: At) -> Iterator[Same]:
     e, g = np.asarray(G.identity()), np.asarray(at.g)
-    yield Same(np.array([g.ndim, *g.shape]), np.array([e.ndim, *e.shape]))
-    yield Same(g - g, 0.0 * e)
+    yield from shaped(g, e.shape)
 
 
 @axiom(GROUP, "associativity", "(g h) k = g (h k)")
@@ -187,7 +186,7 @@ def casimirs(G: LieGroup, at: At) -> Iterator[Same]:
     yield Same(
         G.casimirs(moved), G.casimirs(at.mu), change * (size(at.mu) + size(moved)) * at.condition
     )
-    yield Same(b @ here, 0.0 * here, float(norm(b, 2)) * change / STEP)
+    yield vanishes(b @ here, float(norm(b, 2)) * change / STEP)
 
 
 @axiom(

@@ -1,4 +1,4 @@
-"""What a law is: two sides that must be equal to rounding, at every point.
+"""Laws: two sides that must be equal to rounding, at every point.
 
 Each comparison names the size to which its rounding errors are relative: the product of the norms
 and condition numbers that enter.  A law holds while the defect is below `slack` roundings of that
@@ -62,6 +62,17 @@ class Same:
             if dataclasses.replace(self, right=value).defect <= allowed
         )
         return "; or ".join(fit)
+
+
+def vanishes(x: Any, size: float = 1.0) -> Same:
+    """x = 0."""
+    return Same(x, 0.0 * x, size)
+
+
+def shaped(x: np.ndarray, shape: tuple[int, ...]) -> Iterator[Same]:
+    """An array of this shape, of finite numbers."""
+    yield Same(np.array([x.ndim, *x.shape]), np.array([len(shape), *shape]))
+    yield vanishes(x - x)
 
 
 def factors(right: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What short runs from many places tell of a method's claims: the order of a few steps, forwards and
+"""A method's claims, judged by short runs from many places: the order of a few steps, forwards and
 backwards, the way back, the reversal of velocities, constants, brackets.
 """
 
@@ -51,7 +51,7 @@ EXACT = 4096.0 * ROUNDING
 """A relative difference that is none."""
 
 UNSTABLE = (LiemechError, ArithmeticError, ValueError)
-"""What a step raises that is too long, or leads out of where a system is defined."""
+"""Errors of a step that is too long, or leads out of where a system is defined."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ class Local:
 
     @property
     def ratio(self) -> float:
-        """How much smaller each step is than the one before: the error falls by about 32, and not by
-        less than 8.
+        """How much smaller each step is than the one before: the error falls by about 32, and not
+        by less than 8.
         """
         return float(max(2.0 ** (5.0 / (self.place.method.order + 1)), 2.0**0.5))
 
@@ -85,7 +85,7 @@ class Local:
 
     @cached_property
     def backwards(self) -> list[tuple[float, dict[str, float]]]:
-        """The same for negative steps."""
+        """`errors` of negative steps."""
         return self._errors(-1.0)
 
     def _errors(self, sign: float) -> list[tuple[float, dict[str, float]]]:
@@ -107,7 +107,7 @@ class Local:
         return found
 
     def ends(self, starts: list[dict[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
-        """Where a few steps lead from states that are given by their parts."""
+        """The states after a few steps from states that are given by their parts."""
         return [state.arrays for state in self.place.moved(starts, self.h, SOME)]
 
     @property
@@ -262,7 +262,7 @@ def off_constraint(system: Any, states: list[Any]) -> Iterator[tuple[str, float]
 
 
 class Seen:
-    """What was observed of each law, the worst of all places."""
+    """The observation of each law, the worst of all places."""
 
     def __init__(self, method: Any) -> None:
         self.method = method

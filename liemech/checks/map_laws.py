@@ -32,10 +32,14 @@ TAU = "tau tau_inv tau_Ad_star compose_tau dtau dtau_inv dtau_dual dtau_inv_dual
 
 @dataclass(eq=False)
 class Map:
-    """A retraction on a group, under the names that it has there."""
+    """A retraction on a group, under the names that it has there.
+
+    author : the group whose class is asked for closed forms; `group` may be that in other units.
+    """
 
     retraction: Retraction
     group: LieGroup
+    author: LieGroup
     differentials: dict[tuple[At, str], tuple[np.ndarray, float]] = field(
         default_factory=dict, repr=False
     )
@@ -70,8 +74,8 @@ class Map:
         if isinstance(self.retraction, Exponential | Cayley):
             word = self.words.get(name, name)
             if hasattr(LieAlgebra, word):
-                return replaced(self.group.algebra, LieAlgebra, word)
-            return replaced(self.group, LieGroup, word)
+                return replaced(self.author.algebra, LieAlgebra, word)
+            return replaced(self.author, LieGroup, word)
         derived = ("dtau", "dtau_dual", "dtau_inv", "dtau_inv_dual", "residual")
         return (
             replaced(self.retraction, Retraction, name)
@@ -104,7 +108,7 @@ class Map:
         return at.units.coordinates(slope(moved, STEP / at.units.length(eta)))
 
     def slips(self, at: At, dual: bool, inverse: bool) -> dict[str, Any]:
-        """What a differential, its inverse or a dual of them is mistaken for."""
+        """The maps for which a differential, its inverse or a dual of them is mistaken."""
         here, there = (self.differential(at, side)[0] for side in ("left", "right"))
         x = flat(at.mu) if dual else flat(at.eta)
         if inverse:

@@ -1,5 +1,5 @@
-"""What a method claims, observed: its order, its symmetry, its Poisson bracket, what it keeps, and
-that it sees no direction.
+"""Observation of the claims of a method: its order, its symmetry, its Poisson bracket, what it
+keeps, and that it sees no direction.
 
 Each claim is observed at a step that is large enough for the claim to mean something: there the
 method errs visibly.
@@ -94,7 +94,7 @@ class Trial:
             )
 
     def ends(self, starts: list[dict[str, np.ndarray]]) -> list[dict[str, np.ndarray]]:
-        """Where a step leads from states that are given by their parts."""
+        """The states after a step from states that are given by their parts."""
         names = [*starts[0]]
         many = self.system.state(
             **{name: np.stack([start[name] for start in starts]) for name in names}
@@ -113,7 +113,7 @@ class Trial:
 
     @cached_property
     def exact(self) -> tuple[dict[str, np.ndarray], float]:
-        """Where the motion leads, by RKMK of order 8, and the relative error that this may have."""
+        """The state after the motion, by RKMK of order 8, and the relative error that it may have."""
         before, n = self.end(32, RKMK(order=8)), 48
         while True:
             found = self.end(n, RKMK(order=8))
@@ -234,7 +234,7 @@ def order(trial: Trial) -> Observation:
 
 
 def order_over(trial: Trial) -> Observation:
-    """The same over the time of the trial."""
+    """The order, observed over the time of the trial."""
     p, formula = trial.method.order, "error = O(h^p) on a nonlinear motion"
     found = {name: trial.slope(name) for name in trial.start.arrays}
     whole = trial.slope("all")
@@ -284,7 +284,7 @@ def relative_defect(trial: Any, charts: Charts, claimed: bool) -> float:
 
 
 def kept(trial: Trial, keeps: tuple[str, ...]) -> Iterator[Observation]:
-    """What the system names as constant, along some steps."""
+    """The changes of the constants that the system names, along some steps."""
     drift = trial.journey[1].drift()
     claims = [*keeps, *("Casimir" for _ in range(trial.method.symplectic))]
     for constant in drift.kept:
@@ -300,7 +300,7 @@ def kept(trial: Trial, keeps: tuple[str, ...]) -> Iterator[Observation]:
 
 
 def equivariance(trial: Trial) -> Observation:
-    """The same steps from k g: the momentum must be the same, and the element k g."""
+    """The steps from k g: the momentum must be that of the steps from g, and the element k g."""
     group, g = trial.system.group, trial.start.g
     units = Units(group)
     k = group.exp(units.of_length(np.cos(1.0 + np.arange(group.dim)), 1.0))

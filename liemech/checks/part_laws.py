@@ -1,5 +1,5 @@
-"""The laws of motions that are written: of vector fields, of their parts, and of parts of the energy
-of constrained systems.
+"""The laws of motions that are written: of vector fields, of their parts, and of parts of the
+energy of constrained systems.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from ..errors import NotDefined
 from ..formulas import Vec, derivative, vec
 from ..systems.constrained_parts import ConstrainedPart, SplitConstrainedSystem
 from ..systems.vector_field import RecognisedField, SplitField, VectorField, has_flow
-from .law import Law, Same, axiom, factors
+from .law import Law, Same, axiom, factors, vanishes
 from .sample_points import flat, size
 from .sample_states import AtState
 
@@ -33,6 +33,13 @@ def _motion(
         velocity, found = rate(there), derivative(flow, t / (pace or 1.0))
         scale = size(velocity) + size(found) + (size(y) + size(there)) * (pace or 1.0)
         yield Same(found, velocity, scale, partial(factors, flat(velocity)))
+
+
+def on_manifold(system: Any, q: Vec, p: Vec) -> Iterator[Same]:
+    """g(q) = 0 and G(q) H_p = 0."""
+    G, v = system.constraint_jacobian(q), system.velocity(q, p)
+    yield vanishes(system.constraint(q), size(G) * size(q))
+    yield vanishes(G @ v, size(G) * size(v))
 
 
 @axiom(
@@ -64,7 +71,7 @@ def parts_stay(system: SplitConstrainedSystem, at: AtState) -> Iterator[Same]:
     for part in system.parts:
         v = part.velocity(q, p)
         scale = size(G) * (size(v) + size(system.velocity(q, p)))
-        yield Same(G @ v, 0.0 * (G @ v), scale)
+        yield vanishes(G @ v, scale)
 
 
 @axiom(
@@ -96,7 +103,4 @@ def motions(system: SplitConstrainedSystem, at: AtState) -> Iterator[Same]:
 
     for number, part in written:
         yield from _motion(partial(flow, part), partial(rate, number), vec(*q, *p), at.pace)
-        there, after = part.flow(system, q, p, 0.5 / (at.pace or 1.0))
-        G, v = system.constraint_jacobian(there), system.velocity(there, after)
-        yield Same(system.constraint(there), 0.0 * system.constraint(there), size(G) * size(there))
-        yield Same(G @ v, 0.0 * (G @ v), size(G) * size(v))
+        yield from on_manifold(system, *part.flow(system, q, p, 0.5 / (at.pace or 1.0)))

@@ -44,7 +44,7 @@ class Charts:
 
     @cached_property
     def units(self) -> np.ndarray:
-        """What counts as a unit of each coordinate."""
+        """The unit of each coordinate."""
         if isinstance(self.system, PhaseSpace):
             n, rate = self.system.degrees, flat(self.system.rate(0.0, self.begin))
             v, f = size(rate[:n]), size(rate[n:])
@@ -125,7 +125,7 @@ class Charts:
         return float(np.abs(left - right).max() / scale)
 
     def moved(self, trial: Any, apart: float) -> tuple[Any, np.ndarray]:
-        """Where a step leads, and its derivative by differences, of order eight or four."""
+        """The end of a step, and its derivative by differences, of order eight or four."""
         n, weights = len(self.units), trial.weights
         size, half = len(weights), len(weights) // 2
         shifts = [k * apart * e for e in np.eye(n) for k in range(-half, half + 1)]

@@ -1,4 +1,4 @@
-"""Where the claims of a method are looked at beside the start that is given: other starts, of other
+"""Places beside the given start at which the claims of a method are judged: other starts, of other
 sizes and signs, and later times.
 
 A run from a place is a few steps, made directly, with the system that carries physical time along
@@ -31,6 +31,7 @@ from ..systems.mechanical import MechanicalSystem
 from ..systems.system import small_state
 from ..systems.time_transformed import ExtendedSystem
 from ..systems.vector_field import VectorField
+from .report import shown
 from .sample_points import flat, size
 from .sample_states import knows_time, members, pace
 
@@ -61,11 +62,7 @@ class Place:
     compiled: bool | None = None
 
     def __str__(self) -> str:
-        parts = (
-            f"{name} = ({', '.join(f'{c:.3g}' for c in flat(x)[:6])})"
-            for name, x in self.start.parts.items()
-            if x is not None
-        )
+        parts = (shown(name, flat(x)[:6]) for name, x in self.start.parts.items() if x is not None)
         return f"{self.name}, t = {self.t0:g}, {', '.join(parts)}"
 
     # ---------------------------------------------------------------- systems and their states
@@ -141,7 +138,7 @@ class Place:
         return {name: np.asarray(array[-1]) for name, array in run.states.items()}
 
     def exact(self, time: float) -> Any:
-        """Where the motion leads in a physical time."""
+        """The state to which the motion leads in a physical time."""
         finer = FINE if self.method.order <= 6 else 2.0 * FINE
         steps = max(1, int(np.ceil(finer * abs(time) / self.unit)))
         return small_state(type(self.start), self.led(EXACTLY, self.start, time / steps, steps))
@@ -180,7 +177,7 @@ class Place:
         }
 
     def moved(self, starts: list[dict[str, np.ndarray]], h: float, steps: int) -> list[Any]:
-        """Where steps lead from states that are given by their parts."""
+        """The states after some steps from states that are given by their parts."""
         if not self.fictive:
             many = self.base.state(
                 **{name: np.stack([parts[name] for parts in starts]) for name in starts[0]}
@@ -231,7 +228,7 @@ def _serves(place: Place) -> bool:
 
 
 FACTORS = ("turned back", -1.0), ("larger", 5.0), ("smaller", 0.2), ("much larger", 40.0)
-"""What other starts are called, and what the components of the start are multiplied by."""
+"""Names of other starts, and the factors of the components of the start."""
 
 
 def _others(system: Any, start: Any) -> Iterator[tuple[str, Any]]:

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Vec, derivative, jacobian, real_array
-from ..formulas.arrays import check_finite
+from ..formulas import derivative, jacobian
 from ..groups.poisson_structure import PoissonStructure
 from ..groups.skew_matrices import null_vectors
 from ..systems.vector_field import VectorField
-from .law import Law, Same, axiom, verdicts
-from .report import Report
+from .law import Law, Same, axiom, shaped, verdicts
+from .poisson_points import AtPoint, given_points, own_formulas, random_points
+from .report import Report, finished, require
 from .sample_points import flat
 
 PLACES = 6
@@ -29,38 +29,19 @@ CLOSE = 256.0
 FIELD: list[Law] = []
 
 
-@dataclass(frozen=True)
-class Pair:
-    """A field and a structure."""
-
-    f: Callable[[Any], Any]
-    B: PoissonStructure
+Field = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
-class AtPoint:
+class AtField(AtPoint):
     """A point, with the matrix and the field there."""
 
-    name: str
-    pair: Pair
-    y: Vec
-
-    @property
-    def dim(self) -> int:
-        return len(self.y)
-
-    @cached_property
-    def matrix(self) -> np.ndarray:
-        """B(y)."""
-        return np.array(self.pair.B.matrix(self.y), dtype=float)
+    f: Field
 
     @cached_property
     def velocity(self) -> np.ndarray:
         """f(y)."""
-        return flat(self.pair.f(self.y))
-
-    def __str__(self) -> str:
-        return f"{self.name}, y = ({', '.join(f'{c:.3g}' for c in self.y[:8])})"
+        return flat(self.f(self.y))
 
 
 @dataclass(frozen=True)
@@ -75,9 +56,8 @@ class Told(Same):
 
 
 @axiom(FIELD, "velocity", "f(y) is a vector of n finite numbers")
-def velocity(pair: Pair, at: AtPoint) -> Iterator[Same]:
-    yield Same(np.array(at.velocity.shape), np.array([at.dim]))
-    yield Same(at.velocity - at.velocity, 0.0 * at.velocity)
+def velocity(f: Field, at: AtField) -> Iterator[Same]:
+    yield from shaped(at.velocity, (at.dim,))
 
 
 @axiom(
@@ -86,16 +66,16 @@ def velocity(pair: Pair, at: AtPoint) -> Iterator[Same]:
     "sum_l (f_l d_l b_ij - b_lj d_l f_i - b_il d_l f_j) = 0 for i < j",
     slack=CLOSE,
 )
-def poisson_maps(pair: Pair, at: AtPoint) -> Iterator[Same]:
-    f, b = at.velocity, at.matrix
-    along = np.array(derivative(lambda y: pair.B.matrix(y), at.y, f.tolist()), dtype=float)
-    D = np.array(jacobian(lambda y: pair.f(y), at.y), dtype=float)
+def poisson_maps(f: Field, at: AtField) -> Iterator[Same]:
+    v, b = at.velocity, at.matrix
+    along = np.array(derivative(lambda y: at.B.matrix(y), at.y, v.tolist()), dtype=float)
+    D = np.array(jacobian(lambda y: at.f(y), at.y), dtype=float)
     slopes = [
-        np.array(derivative(lambda y: pair.B.matrix(y), at.y, e), dtype=float)
+        np.array(derivative(lambda y: at.B.matrix(y), at.y, e), dtype=float)
         for e in np.eye(at.dim).tolist()
     ]
     terms = np.abs(D) @ np.abs(b)
-    terms = terms + terms.T + sum(abs(x) * np.abs(s) for x, s in zip(f, slopes, strict=True))
+    terms = terms + terms.T + sum(abs(x) * np.abs(s) for x, s in zip(v, slopes, strict=True))
     total, scale = along - D @ b - b @ D.T, terms + _largest(terms)
     for i, j in itertools.combinations(range(at.dim), 2):
         told = f"the field does not keep {{y_{i + 1}, y_{j + 1}}}: it changes at the rate {total[i, j]:.3g} too much"
@@ -103,7 +83,7 @@ def poisson_maps(pair: Pair, at: AtPoint) -> Iterator[Same]:
 
 
 @axiom(FIELD, "leaves", "f(y) = B(y) a for some a: k . f = 0 wherever B k = 0", slack=CLOSE)
-def leaves(pair: Pair, at: AtPoint) -> Iterator[Same]:
+def leaves(f: Field, at: AtField) -> Iterator[Same]:
     for k in null_vectors(at.matrix):
         row = flat(k)
         terms = float(np.abs(row) @ np.abs(at.velocity))
@@ -114,8 +94,8 @@ def leaves(pair: Pair, at: AtPoint) -> Iterator[Same]:
 
 
 @axiom(FIELD, "Casimirs", "f . dC = 0", "casimirs", slack=CLOSE)
-def casimirs(pair: Pair, at: AtPoint) -> Iterator[Same]:
-    slopes = np.array(jacobian(lambda y: pair.B.casimirs(y), at.y), dtype=float)
+def casimirs(f: Field, at: AtField) -> Iterator[Same]:
+    slopes = np.array(jacobian(lambda y: at.B.casimirs(y), at.y), dtype=float)
     for i, row in enumerate(slopes.reshape(-1, at.dim)):
         terms = float(np.abs(row) @ np.abs(at.velocity))
         yield Told(row @ at.velocity, 0.0, terms, told=f"Casimir {i + 1} is not constant")
@@ -156,66 +136,31 @@ def check_poisson_field(
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VI.2 (integrability)
     and VII.4 (Poisson integrators).
     """
-    given: Any = structure
-    if not isinstance(given, PoissonStructure):
-        cure = f"; write {given.__name__}(), with the brackets" if isinstance(given, type) else ""
-        raise InvalidType(
-            f"check_poisson_field: structure must be a PoissonStructure; got {given!r}{cure}"
-        )
+    me = "check_poisson_field"
+    require(f"{me}: structure", structure, PoissonStructure)
     motion: Any = field
     if isinstance(motion, VectorField):
         if motion.dim != structure.dim:
             raise InvalidInput(
-                f"check_poisson_field: {field!r} is of dimension {motion.dim}, {structure!r} of "
-                f"{structure.dim}"
+                f"{me}: {field!r} is of dimension {motion.dim}, {structure!r} of {structure.dim}"
             )
-        pair = Pair(motion.velocity, structure)
-    elif callable(motion) and not isinstance(motion, type):
-        pair = Pair(motion, structure)
-    else:
+        motion = motion.velocity
+    elif not callable(motion) or isinstance(motion, type):
         raise InvalidType(
-            "check_poisson_field: field must be a VectorField or a formula of y such as "
+            f"{me}: field must be a VectorField or a formula of y such as "
             f"lambda y: lm.vec(y[1], -y[0]); got {field!r}"
         )
-    where = _places(pair, points, seed)
-
-    def own(name: str) -> bool:
-        return getattr(type(structure), name) is not getattr(PoissonStructure, name)
-
-    report = Report(f"{field!r} with {structure!r}", tuple(verdicts(FIELD, pair, where, own)))
-    if report.broken and raises:
-        raise report.violation()
-    return report
-
-
-def _places(pair: Pair, points: Any, seed: int) -> list[AtPoint]:
-    n, me = pair.B.dim, "check_poisson_field"
     if points is not None:
-        array = np.atleast_2d(real_array(points, f"{me}: points"))
-        if array.shape[1:] != (n,):
-            raise InvalidInput(f"{me}: points must have shape (m, {n}); got {array.shape}")
-        check_finite(array, f"{me}: points")
-        return [AtPoint(f"point {i}", pair, Vec.of(y)) for i, y in enumerate(array.tolist())]
-    drawn = np.random.default_rng(seed).normal(size=(PLACES, n))
-    where = [AtPoint("random", pair, Vec.of(y)) for y in drawn.tolist()]
-    if not all(map(_defined, where)):
-        where = [AtPoint("random", pair, Vec.of(y)) for y in (0.5 + abs(drawn)).tolist()]
-    where = list(filter(_defined, where))
-    if not where:
-        raise InvalidInput(
-            f"{me}: the field or {pair.B!r} is not defined at random points; give some, "
-            "points=[[...], ...]"
+        found = given_points(me, structure.dim, points)
+    else:
+        found = random_points(
+            me,
+            f"the field or {structure!r}",
+            ["random"] * PLACES,
+            np.random.default_rng(seed).normal(size=(PLACES, structure.dim)),
+            [1.0] * PLACES,
+            lambda y: (structure.matrix(y), motion(y)),
         )
-    return where
-
-
-def _defined(at: AtPoint) -> bool:
-    """Have the matrix and the field values here?  What raises an error of another kind is for the
-    laws to tell.
-    """
-    try:
-        return bool(np.isfinite(at.matrix).all() and np.isfinite(at.velocity).all())
-    except (ArithmeticError, ValueError):
-        return False
-    except Exception:
-        return True
+    where = [AtField(name, structure, y, motion) for name, y in found]
+    findings = verdicts(FIELD, motion, where, own_formulas(structure))
+    return finished(f"{field!r} with {structure!r}", findings, raises)

@@ -12,14 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
-from ..formulas import Vec, derivative, dot, gradient, jacobian, real_array
-from ..formulas.arrays import check_finite
+from ..formulas import Vec, derivative, dot, gradient, jacobian
 from ..groups.poisson_structure import PoissonStructure
 from ..groups.skew_matrices import like_sizes
 from .casimir_laws import independence
-from .law import Law, Same, axiom, verdicts
-from .report import Finding, Report
+from .law import Law, Same, axiom, shaped, verdicts
+from .poisson_points import AtPoint, given_points, own_formulas, random_points
+from .report import Report, finished, require
 from .sample_points import flat
 from .sample_states import SIZES, components, named
 from .seeds import generator
@@ -31,32 +30,20 @@ POISSON: list[Law] = []
 
 
 @dataclass(frozen=True)
-class AtPoint:
+class AtStructure(AtPoint):
     """A point, the rank that the structure has almost everywhere, and how far the coordinates of
     all points reach, (n,).
     """
 
-    name: str
-    B: Any
-    y: Vec
     generic: int
     reach: np.ndarray
     others: tuple[Vec, ...]  # all the points, with this one
 
-    @property
-    def dim(self) -> int:
-        return len(self.y)
-
-    @cached_property
-    def matrix(self) -> np.ndarray:
-        """B(y)."""
-        return np.array(self.B.matrix(self.y), dtype=float)
-
     @cached_property
     def terms(self) -> np.ndarray:
-        """What rounding of B(y) is relative to, entry by entry, so that units do not matter: what
-        an entry is made of, and the largest entry in units in which rows are of like size, or those
-        of the points.
+        """The sizes to which rounding of B(y) is relative, entry by entry, so that units do not
+        matter: the terms of an entry, and the largest entry in units in which rows are of like
+        size, or those of the points.
         """
         terms = self.B.terms(self.y)
         terms = np.maximum(terms, terms.T)
@@ -85,8 +72,8 @@ class AtPoint:
 
     @cached_property
     def terms_of_slopes(self) -> np.ndarray:
-        """What rounding of d_l b_ij is relative to, with l first: where it is not zero, b_ij over
-        the reach of y_l.
+        """The sizes to which rounding of d_l b_ij is relative, with l first: where it is not zero,
+        b_ij over the reach of y_l.
         """
         with np.errstate(all="ignore"):
             along = self.terms / self.reach[:, None, None]
@@ -101,9 +88,6 @@ class AtPoint:
         fastest = max(rates.max(initial=0.0), bends.max(initial=0.0))
         return 0.25 / fastest if fastest > 0.0 else 0.25
 
-    def __str__(self) -> str:
-        return f"{self.name}, y = ({', '.join(f'{c:.3g}' for c in self.y[:8])})"
-
 
 @dataclass(frozen=True)
 class Entry(Same):
@@ -117,13 +101,12 @@ class Entry(Same):
 
 
 @axiom(POISSON, "matrix", "B(y) is an n by n matrix of finite numbers")
-def matrix(B: Any, at: AtPoint) -> Iterator[Same]:
-    yield Same(np.array(at.matrix.shape), np.array([at.dim, at.dim]))
-    yield Same(at.matrix - at.matrix, 0.0 * at.matrix)
+def matrix(B: Any, at: AtStructure) -> Iterator[Same]:
+    yield from shaped(at.matrix, (at.dim, at.dim))
 
 
 @axiom(POISSON, "skew symmetry", "b_ij = -b_ji")
-def skew_symmetry(B: Any, at: AtPoint) -> Iterator[Same]:
+def skew_symmetry(B: Any, at: AtStructure) -> Iterator[Same]:
     b, terms = at.matrix, at.terms
     for i, j in itertools.combinations_with_replacement(range(at.dim), 2):
         yield Entry(
@@ -140,7 +123,7 @@ def skew_symmetry(B: Any, at: AtPoint) -> Iterator[Same]:
     "sum_l (d_l b_ij b_lk + d_l b_jk b_li + d_l b_ki b_lj) = 0 for i < j < k",
     slack=CLOSE,
 )
-def jacobi(B: Any, at: AtPoint) -> Iterator[Same]:
+def jacobi(B: Any, at: AtStructure) -> Iterator[Same]:
     def cyclic(d: np.ndarray, b: np.ndarray) -> np.ndarray:
         nested = np.einsum("lij,lk->ijk", d, b)
         return nested + nested.transpose(2, 0, 1) + nested.transpose(1, 2, 0)  # ijk, jki, kij
@@ -152,14 +135,14 @@ def jacobi(B: Any, at: AtPoint) -> Iterator[Same]:
 
 
 @axiom(POISSON, "closed product", "sharp(y, a) = B(y) a", "sharp", slack=CLOSE)
-def closed_product(B: Any, at: AtPoint) -> Iterator[Same]:
+def closed_product(B: Any, at: AtStructure) -> Iterator[Same]:
     for j, unit in enumerate(np.eye(at.dim)):
         given = flat(B.sharp(at.y, Vec.of(unit.tolist())))
         yield from _entries(given, at.matrix[:, j], at.terms[:, j], f"the component a_{j + 1}")
 
 
 @axiom(POISSON, "Leibniz' rule", "{F G, H} = F {G, H} + G {F, H}", slack=CLOSE)
-def leibniz(B: Any, at: AtPoint) -> Iterator[Same]:
+def leibniz(B: Any, at: AtStructure) -> Iterator[Same]:
     F, G, H = (_polynomial(at.dim, k) for k in range(3))
     f, g = float(F(at.y)), float(G(at.y))
     first, second = float(B.bracket(G, H)(at.y)), float(B.bracket(F, H)(at.y))
@@ -170,7 +153,7 @@ def leibniz(B: Any, at: AtPoint) -> Iterator[Same]:
 
 
 @axiom(POISSON, "Casimirs", "B dC = 0", "casimirs", slack=CLOSE)
-def casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
+def casimirs(B: Any, at: AtStructure) -> Iterator[Same]:
     y, n = np.abs(flat(at.y)), at.dim
     for i, _ in enumerate(flat(B.casimirs(at.y))):
 
@@ -189,7 +172,7 @@ def casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
     "casimirs",
     once=True,
 )
-def independent_casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
+def independent_casimirs(B: Any, at: AtStructure) -> Iterator[Same]:
     def slopes(y: Any) -> np.ndarray:
         return np.array(jacobian(lambda x: B.casimirs(x), y), dtype=float).reshape(-1, at.dim)
 
@@ -203,7 +186,7 @@ def independent_casimirs(B: Any, at: AtPoint) -> Iterator[Same]:
     "coordinate_flow",
     slack=CLOSE,
 )
-def coordinate_flow(B: Any, at: AtPoint) -> Iterator[Same]:
+def coordinate_flow(B: Any, at: AtStructure) -> Iterator[Same]:
     y, n = np.abs(flat(at.y)), at.dim
     for i in range(n):
         for s in (0.0, at.duration(i)):
@@ -231,7 +214,7 @@ def _entries(
     "rank",
     "B has one rank almost everywhere, even, the one named; Casimirs are no more than what is left",
 )
-def rank(B: Any, at: AtPoint) -> Iterator[Same]:
+def rank(B: Any, at: AtStructure) -> Iterator[Same]:
     found = B.rank_at(at.y)
     yield Entry(
         found, at.generic, entries=f"the point: B has rank {found} here, {at.generic} elsewhere"
@@ -262,9 +245,9 @@ def check_poisson(
     Checked are skew symmetry, the identity of Jacobi for all i < j < k, Leibniz' rule, Casimirs,
     `sharp`, `coordinate_flow`, and that the rank is the same at all points.
 
-    points : (m, n), where to look; left out, random points of several sizes, with positive coordinates
-    if B or the Casimirs need them.
-    raises : False returns the report on a broken structure as well.  seed : of the random points.
+    points : (m, n), where to look; left out, random points of several sizes, with positive
+    coordinates if B or the Casimirs need them. raises : False returns the report on a broken
+    structure as well.  seed : of the random points.
 
     Returns a Report, which prints as a table.  Raises LawViolation: the first law broken, the
     entries, where and by how much.
@@ -272,49 +255,30 @@ def check_poisson(
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.2.2; the slides,
     (2.9) and (2.10).
     """
-    given: Any = structure
-    if not isinstance(given, PoissonStructure):
-        cure = f"; write {given.__name__}(), with the brackets" if isinstance(given, type) else ""
-        raise InvalidType(
-            f"check_poisson: structure must be a PoissonStructure; got {given!r}{cure}"
-        )
+    require("check_poisson: structure", structure, PoissonStructure)
     where = _places(structure, points, seed)
-    report = Report(repr(structure), tuple(_findings(structure, where)))
-    if report.broken and raises:
-        raise report.violation()
-    return report
+    return finished(
+        repr(structure), verdicts(POISSON, structure, where, own_formulas(structure)), raises
+    )
 
 
-def _findings(structure: PoissonStructure, where: list[AtPoint]) -> Iterator[Finding]:
-    def own(name: str) -> bool:
-        return getattr(type(structure), name) is not getattr(PoissonStructure, name)
-
-    yield from verdicts(POISSON, structure, where, own)
-
-
-def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint]:
-    n = structure.dim
+def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtStructure]:
+    me, n = "check_poisson", structure.dim
     if points is not None:
-        array = np.atleast_2d(real_array(points, "check_poisson: points"))
-        if array.shape[1:] != (n,):
-            raise InvalidInput(f"check_poisson: points must have shape (m, {n}); got {array.shape}")
-        check_finite(array, "check_poisson: points")
-        found = [(f"point {i}", Vec.of(row)) for i, row in enumerate(array.tolist())]
+        found = given_points(me, n, points)
     else:
-        rng = generator("check_poisson", seed)
-        names = [named(large) for large in SIZES]
+        rng = generator(me, seed)
         drawn: list[np.ndarray] = []
         for large in SIZES:  # a negative one is the mirror image of the point before
             drawn.append(components(rng, n, large) if large > 0.0 else -drawn[-1])
-        found = [(name, Vec.of(y.tolist())) for name, y in zip(names, drawn, strict=True)]
-        if not all(_defined(structure, y) for _, y in found):
-            drawn = [0.5 * abs(k) + np.abs(y) for k, y in zip(SIZES, drawn, strict=True)]
-            found = [(name, Vec.of(y.tolist())) for name, y in zip(names, drawn, strict=True)]
-        found = [(name, y) for name, y in found if _defined(structure, y)]
-        if not found:
-            raise InvalidInput(
-                f"check_poisson: {structure!r} is not defined at random points; give some, points=[[...], ...]"
-            )
+        found = random_points(
+            me,
+            repr(structure),
+            [*map(named, SIZES)],
+            drawn,
+            SIZES,
+            lambda y: (structure.matrix(y), structure.casimirs(y)),
+        )
     ranks = []
     for _, y in found:
         try:
@@ -323,19 +287,4 @@ def _places(structure: PoissonStructure, points: Any, seed: int) -> list[AtPoint
             ranks.append(0)
     reach = np.abs([flat(y) for _, y in found]).max(axis=0)
     everywhere = tuple(y for _, y in found)
-    return [AtPoint(name, structure, y, max(ranks), reach, everywhere) for name, y in found]
-
-
-def _defined(structure: PoissonStructure, y: Vec) -> bool:
-    """Have the matrix and the Casimirs values here?  What raises an error of another kind is for
-    the laws to tell.
-    """
-    try:
-        return bool(
-            np.isfinite(flat(structure.matrix(y))).all()
-            and np.isfinite(flat(structure.casimirs(y))).all()
-        )
-    except (ArithmeticError, ValueError):
-        return False
-    except Exception:
-        return True
+    return [AtStructure(name, structure, y, max(ranks), reach, everywhere) for name, y in found]

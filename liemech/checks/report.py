@@ -1,18 +1,25 @@
-"""What came of checking laws: a table of verdicts, or an error that names the law."""
+"""Reports of checked laws: a table of verdicts, or an error that names the law."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
-from ..errors import LawViolation
+from ..errors import InvalidType, LawViolation
 
 ROUNDING = 2.0**-52
 """The unit in which defects are given, times the size of what is compared."""
 
 
+def shown(name: str, values: Iterable[float]) -> str:
+    """Numbers of a point, in few digits: `xi = (1.27, 0, -0.2)`."""
+    return f"{name} = ({', '.join(f'{x + 0.0:.3g}' for x in values)})"
+
+
 @dataclass(frozen=True)
 class Finding:
-    """What came of one law: the worst point, the defect there and its bound, in roundings of the
+    """The verdict on one law: the worst point, the defect there and its bound, in roundings of the
     size, and a remark.
     """
 
@@ -25,15 +32,15 @@ class Finding:
     size: float = 0.0
     remark: str = ""
 
-    columns = f"{'law':<26} {'verdict':<9} {'worst defect, bound':<21} where"
+    columns = f"{'law':<29} {'verdict':<9} {'roundings, at worst':<21} where"
 
     def __str__(self) -> str:
         worst = f"{self.defect:>9.2g} of {self.bound:<8.3g} {self.where}" if self.bound else ""
-        return f"{self.law:<26} {self.verdict:<9} {worst}  {self.remark}".rstrip()
+        return f"{self.law:<29} {self.verdict:<9} {worst}  {self.remark}".rstrip()
 
     @property
     def details(self) -> list[str]:
-        """What an error says of it, line by line."""
+        """The lines of an error about it."""
         unit, lines = ROUNDING * self.size, []
         if self.where:
             lines.append(f"  where     {self.where}")
@@ -50,7 +57,8 @@ class Finding:
 
 @dataclass(frozen=True)
 class Observation(Finding):
-    """What came of one claim of a method: the number that was observed and the one that was wanted.
+    """The verdict on one claim of a method: the number that was observed and the one that was
+    wanted.
 
     Of what a method does not claim the verdict is "seen" or "not seen".
     """
@@ -58,15 +66,15 @@ class Observation(Finding):
     observed: str = ""
     wanted: str = ""
 
-    columns = f"{'law':<26} {'verdict':<9} {'observed':<34} wanted"
+    columns = f"{'law':<29} {'verdict':<9} {'observed':<34} wanted"
 
     def __str__(self) -> str:
         at = self.where if self.verdict == "broken" else ""
-        return f"{self.law:<26} {self.verdict:<9} {self.observed:<34} {self.wanted}  {at}  {self.remark}".rstrip()
+        return f"{self.law:<29} {self.verdict:<9} {self.observed:<34} {self.wanted}  {at}  {self.remark}".rstrip()
 
     @property
     def details(self) -> list[str]:
-        """What an error says of it, line by line."""
+        """The lines of an error about it."""
         lines = [f"  observed  {self.observed}", f"  wanted    {self.wanted}"]
         lines += [f"  where     {self.where}"] if self.where and self.verdict == "broken" else []
         return [*lines, f"  because   {self.remark}"] if self.remark else lines
@@ -122,3 +130,18 @@ class Report:
         if others:
             lines.append(f"  also broken: {', '.join(f.law for f in others)}")
         return LawViolation("\n".join(lines))
+
+
+def finished(subject: str, findings: Iterable[Finding], raises: bool) -> Report:
+    """The report, or the first broken law as an error."""
+    report = Report(subject, tuple(findings))
+    if report.broken and raises:
+        raise report.violation()
+    return report
+
+
+def require(name: str, value: Any, kind: type) -> None:
+    """Raise InvalidType for an argument of another kind; of a class it says what is missing."""
+    if not isinstance(value, kind):
+        cure = f"; write {value.__name__}(), with the brackets" if isinstance(value, type) else ""
+        raise InvalidType(f"{name} must be a {kind.__name__}; got {value!r}{cure}")

@@ -1,6 +1,6 @@
-"""Where laws are checked: at the neutral element, 1e-8 beside it, at random, with coordinates of
-mixed sizes, along each axis, and on both sides of where `dexp` is singular.  The size of a velocity is that
-of ad_xi: in radians, for rotations.
+"""The points at which laws are checked: at the neutral element, 1e-8 beside it, at random, with
+coordinates of mixed sizes, along each axis, and on both sides of where `dexp` is singular.  The
+size of a velocity is that of ad_xi: in radians, for rotations.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ import numpy as np
 from ..formulas import Vec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
+from .like_units import GroupInUnits
+from .report import shown
 from .seeds import generator
 
 STEP = 0.01
@@ -96,8 +98,8 @@ def turning(a: np.ndarray) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Units:
-    """What is natural on a group: the constants of its bracket, a unit of velocity, the weight of
-    its elements.
+    """The natural scales of a group: the constants of its bracket, a unit of velocity, the weight
+    of its elements.
     """
 
     group: LieGroup
@@ -282,7 +284,9 @@ class At:
         return self.shaped(flat(g) + 1e-3 * self.units.weight * change)
 
     def __str__(self) -> str:
-        return f"{self.name}, xi = ({', '.join(f'{x:.3g}' for x in self.xi)})"
+        group, xi = self.group, self.xi
+        given = group.units * xi if isinstance(group, GroupInUnits) else xi
+        return f"{self.name}, {shown('xi', given)}"
 
 
 def sample_points(group: LieGroup, seed: int) -> list[At]:

@@ -1,4 +1,4 @@
-"""Where the laws of a system are checked: at given states, or at random ones."""
+"""The states at which the laws of a system are checked: given ones, or random ones."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
 from ..systems.vector_field import VectorField
+from .report import shown
 from .sample_points import STENCIL, STEP, flat, size
 from .seeds import generator
 
@@ -38,7 +39,7 @@ PLACES = len(SIZES)
 """How many states are drawn."""
 
 CENTRAL = *(-weight for _, weight in reversed(STENCIL)), 0.0, *(weight for _, weight in STENCIL)
-"""The same differences for nine equidistant values in a row."""
+"""The weights of the differences for nine equidistant values in a row."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,9 @@ class AtState:
 
     @property
     def closer(self) -> AtState:
-        """The same with states nearby that are closer: for what changes faster than the pace tells."""
+        """The place with closer states nearby: for quantities that change faster than the pace
+        tells.
+        """
         return dataclasses.replace(self, apart=self.apart / 16.0)
 
     @property
@@ -98,11 +101,7 @@ class AtState:
         return np.asarray(found), max(map(size, values)) / self.unit
 
     def __str__(self) -> str:
-        parts = (
-            f"{n} = ({', '.join(f'{c:.3g}' for c in flat(x)[:6])})"
-            for n, x in self.state.parts.items()
-            if x is not None
-        )
+        parts = (shown(n, flat(x)[:6]) for n, x in self.state.parts.items() if x is not None)
         when = f"t = {self.t:g}, " if knows_time(self.system) else ""
         return f"{self.name}, {when}{', '.join(parts)}"
 
@@ -133,7 +132,7 @@ def components(rng: np.random.Generator, n: int, large: float) -> np.ndarray:
 
 
 def named(large: float) -> str:
-    """What a random place of this size is called."""
+    """The name of a random place of this size."""
     return "random" if large == 1.0 else f"random, size {abs(large):g}"
 
 

@@ -1,4 +1,4 @@
-"""Where random points come from."""
+"""The generator of random points."""
 
 from __future__ import annotations
 

@@ -35,8 +35,8 @@ from ..systems.time_transformed import ExtendedSystem
 from ..systems.vector_field import VectorField
 from .casimir_laws import independence
 from .closed_forms import CLOSE, Arguments, laws_of_closed_forms, records_within
-from .law import Law, Same, axiom, factors, replaced
-from .part_laws import CONSTRAINED_PARTS, FIELDS
+from .law import Law, Same, axiom, factors, replaced, shaped, vanishes
+from .part_laws import CONSTRAINED_PARTS, FIELDS, on_manifold
 from .sample_points import STEP, flat, size, slope
 from .sample_states import AtState
 
@@ -65,12 +65,6 @@ def _matches(given: Any, f: Callable[[Any], Any], x: Any, sign: float = 1.0) -> 
     return Same(given, right, terms * rounding, lambda: factors(right))
 
 
-def _is_vector(x: np.ndarray, dim: int) -> Iterator[Same]:
-    """A vector of dim finite numbers."""
-    yield Same(np.array([x.size]), np.array([dim]))
-    yield Same(x - x, 0.0 * x)
-
-
 # ---------------------------------------------------------------- every system
 
 SYSTEM: list[Law] = []
@@ -78,7 +72,7 @@ SYSTEM: list[Law] = []
 
 @axiom(SYSTEM, "velocity", "rate is a vector of dim finite numbers", slack=CLOSE)
 def velocity(system: Any, at: AtState) -> Iterator[Same]:
-    yield from _is_vector(flat(at.rate), system.group.dim)
+    yield from shaped(flat(at.rate), (system.group.dim,))
 
 
 # ---------------------------------------------------------------- Lie-Poisson systems
@@ -123,9 +117,8 @@ def casimirs(system: LiePoissonSystem, at: AtState) -> Iterator[Same]:
     mu = at.state.mu
     slopes, rounding = derived(system.group.casimirs, mu)
     for row in slopes.reshape(-1, len(mu)):
-        yield Same(
-            system.group.ad_star(vec(*row.tolist()), mu), 0.0 * mu, rounding * size(row) * size(mu)
-        )
+        moved = system.group.ad_star(vec(*row.tolist()), mu)
+        yield vanishes(moved, rounding * size(row) * size(mu))
 
 
 @axiom(
@@ -178,7 +171,7 @@ def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     mu, g = at.state.mu, at.state.g
     xi = system.velocity(mu)
     force = flat(system.load.covector(at.t, xi, g))
-    yield from _is_vector(force, len(mu))
+    yield from shaped(force, (len(mu),))
     power, found = float(force @ flat(xi)), []
     for place in (at, at.closer):
         energies = [system.energy(state.mu, state.g) for state in place.nearby]
@@ -219,13 +212,13 @@ def _leaving(system: BoundBody, at: AtState) -> Iterator[Same]:
     if isinstance(system, ConstrainedBody):
         change, scale = at.along([system.constraint.value(state.g) for state in at.nearby])
         G = size(system.jacobian(at.state.g))
-        yield Same(change, 0.0 * change, scale + G * size(system.velocity(at.state.mu)))
+        yield vanishes(change, scale + G * size(system.velocity(at.state.mu)))
     G = max(size(system.jacobian(state.g)) for state in at.nearby)
     speeds = [system.velocity(state.mu) for state in at.nearby]
     change, _ = at.along(
         [flat(system.jacobian(s.g) @ v) for s, v in zip(at.nearby, speeds, strict=True)]
     )
-    yield Same(change, 0.0 * change, G * max(map(size, speeds)) / at.unit)
+    yield vanishes(change, G * max(map(size, speeds)) / at.unit)
 
 
 # ---------------------------------------------------------------- driven systems
@@ -317,9 +310,7 @@ def geodesic(system: Any, at: AtState) -> Iterator[Same]:
     yield Same(vec(*half[0], *half[1]), vec(*there, *after), size(there) + size(after))
     begins = derivative(lambda s: system.geodesic(q, p, s)[0], 0.0)
     yield Same(begins, system.velocity(q, p), size(system.velocity(q, p)))
-    G, v = system.constraint_jacobian(there), system.velocity(there, after)
-    yield Same(system.constraint(there), 0.0 * system.constraint(there), size(G) * size(there))
-    yield Same(G @ v, 0.0 * (G @ v), size(G) * size(v))
+    yield from on_manifold(system, there, after)
     yield Same(system.kinetic(after), system.kinetic(p), abs(system.kinetic(p)))
 
 
@@ -340,7 +331,7 @@ def casimirs_of_structure(system: PoissonSystem, at: AtState) -> Iterator[Same]:
     for row in slopes.reshape(-1, len(y)):
         there = system.structure.sharp(y, vec(*row.tolist()))
         scale = size(np.abs(np.asarray(system.structure.matrix(y))) @ np.abs(row)) + size(row)
-        yield Same(there, 0.0 * y, rounding * scale)
+        yield vanishes(there, rounding * scale)
 
 
 @axiom(
@@ -412,7 +403,7 @@ def _changes(system: Any, at: AtState) -> Iterator[Same]:
     for name, value in values.items():
         change, scale = at.along([*value])
         # of sums that cancel the terms round
-        yield Same(change, 0.0 * change, max(scale, size(terms[name]) / at.unit))
+        yield vanishes(change, max(scale, size(terms[name]) / at.unit))
 
 
 # ---------------------------------------------------------------- native code
@@ -491,7 +482,7 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
 
 
 def arguments(owner: Any, at: AtState) -> Arguments:
-    """What the arguments of formulas are at a state, by their names."""
+    """Values for the arguments of formulas at a state, by their names."""
     system, state, t = at.system, at.state, at.t
     inner: Any = system
     if isinstance(system, ExtendedSystem) and owner is not system:  # what it holds knows no time

@@ -50,11 +50,11 @@ class Branches(Joins):
         self, test: Num, body: list[ast.stmt], orelse: list[ast.stmt], env: Env
     ) -> None:
         e, b = self.emitter, self.builder
-        outer, here = self.base, self.everyone(self.active(env))
+        outer, here = self.state.base, self.everyone(self.active(env))
         before = {name: value for name, value in env.items() if name != ACTIVE}
         merged, ends, someone_left = dict(before), [], False
         certain: list[set[str]] = []  # for each way, the variables that have a value at its end
-        self.depth += 1
+        self.state.depth += 1
         for mask, statements in ((test, body), (e.negation(test), orelse)):
             lanes = e.logic("and_", mask, here)
             if ACTIVE in env:  # lanes that have left keep what they had
@@ -70,7 +70,7 @@ class Branches(Joins):
                 b.position_at_end(start)
             inside = dict(before)
             inside |= {n: merged[n] for n in LEFT if n in merged}
-            self.base = lanes
+            self.state.base = lanes
             with self.apart():
                 self.block(statements, inside)
             left = inside.pop(ACTIVE, None)
@@ -94,7 +94,7 @@ class Branches(Joins):
             after = skipped | after
             if isinstance(left, Num):
                 after["<end>"], skipped["<end>"] = left, lanes
-            self.base = outer
+            self.state.base = outer
             if aside:
                 end_of_body, merged = b.block, {}
                 self.join(
@@ -109,7 +109,7 @@ class Branches(Joins):
             someone_left |= left is not None
             if left is not NO_LANE:
                 ends.append(merged.pop("<end>", lanes))
-        self.depth -= 1
+        self.state.depth -= 1
         live = env.get(ACTIVE)
         known = {has(n) for n in (set.intersection(*certain) if certain else merged)}
         replace(env, {n: v for n, v in merged.items() if n not in known})

@@ -22,11 +22,12 @@ from .advice import instead_of_syntax
 from .arrays import Array
 from .content_hashes import looks_itself
 from .dependencies import varies
-from .inlining import TooLong
+from .instructions import TooLong
 from .ir_numbers import Num
 from .iterators import Stream
 from .loops import Loops
 from .scopes import Closure, Env, Frame, Function, Undefined
+from .state import Snapshot
 
 OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -124,7 +125,7 @@ class Expressions(Loops):
             case ast.Name(id=name):
                 value, certain = self.frames[-1].value(name)
                 if certain is not True:
-                    if not self.escapes:
+                    if not self.state.escapes:
                         raise NotCompilable(
                             f"`{name}` may have no value here: give it "
                             "one on every way to this line"
@@ -283,14 +284,14 @@ class Expressions(Loops):
 
     def within(self, frame: Frame, work: Callable[[], Any]) -> Any:
         """Do some work in a frame of its own, which is called from here."""
-        base, depth = self.base, self.depth
+        base, depth = self.state.base, self.state.depth
         if self.frames:
-            self.base = self.active(self.frames[-1].env)
-        self.depth = 0
+            self.state.base = self.active(self.frames[-1].env)
+        self.state.depth = 0
         self.frames.append(frame)
         result = work()
         self.frames.pop()
-        self.base, self.depth = base, depth
+        self.state.base, self.state.depth = base, depth
         return result
 
     def comprehension(self, node: ast.ListComp | ast.GeneratorExp, env: Env) -> Iterator[Any]:
@@ -364,7 +365,7 @@ class Expressions(Loops):
         self, items: list[Any] | Iterator[Any], sources: tuple[Any, ...] | None = None
     ) -> Stream:
         """An iterator made here."""
-        self.streams.append(Stream(items, self.region, sources))
+        self.streams.append(Stream(items, self.state.region, sources))
         return self.streams[-1]
 
     def iterate(self, value: Any) -> Iterator[Any]:
@@ -381,7 +382,7 @@ class Expressions(Loops):
     def _taken(self, stream: Stream) -> Iterator[Any]:
         while True:
             try:
-                yield stream.take(self.region)
+                yield stream.take(self.state.region)
             except StopIteration:
                 return
 
@@ -468,22 +469,19 @@ class Expressions(Loops):
         if not isinstance(test, Num):
             return value if test is either else self.expression(rest, env)
         if rest not in self.branching:
-            forget, block, raises, before = self.mark(), self.builder.block, self.raises, dict(env)
-            taken = [(stream, stream.taken) for stream in self.streams]
+            here, block, raises = Snapshot(self, env), self.builder.block, self.state.raises
             other = self.expression(rest, env)
             acts = any(isinstance(n, ast.NamedExpr) for n in ast.walk(rest)) or any(
-                stream.taken != before for stream, before in taken
+                stream.taken != before for stream, before, _ in here.streams
             )
-            if self.builder.block is block and self.raises == raises and not acts:
+            if self.builder.block is block and self.state.raises == raises and not acts:
                 if all(
                     isinstance(x, bool) or (isinstance(x, Num) and x.kind == "b")
                     for x in (value, other)
                 ):
                     return self.emitter.logic("or_" if either else "and_", test, other)
                 return self.where(test, value, other) if either else self.where(test, other, value)
-            forget()
-            env.clear()
-            env.update(before)
+            here.restore()
             self.branching.add(rest)
         known = Later(lambda: value)
         choice = (

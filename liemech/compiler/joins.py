@@ -24,8 +24,9 @@ from ..formulas.vectors import Mat, Vec
 from .aliases import Aliases
 from .dependencies import Reads
 from .ir_numbers import Emitter, Num, Values
-from .iterators import Region, Stream
+from .iterators import Stream
 from .scopes import RETURN, Env, Frame, Undefined, has
+from .state import State
 
 # lanes still running at this point, where some have left (absent: all for which the code was
 # entered)
@@ -101,14 +102,7 @@ class Joins:
         self.others: dict[ast.BoolOp, ast.expr] = {}
         self.frames: list[Frame] = []
         self.aliases = Aliases(self.frames, reads)
-        self.base: Any = None  # lanes for which the present code was entered (None: all)
-        self.depth = 0  # enclosing conditions of the present call that differ between lanes
-        self.escapes: list[list[Open]] = []  # where control goes when a formula raises
-        self.failed: Any = None  # where a formula that raises in the present attempt says so
-        self.outcome: Any = None  # the same of the last attempt that is over, for `accepted`
-        self.raises = 0  # places so far, in the present attempt, that may
-        self.marks = 0  # those among them where control goes on
-        self.region: Region = ()  # the branches and loops of unknown length around the present code
+        self.state = State()
         self.regions = 0
         self.streams: list[Stream] = []
         self.worked = 0  # expressions so far, with those that were taken back
@@ -183,7 +177,7 @@ class Joins:
         return (
             self.emitter.constant(False, "b", True)
             if live is NO_LANE
-            else self.base
+            else self.state.base
             if live is None
             else live
         )
@@ -191,25 +185,26 @@ class Joins:
     @contextlib.contextmanager
     def apart(self, loop: bool = False) -> Iterator[None]:
         """Code that control may pass by, or pass several times."""
-        outer = self.region
+        outer = self.state.region
         self.regions += 1
-        self.region = (*outer, (self.regions, loop))
+        self.state.region = (*outer, (self.regions, loop))
         take_back = back()  # what is first computed here is not there elsewhere
         yield
         take_back()
-        self.region = outer
+        self.state.region = outer
 
     def fail_if(self, condition: Any, everywhere: bool = False) -> None:
         """Python raises here if the condition holds: the attempt has failed, in the lanes that run
         or `everywhere`.  Outside of attempts numbers go on as they are.
         """
-        if condition is False or not self.escapes:
+        if condition is False or not self.state.escapes:
             return
-        self.raises, self.marks = self.raises + 1, self.marks + 1
+        self.state.raises, self.state.marks = self.state.raises + 1, self.state.marks + 1
         mask = None if everywhere else self.active(self.frames[-1].env)
         lanes = self.emitter.logic("and_", condition, self.everyone(mask))
         self.emitter.store(
-            self.emitter.logic("or_", self.emitter.load(self.failed), lanes), self.failed
+            self.emitter.logic("or_", self.emitter.load(self.state.failed), lanes),
+            self.state.failed,
         )
 
     def everyone(self, mask: Any) -> Any:

@@ -389,7 +389,7 @@ def _translated(
     """
     with _importing:
         from . import llvm
-        from .inlining import LIMIT, SHORT, SIDE_BY_SIDE, TooLong
+        from .instructions import LIMIT, SHORT, SIDE_BY_SIDE, TooLong
 
     with gc_paused():
         made = _translation(entry, kinds, min(lanes, width()), given, LIMIT)
@@ -414,7 +414,7 @@ def _translation(
         from . import llvm
         from .buffers import Array, arguments, entrance, unchanged
         from .dependencies import Reads
-        from .inlining import Builder, Names, drop_unused
+        from .instructions import Builder, Names, drop_unused
         from .ir_numbers import F64, I64, Emitter
         from .translation import Interpreter
 

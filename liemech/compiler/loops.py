@@ -7,12 +7,14 @@ In lanes `break` switches a lane off until the loop ends, and the loop ends when
 from __future__ import annotations
 
 import ast
+import dataclasses
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from llvmlite import ir
+
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
-from ..formulas.taken_back import back
 from .branches import Branches
 from .ir_numbers import Num, kind_of
 from .joins import (
@@ -41,6 +43,7 @@ from .scopes import (
     has,
     returns,
 )
+from .state import Snapshot
 from .stop_checks import Look
 
 UNROLL = 32  # a static loop with more turns than this stays a loop
@@ -54,7 +57,7 @@ class Loops(Branches):
         off.
         """
         places = {"break": loop.breaks, "continue": loop.continues}[how]
-        if self.depth == loop.depth and not loop.masked and ACTIVE not in env:
+        if self.state.depth == loop.depth and not loop.masked and ACTIVE not in env:
             places.append(Open(self.builder.block, dict(env)))
             return False
         if loop.dynamic and not loop.masked:
@@ -74,7 +77,7 @@ class Loops(Branches):
         """A loop with a static number of turns; each first sets its variables, or ends the loop by
         returning False.
         """
-        loop = Loop(dynamic=False, depth=self.depth)
+        loop = Loop(dynamic=False, depth=self.state.depth)
         loops, outer = self.frames[-1].loops, {name: env.pop(name) for name in LEFT if name in env}
         loops.append(loop)
         alive = True
@@ -124,37 +127,34 @@ class Loops(Branches):
             if isinstance(env[name], Undefined):
                 del env[name]
         changed = {*changed_names(body), *counters}
-        form = self.frames[-1].node, forms(env), self.active(env) is None
-        masked, types, grown = self.loop_forms.get(form, (self._parting(body), {}, {}))
-        types, grown = dict(types), dict(grown)
-        env |= {name: _grown(env[name], new) for name, new in grown.items()}
+        key = self.frames[-1].node, forms(env), self.active(env) is None
+        form = self.loop_forms.get(key, Form(self._parting(body))).copy()
+        env |= {name: _grown(env[name], new) for name, new in form.grown.items()}
         while True:
-            forget = self.mark()
+            here = Snapshot(self, env)
             marks = {FOUND, HAS_FOUND} if FOUND in env else set()
             carried = sorted((changed | marks | {*map(has, changed)}) & env.keys())
             try:
-                going_on = self._loop(
-                    test, step, body, env, carried, types, masked, counters, brief
-                )
+                NativeLoop(self, body, env, carried, counters, form, brief).translate(test, step)
                 # an int that becomes a float may do so in this call only
-                if not any(mixed for *_, mixed in types.values()):
-                    self.loop_forms[form] = masked, types, grown
-                return going_on
+                if not any(mixed for *_, mixed in form.types.values()):
+                    self.loop_forms[key] = form
+                return True
             except Returns as wanted:
-                forget()
+                here.restore()
                 env |= {FOUND: wanted.blank, HAS_FOUND: False}
-                types.clear()
+                form.types.clear()
             except Promote as wanted:
-                forget()
-                grown |= wanted.variables
+                here.restore()
+                form.grown |= wanted.variables
                 env |= {name: _grown(env[name], new) for name, new in wanted.variables.items()}
-                types.clear()
+                form.types.clear()
             except Retype as wanted:
-                forget()
+                here.restore()
                 if wanted.number is None:
-                    masked = True
+                    form.masked = True
                 else:
-                    types[wanted.number] = wanted.type
+                    form.types[wanted.number] = wanted.type
 
     def _parting(self, body: list[ast.stmt]) -> bool:
         """Will lanes leave a loop one after the other?  Where a formula has a `break`; that of a
@@ -163,184 +163,212 @@ class Loops(Branches):
         leaves = breaks(body) or returns(body)
         return self.emitter.lanes > 1 and len(self.frames) > 1 and leaves
 
-    def mark(self) -> Callable[[], None]:
-        """A way back to this point: undoes everything emitted since, so that it can be translated
-        in another way.
-        """
-        b, function, frame = self.builder, self.builder.function, self.frames[-1]
-        block, instructions, blocks = b.block, len(b.block.instructions), len(function.blocks)
-        lists: list[list[Any]] = [
-            self.frames,
-            frame.loops,
-            frame.returns,
-            self.escapes,
-            *self.escapes,
-            self.outliner.spent,
-        ]
-        lengths = [len(items) for items in lists]
-        state = self.base, self.depth, self.raises, self.marks, self.region, frame.env, frame.node
-        attempts, take_back = (self.failed, self.outcome), back()
-        taken, emitted = (
-            [(stream, stream.taken, stream.region) for stream in self.streams],
-            b.emitted,
-        )
 
-        def forget() -> None:
-            take_back()
-            for items, length in zip(lists, lengths, strict=True):
-                del items[length:]
-            del function.blocks[blocks:], block.instructions[instructions:]
-            block.terminator, b.emitted = None, emitted
-            self.base, self.depth, self.raises, self.marks, self.region, frame.env, frame.node = (
-                state
-            )
-            self.failed, self.outcome = attempts
-            for stream, before, region in taken:
-                stream.back_to(before, region)
-            b.position_at_end(block)
+@dataclasses.dataclass
+class Form:
+    """What translations of a loop that were taken back have shown: does it need a mask, which
+    numbers change their types, and which variables their structure.
+    """
 
-        return forget
+    masked: bool
+    types: dict[int, tuple[str, bool, bool]] = dataclasses.field(default_factory=dict)
+    grown: Env = dataclasses.field(default_factory=dict)
 
-    def _loop(
+    def copy(self) -> Form:
+        return Form(self.masked, {**self.types}, {**self.grown})
+
+
+class NativeLoop:
+    """One translation of a loop of native code.  Control comes to its head, where a test says
+    whether there is another turn; a phi for each number that it carries says what that is there.
+    """
+
+    def __init__(
         self,
-        test: Callable[[Env], Any],
-        step: Callable[[Env], None],
+        translator: Loops,
         body: list[ast.stmt],
         env: Env,
         carried: list[str],
-        types: dict[int, tuple[str, bool, bool]],
-        masked: bool,
         counters: tuple[str, ...],
+        form: Form,
         brief: bool,
-    ) -> bool:
-        e, b, frame = self.emitter, self.builder, self.frames[-1]
-        before, head, outer = b.block, b.append_basic_block(), self.base
-        here = self.active(env)
-        layouts = {name: layout_of(env[name], is_any_number) for name in carried}
-        phis: list[Num] = []
+    ) -> None:
+        self.t, self.e, self.b = translator, translator.emitter, translator.builder
+        self.frame, self.state = translator.frames[-1], translator.state
+        self.body, self.env, self.carried, self.counters = body, env, carried, counters
+        self.masked, self.types, self.brief = form.masked, form.types, brief
+        self.before, self.head = self.b.block, self.b.append_basic_block()
+        self.here, self.outer = translator.active(env), self.state.base
+        self.layouts = {name: layout_of(env[name], is_any_number) for name in carried}
+        self.phis: list[Num] = []
+        self.masks = {n: v for n, v in env.items() if n in (ACTIVE, *LEFT)}
+        self.at_head = {n: v for n, v in env.items() if n not in self.masks}
 
-        def entering(x: Any, counts: bool = False) -> Num:
-            x = e.lift(x)
-            # as it nearly always will in the loop; the turns are counted for all lanes at once
-            differs = x.varying or (e.lanes > 1 and not counts and (masked or x.kind == "f"))
-            kind, varying, mixed = types.get(len(phis), (x.kind, differs, x.mixed))
-            b.position_at_end(before)
-            self.fail_if(e.rounded(x, kind), everywhere=True)
-            value = e.cast(x, kind, varying)
-            b.position_at_end(head)
-            phis.append(self.phi(kind, varying))
-            phis[-1].mixed = mixed
-            come_from(phis[-1], value, before)
-            return phis[-1]
-
-        masks = {n: v for n, v in env.items() if n in (ACTIVE, *LEFT)}
-        at_head = {n: v for n, v in env.items() if n not in masks}
-        for name in carried:
-            at_head[name] = build(
-                layouts[name],
-                iter([entering(x, name in counters) for x in leaves(env[name], layouts[name])]),
-            )
-            self.aliases.meet(name, at_head[name], [(env[name], env)])
-        active: Any = None
-        if masked:
-            active = entering(e.constant(True, "b", True) if here is None else here)
-            phis.pop()
-        look = None if brief or not self.escapes else Look(self, before, head)
-        b.position_at_end(before)
-        b.branch(head)
-        b.position_at_end(head)
-
-        self.base, frame.env = active if masked else here, at_head
-        wanted = test(at_head)
-        if isinstance(wanted, Num) and wanted.varying and not masked:
-            raise Retype(None)
-        lanes = e.logic("and_", active, wanted) if masked else here
-        go_on = e.any(lanes) if masked else wanted
-        head_end, start = b.block, b.append_basic_block()
-        b.position_at_end(start)
-        inside = dict(at_head)
-        loop, raises, marks = Loop(True, self.depth, masked), self.raises, self.marks
-        frame.loops.append(loop)
-        self.base = lanes
-        with self.apart(loop=True):
-            alive = self.block(body, inside)
-        frame.loops.pop()
-        if self.join(loop.continues + ([Open(b.block, inside)] if alive else []), inside):
+    def translate(self, test: Callable[[Env], Any], step: Callable[[Env], None]) -> None:
+        """Raises Returns, Promote, Retype where it has to be done anew, in another form."""
+        self._enter()
+        start, go_on, end_of_head = self._ask(test)
+        loop, inside, raises = self._turn(start)
+        opens = loop.continues + ([Open(self.b.block, inside)] if inside is not None else [])
+        inside = dict(self.at_head) if inside is None else inside
+        if self.t.join(opens, inside):
             step(inside)
-            if look is not None:
-                look.after_turn(self)
-            index, retyped = 0, {}
-            grown: Env = {}
-            changed: list[str] = []
-            for name in carried:
-                # a mark that is gone: the variable has a value now
-                new, old = inside.get(name, True), at_head[name]
-                layout = layout_of(new, is_any_number)
-                if not isinstance(new, Undefined) and _grows(env[name], new, layouts[name]):
-                    grown[name] = new
-                    continue
-                if isinstance(new, Undefined) or layout != layouts[name]:
-                    what = (
-                        new.reason
-                        if isinstance(new, Undefined)
-                        else f"from {layouts[name]} to {layout}"
-                    )
-                    changed.append(f"`{name}` changes its structure in the loop: {what}")
-                    continue
-                # the variables of a turn alone have no value in the next one
-                kept = {n: v for n, v in inside.items() if n in at_head}
-                if self.aliases.meet(name, old, [(new, kept)]) and changes_lists(body, inside):
-                    raise NotCompilable(
-                        f"`{name}` has another name at the end of a turn of a loop that changes "
-                        f"lists in place: let it be a copy{f', `[*{name}]`' if isinstance(new, list) else ' of these lists'}"
-                    )
-                for x, y in zip(leaves(new, layout), leaves(old, layout), strict=True):
-                    phi = phis[index]
-                    alone = masked and x is not y and not (name in counters and not phi.varying)
-                    leaf = e.lift(e.select(lanes, x, y) if alone else x)
-                    kind = max(leaf.kind, phi.kind, key="bif".index)
-                    varying = leaf.varying or phi.varying
-                    mixed = kind == "f" and (
-                        leaf.kind != "f" or phi.kind != "f" or leaf.mixed or phi.mixed
-                    )
-                    if (kind, varying, mixed) != (phi.kind, phi.varying, phi.mixed):
-                        retyped[index] = kind, varying, mixed
-                    else:
-                        self.fail_if(e.rounded(leaf, kind), everywhere=True)
-                        come_from(phi, e.cast(leaf, kind, varying), b.block)
-                    index += 1
-            if grown:
-                raise Promote(grown)
-            if changed:
-                raise NotCompilable(changed[0])
-            if retyped:
-                types |= retyped
-                raise Retype(next(iter(retyped)), *retyped[next(iter(retyped))])
-            if masked:
-                broken = inside.get(BROKEN, False)
-                # a lane that has failed might never end
-                if self.raises - raises > (self.marks - marks if counters else 0):
-                    broken = e.logic("or_", broken, e.load(self.failed))
-                come_from(
-                    active, e.cast(e.logic("and_", lanes, e.negation(broken)), "b", True), b.block
+            if self.look is not None:
+                self.look.after_turn(self.t)
+            self._carry(inside)
+            self._go_back(inside, *raises)
+        self.state.base = self.outer
+        self._leave(loop, start, go_on, end_of_head)
+
+    def _enter(self) -> None:
+        """The phis at the head, with what the numbers are before the loop."""
+        for name in self.carried:
+            layout, counts = self.layouts[name], name in self.counters
+            numbers = [self._entering(x, counts) for x in leaves(self.env[name], layout)]
+            self.at_head[name] = build(layout, iter(numbers))
+            self.t.aliases.meet(name, self.at_head[name], [(self.env[name], self.env)])
+        self.active: Any = None
+        if self.masked:
+            everyone = self.e.constant(True, "b", True)
+            self.active = self._entering(everyone if self.here is None else self.here)
+            self.phis.pop()
+        asks = self.state.escapes and not self.brief
+        self.look = Look(self.t, self.before, self.head) if asks else None
+        self.b.position_at_end(self.before)
+        self.b.branch(self.head)
+        self.b.position_at_end(self.head)
+
+    def _entering(self, x: Any, counts: bool = False) -> Num:
+        """The phi of a number.  counts : it counts turns, for all lanes at once."""
+        t, e = self.t, self.e
+        x = e.lift(x)
+        # as it nearly always will in the loop
+        differs = x.varying or (e.lanes > 1 and not counts and (self.masked or x.kind == "f"))
+        kind, varying, mixed = self.types.get(len(self.phis), (x.kind, differs, x.mixed))
+        self.b.position_at_end(self.before)
+        t.fail_if(e.rounded(x, kind), everywhere=True)
+        value = e.cast(x, kind, varying)
+        self.b.position_at_end(self.head)
+        phi = t.phi(kind, varying)
+        phi.mixed = mixed
+        self.phis.append(phi)
+        come_from(phi, value, self.before)
+        return phi
+
+    def _ask(self, test: Callable[[Env], Any]) -> tuple[ir.Block, Any, ir.Block]:
+        """The test at the head: where a turn starts, whether there is one, and where it is known."""
+        self.state.base = self.active if self.masked else self.here
+        self.frame.env = self.at_head
+        wanted = test(self.at_head)
+        if isinstance(wanted, Num) and wanted.varying and not self.masked:
+            raise Retype(None)
+        self.lanes = self.e.logic("and_", self.active, wanted) if self.masked else self.here
+        go_on = self.e.any(self.lanes) if self.masked else wanted
+        end_of_head, start = self.b.block, self.b.append_basic_block()
+        self.b.position_at_end(start)
+        return start, go_on, end_of_head
+
+    def _turn(self, start: ir.Block) -> tuple[Loop, Env | None, tuple[int, int]]:
+        """The statements: where they leave the loop, the variables at their end, None if control
+        does not come there, and how many places before may raise.
+        """
+        inside, raises = dict(self.at_head), (self.state.raises, self.state.marks)
+        loop = Loop(True, self.state.depth, self.masked)
+        self.frame.loops.append(loop)
+        self.state.base = self.lanes
+        with self.t.apart(loop=True):
+            alive = self.t.block(self.body, inside)
+        self.frame.loops.pop()
+        return loop, inside if alive else None, raises
+
+    def _carry(self, inside: Env) -> None:
+        """The phis get what the numbers are at the end of a turn."""
+        retyped: dict[int, tuple[str, bool, bool]] = {}
+        grown: Env = {}
+        changed: list[str] = []
+        phis = enumerate(self.phis)
+        for name in self.carried:
+            # a mark that is gone: the variable has a value now
+            new, old, layout = inside.get(name, True), self.at_head[name], self.layouts[name]
+            found = layout_of(new, is_any_number)
+            if isinstance(new, Undefined):
+                changed.append(f"`{name}` changes its structure in the loop: {new.reason}")
+            elif _grows(self.env[name], new, layout):
+                grown[name] = new
+            elif found != layout:
+                changed.append(
+                    f"`{name}` changes its structure in the loop: from {layout} to {found}"
                 )
-            if look is not None:
-                look.again(b.block)
-            # what has failed everywhere might never end
-            if self.raises > raises and not masked and not counters:
-                going, given_up = e.any(e.negation(e.load(self.failed))), b.append_basic_block()
-                b.cbranch(going.value, head, given_up)
-                self.escapes[-1].append(Open(given_up, {}))
             else:
-                b.branch(head)
-        self.base = outer
-        exits = list(loop.breaks)
-        local = changed_names(body) - env.keys()
-        b.position_at_end(head_end)
-        if isinstance(go_on, Num):
-            exits.insert(
-                0, Open(head_end, at_head, lambda into: b.cbranch(go_on.value, start, into))
+                self._refuse_other_names(name, new, old, inside)
+                pairs = [*zip(leaves(new, layout), leaves(old, layout), strict=True)]
+                for (x, y), (i, phi) in zip(pairs, phis):
+                    form = self._carry_number(name, x, y, phi)
+                    if form is not None:
+                        retyped[i] = form
+        if grown:
+            raise Promote(grown)
+        if changed:
+            raise NotCompilable(changed[0])
+        if retyped:
+            self.types |= retyped
+            raise Retype(next(iter(retyped)), *retyped[next(iter(retyped))])
+
+    def _refuse_other_names(self, name: str, new: Any, old: Any, inside: Env) -> None:
+        """Refuse a list that has another name at the end of a turn, where lists are changed."""
+        # the variables of a turn alone have no value in the next one
+        kept = {n: v for n, v in inside.items() if n in self.at_head}
+        if self.t.aliases.meet(name, old, [(new, kept)]) and changes_lists(self.body, inside):
+            copy = f", `[*{name}]`" if isinstance(new, list) else " of these lists"
+            raise NotCompilable(
+                f"`{name}` has another name at the end of a turn of a loop that changes lists in "
+                f"place: let it be a copy{copy}"
             )
+
+    def _carry_number(self, name: str, x: Any, y: Num, phi: Num) -> tuple[str, bool, bool] | None:
+        """A phi gets the value x at the end of a turn, beside y at its beginning; the type that it
+        should have if it has another.
+        """
+        e = self.e
+        alone = self.masked and x is not y and not (name in self.counters and not phi.varying)
+        leaf = e.lift(e.select(self.lanes, x, y) if alone else x)
+        kind = max(leaf.kind, phi.kind, key="bif".index)
+        varying = leaf.varying or phi.varying
+        mixed = kind == "f" and (leaf.kind != "f" or phi.kind != "f" or leaf.mixed or phi.mixed)
+        if (kind, varying, mixed) != (phi.kind, phi.varying, phi.mixed):
+            return kind, varying, mixed
+        self.t.fail_if(e.rounded(leaf, kind), everywhere=True)
+        come_from(phi, e.cast(leaf, kind, varying), self.b.block)
+        return None
+
+    def _go_back(self, inside: Env, raises: int, marks: int) -> None:
+        """From the end of a turn to the head, with the lanes that are still in the loop."""
+        e, b, state = self.e, self.b, self.state
+        if self.masked:
+            broken = inside.get(BROKEN, False)
+            # a lane that has failed might never end
+            if state.raises - raises > (state.marks - marks if self.counters else 0):
+                broken = e.logic("or_", broken, e.load(state.failed))
+            lanes = e.logic("and_", self.lanes, e.negation(broken))
+            come_from(self.active, e.cast(lanes, "b", True), b.block)
+        if self.look is not None:
+            self.look.again(b.block)
+        # what has failed everywhere might never end
+        if state.raises > raises and not self.masked and not self.counters:
+            going, given_up = e.any(e.negation(e.load(state.failed))), b.append_basic_block()
+            b.cbranch(going.value, self.head, given_up)
+            state.escapes[-1].append(Open(given_up, {}))
+        else:
+            b.branch(self.head)
+
+    def _leave(self, loop: Loop, start: ir.Block, go_on: Any, end_of_head: ir.Block) -> None:
+        """The ways out of the loop come together."""
+        b, env, exits = self.b, self.env, list(loop.breaks)
+        local = changed_names(self.body) - env.keys()
+        b.position_at_end(end_of_head)
+        if isinstance(go_on, Num):
+            into = lambda done: b.cbranch(go_on.value, start, done)  # noqa: E731
+            exits.insert(0, Open(end_of_head, self.at_head, into))
         else:
             b.branch(start)
         if not exits:
@@ -348,13 +376,12 @@ class Loops(Branches):
         for o in exits:
             for name in (ACTIVE, *LEFT):
                 o.env.pop(name, None)
-        self.join(exits, env, b.append_basic_block() if len(exits) == 1 else None)
-        env |= masks
+        self.t.join(exits, env, b.append_basic_block() if len(exits) == 1 else None)
+        env |= self.masks
         for name in local:
             env[name] = Undefined(
                 "it gets one inside the loop only, which may have no turn: give it a value before"
             )
-        return True
 
 
 def _grown(value: Any, new: Any) -> Any:

@@ -343,7 +343,7 @@ class PythonFunctions:
         if not isinstance(stream, Stream):
             raise NotCompilable(f"`next` of what is no iterator, but {type(stream).__name__}")
         try:
-            return stream.take(self.t.region)
+            return stream.take(self.t.state.region)
         except StopIteration:
             if default:
                 return default[0]

@@ -18,6 +18,7 @@ from .iterators import Stream
 from .joins import ACTIVE, NO_LANE, Open, Returns, Retype
 from .loops import UNROLL, forms
 from .scopes import CHANGES, FOUND, HAS_FOUND, RETURN, Env, breaks, has
+from .state import Snapshot
 from .stop_checks import EVERY
 
 
@@ -46,7 +47,7 @@ class Statements(Expressions):
     def running(self, env: Env) -> bool:
         """True, unless every lane has returned from the call and it can end here."""
         frame = self.frames[-1]
-        if env.get(ACTIVE) is not NO_LANE or self.depth or frame.loops:
+        if env.get(ACTIVE) is not NO_LANE or self.state.depth or frame.loops:
             return True
         frame.returns.append(
             Open(self.builder.block, {RETURN: env.get(RETURN)} | frame.captured(env))
@@ -187,7 +188,7 @@ class Statements(Expressions):
         if RETURN in env:
             mask = self.everyone(self.active(env))
             value = self.blended(RETURN, mask, (value, env), (env[RETURN], env))
-        if self.depth == 0:
+        if self.state.depth == 0:
             frame.returns.append(Open(self.builder.block, {RETURN: value} | frame.captured(env)))
             return False
         env[RETURN], env[ACTIVE] = value, NO_LANE
@@ -198,13 +199,16 @@ class Statements(Expressions):
         message.
         """
         b, mask = self.builder, self.active(env)
-        if self.failed is None:
+        if self.state.failed is None:
             raise NotCompilable("`raise` outside an attempted step")
-        self.raises += 1
+        self.state.raises += 1
         e = self.emitter
-        e.store(True if mask is None else e.logic("or_", e.load(self.failed), mask), self.failed)
-        if self.depth == 0 and mask is None:
-            self.escapes[-1].append(Open(b.block, {}))
+        e.store(
+            True if mask is None else e.logic("or_", e.load(self.state.failed), mask),
+            self.state.failed,
+        )
+        if self.state.depth == 0 and mask is None:
+            self.state.escapes[-1].append(Open(b.block, {}))
             return False
         loops = self.frames[-1].loops
         if loops and loops[-1].dynamic and loops[-1].masked:
@@ -230,13 +234,11 @@ class Statements(Expressions):
 
         form = node, forms(env)
         if not isinstance(node.test, ast.Constant) and form not in self.lasting:
-            forget, before = self.mark(), dict(env)
+            here = Snapshot(self, env)
             try:
                 return self.written_out([*[turn] * UNROLL, too_many], node.body, env)
             except Retype as wanted:
-                forget()
-                env.clear()
-                env.update(before)
+                here.restore()
                 if wanted.number is None:
                     self.lasting.add(form)
         inside = FOUND in env

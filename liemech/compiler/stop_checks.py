@@ -89,8 +89,8 @@ class Look:
         b.position_at_end(asked)
         b.cbranch(b.call(_look(b.module), [], cconv=KEEPING), stopped, on)
         b.position_at_end(stopped)
-        e.store(True, loops.failed)
-        loops.escapes[-1].append(Open(stopped, {}))
+        e.store(True, loops.state.failed)
+        loops.state.escapes[-1].append(Open(stopped, {}))
         b.position_at_end(on)
 
     def again(self, block: ir.Block) -> None:

@@ -321,13 +321,16 @@ class Interpreter(Statements):
         did.
         """
         b, e = self.builder, self.emitter
-        outer, self.failed = self.failed, e.slot()  # one attempt may be a part of another
-        e.store(False, self.failed)
-        self.escapes.append([])
-        before, self.raises, self.marks = (self.raises, self.marks), 0, 0
+        outer, self.state.failed = (
+            self.state.failed,
+            e.slot(),
+        )  # one attempt may be a part of another
+        e.store(False, self.state.failed)
+        self.state.escapes.append([])
+        before, self.state.raises, self.state.marks = (self.state.raises, self.state.marks), 0, 0
         result = self.call(function, *args)
-        escapes, (self.raises, self.marks) = self.escapes.pop(), before
-        self.failed, self.outcome = outer, self.failed
+        escapes, (self.state.raises, self.state.marks) = self.state.escapes.pop(), before
+        self.state.failed, self.state.outcome = outer, self.state.failed
         joined: Env = {}
         self.join(
             [
@@ -345,7 +348,7 @@ class Interpreter(Statements):
         part = self.call(shown, value)
         total = driver.pairwise_sum(leaves(part, layout_of(part)))
         finite = total - total == 0.0
-        failed = self.emitter.load(self.outcome)
+        failed = self.emitter.load(self.state.outcome)
         return self.emitter.logic("and_", finite, self.emitter.negation(failed))
 
 

@@ -1,4 +1,4 @@
-"""What an annotation means: `Vec`, `lm.Vec`, `Optional[Vec]`, `"Vec | None"`, an alias, as a text
+"""Meanings of annotations: `Vec`, `lm.Vec`, `Optional[Vec]`, `"Vec | None"`, an alias, as a text
 or as a value, on every Python.
 
 Resolution never fails: a name that cannot be found, because it is defined later or imported for
@@ -24,7 +24,7 @@ Ambient: Any = Annotated[Any, "ambient"]
 """Annotates what has the shape of an element and need not be one."""
 
 WELL_KNOWN = {"Vec": Vec, "Mat": Mat, "Element": Element, "Ambient": Ambient, "None": None}
-"""What these names mean where they are imported for typing only."""
+"""Meanings of these names where they are imported for typing only."""
 
 
 class Unknown:

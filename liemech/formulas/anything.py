@@ -94,8 +94,8 @@ class Anything(Operand, StandIn):
 
 
 def looked_at(formula: Callable[[Vec], Any], degrees: list[int]) -> tuple[Any, str]:
-    """What a formula makes of numbers that count so much, 1 or 0; and why it may do one thing here
-    and another thing there.
+    """The result of a formula of numbers that count as 1 or 0; and why it may do one thing here and
+    another thing there.
     """
     try:
         return formula(Vec(*[Anything(d, frozenset([i])) for i, d in enumerate(degrees)])), ""

@@ -1,6 +1,6 @@
 """The arguments of a method, converted and checked by what the method says they are (`Vec`,
-`Element`, `float`, `LieGroup`, `str`, ...): a wrong one is refused with its name, its value and what
-it must be.
+`Element`, `float`, `LieGroup`, `str`, ...): a wrong one is refused with its name, its value and
+what it must be.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def checked(
 
 
 def _space(owner: Any, arguments: dict[str, Any]) -> Any:
-    """Who knows the shapes."""
+    """The group, action or owner that knows the shapes."""
     return arguments.get("group", arguments.get("action", owner))
 
 
@@ -109,7 +109,7 @@ def _truth(value: Any) -> bool:
 
 
 def _generator(value: Any) -> Any:
-    """What makes a generator of random numbers, as it came."""
+    """A seed or generator of random numbers, as it came."""
     known = (np.random.Generator, np.random.BitGenerator, np.random.SeedSequence)
     if not isinstance(value, known) and (value := _whole(value)) < 0:
         raise ValueError
@@ -137,7 +137,7 @@ _OPTIONS: dict[str, tuple[str, Callable[[Any], Any]]] = {
         _axes,
     ),
 }
-"""What other arguments must be, and what makes them so, by annotation."""
+"""By annotation, the words for other arguments and their conversions."""
 
 
 def _whole_array(signature: Signature, space: Any, where: str, name: str, value: Any) -> np.ndarray:

@@ -1,5 +1,5 @@
-"""Arrays that users give: lists, NumPy's arrays, SciPy's rotations as arrays of doubles, or a refusal
-that names the argument and shows its value.
+"""Arrays that users give: lists, NumPy's arrays, SciPy's rotations as arrays of doubles, or a
+refusal that names the argument and shows its value.
 """
 
 from __future__ import annotations

@@ -107,14 +107,14 @@ class Batch:
     where: str
     leading: tuple[int, ...]
     promise: Signature | None = None
-    """What the results must be, if somebody said so."""
+    """The signature whose promise the results must keep, if there is one."""
 
     def __len__(self) -> int:
         return math.prod(self.leading)
 
     @property
     def group(self) -> Any:
-        """Who knows what an element is: the group itself, or that of a system or an action."""
+        """The group whose elements are meant: the space itself, or that of a system or an action."""
         return _who_knows_elements(self.space)
 
     def row(self, i: int) -> Any:
@@ -254,7 +254,7 @@ def _unflattened(results: Any, leading: tuple[int, ...]) -> Any:
 
 
 def _real(value: Any) -> Any:
-    """What a formula gives: a power of a negative number, complex in Python, is no number here, as
+    """A value of a formula: a power of a negative number, complex in Python, is no number here, as
     in native code.
     """
     if type(value) is complex:

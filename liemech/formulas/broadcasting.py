@@ -33,7 +33,7 @@ class Broadcasting:
 
     @classmethod
     def _wanted(cls, owner: Any) -> str:
-        """What an argument that must be an instance must do, in a message of the owner's."""
+        """The end of "must ..." in the message for an argument that is no instance."""
         return f"be a {cls.__name__}"
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
@@ -58,7 +58,7 @@ class Broadcasting:
         return False
 
     def _objection(self, argument: str, value: Any) -> str | None:
-        """What is wrong with the value of an argument, an array or an option; None if nothing is.
+        """The objection to the value of an argument, an array or an option; None if there is none.
         Subclasses know.
         """
         return None
@@ -111,4 +111,6 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
 
 
 _CARRIES_MORE = object()
-"""In place of a result: the formula took a function of Python's `math` of a number that carries more."""
+"""In place of a result: the formula took a function of Python's `math` of a number that carries
+more.
+"""

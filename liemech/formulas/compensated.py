@@ -13,10 +13,24 @@ ed., VIII.5.
 from __future__ import annotations
 
 import math
+import operator
+from collections.abc import Callable
 from typing import Any
 
 from .complex_numbers import is_vector
 from .numbers import ByValue, StandIn
+
+
+def _of_value(op: Callable[[Any, Any], Any]) -> Any:
+    """An operator and its reflection that know nothing of what rounding took."""
+
+    def method(self: Compensated, other: Any) -> Any:
+        return NotImplemented if is_vector(other) else op(self.value, value_of(other))
+
+    def reflected(self: Compensated, other: Any) -> Any:
+        return NotImplemented if is_vector(other) else op(other, self.value)
+
+    return method, reflected
 
 
 class Compensated(ByValue):
@@ -63,35 +77,16 @@ class Compensated(ByValue):
     def __pos__(self) -> Compensated:
         return self
 
-    def __mul__(self, other: Any) -> Any:
-        return NotImplemented if is_vector(other) else self.value * value_of(other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return NotImplemented if is_vector(other) else other * self.value
-
-    def __truediv__(self, other: Any) -> Any:
-        return NotImplemented if is_vector(other) else self.value / value_of(other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return NotImplemented if is_vector(other) else other / self.value
+    __mul__, __rmul__ = _of_value(operator.mul)
+    __truediv__, __rtruediv__ = _of_value(operator.truediv)
+    __mod__, __rmod__ = _of_value(operator.mod)
+    __floordiv__, __rfloordiv__ = _of_value(operator.floordiv)
 
     def __pow__(self, n: Any) -> Any:
         return self.value ** value_of(n)
 
     def __rpow__(self, base: Any) -> Any:
         return base**self.value
-
-    def __mod__(self, other: Any) -> Any:
-        return NotImplemented if is_vector(other) else self.value % value_of(other)
-
-    def __rmod__(self, other: Any) -> Any:
-        return NotImplemented if is_vector(other) else other % self.value
-
-    def __floordiv__(self, other: Any) -> Any:
-        return NotImplemented if is_vector(other) else self.value // value_of(other)
-
-    def __rfloordiv__(self, other: Any) -> Any:
-        return NotImplemented if is_vector(other) else other // self.value
 
     def __divmod__(self, other: Any) -> Any:
         return self // other, self % other
@@ -124,7 +119,7 @@ class Compensated(ByValue):
 
 
 def _rest(x: Compensated) -> Any:
-    """What x remembers, on whichever way it came here."""
+    """The rest that x remembers, on whichever way it came here."""
     rest = x.rest
     return rest.settled(_ON_ONE_WAY) if isinstance(rest, StandIn) else rest
 

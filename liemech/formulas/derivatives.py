@@ -30,8 +30,8 @@ def derivative(formula: Callable[[Any], Any], x: Any, direction: Any = 1.0) -> A
     the same shape.
 
     The formula may return a number, a vector, a matrix, a record, or a tuple of these.  Its
-    branches are those it takes at x.
-    |x| has the slope 1 at zero, x^0 the slope 0.  Raises InvalidType if the shapes of x and the direction differ.
+    branches are those it takes at x. |x| has the slope 1 at zero, x^0 the slope 0.  Raises
+    InvalidType if the shapes of x and the direction differ.
     """
     return tangent(formula, x, direction)[1]
 
@@ -127,8 +127,8 @@ def _float(x: Any) -> Any:
 
 
 def _split(value: Any, level: float, signed: bool = False) -> tuple[Any, Any]:
-    """What a number, a vector, ... is, and the slope that it has at this level; what is no number
-    has none and stays.
+    """The value of a number, a vector, ..., and its slope at this level; anything else stays and
+    has none.
     """
     if isinstance(value, Dual):
         if value.level == level:

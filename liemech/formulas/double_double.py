@@ -16,10 +16,21 @@ Numer. Math. 18 (1971), 224.
 from __future__ import annotations
 
 import math
+import operator
+from collections.abc import Callable
 from typing import Any
 
 from . import functions as f
 from .numbers import INTEGER_POWER, ByValue, CarriesMore, StandIn, whole_power
+
+
+def _reflected(op: Callable[[Any, Any], Any]) -> Any:
+    """An operator whose left operand is a number of one double."""
+
+    def method(self: DoubleDouble, other: Any) -> Any:
+        return op(DoubleDouble(1.0 * other), self) if _is_operand(other) else NotImplemented
+
+    return method
 
 
 class DoubleDouble(ByValue):
@@ -82,9 +93,6 @@ class DoubleDouble(ByValue):
             *fast_two_sum(high, (((self.value - product) - error) + self.low) / other)
         )
 
-    def __rtruediv__(self, other: Any) -> Any:
-        return DoubleDouble(1.0 * other) / self if _is_operand(other) else NotImplemented
-
     def __pow__(self, n: Any) -> Any:
         """An int as exponent makes products, where they are few; any other exponent is one of
         exp(n log x).
@@ -101,26 +109,18 @@ class DoubleDouble(ByValue):
             n * _log(abs(self) + zero)
         ) + zero * ordinary
 
-    def __rpow__(self, base: Any) -> Any:
-        return DoubleDouble(1.0 * base) ** self if _is_operand(base) else NotImplemented
-
     def __divmod__(self, other: Any) -> Any:
         return divided(self, other) if _is_operand(other) else NotImplemented
-
-    def __rdivmod__(self, other: Any) -> Any:
-        return divided(DoubleDouble(1.0 * other), self) if _is_operand(other) else NotImplemented
 
     def __floordiv__(self, other: Any) -> Any:
         return divided(self, other)[0] if _is_operand(other) else NotImplemented
 
-    def __rfloordiv__(self, other: Any) -> Any:
-        return DoubleDouble(1.0 * other) // self if _is_operand(other) else NotImplemented
-
     def __mod__(self, other: Any) -> Any:
         return divided(self, other)[1] if _is_operand(other) else NotImplemented
 
-    def __rmod__(self, other: Any) -> Any:
-        return DoubleDouble(1.0 * other) % self if _is_operand(other) else NotImplemented
+    __rtruediv__, __rpow__ = _reflected(operator.truediv), _reflected(operator.pow)
+    __rfloordiv__, __rmod__ = _reflected(operator.floordiv), _reflected(operator.mod)
+    __rdivmod__ = _reflected(divmod)
 
     def __floor__(self) -> Any:
         return floor(self, math.floor)
@@ -182,7 +182,7 @@ def two_sum(a: Any, b: Any) -> tuple[Any, Any]:
 
 
 def fast_two_sum(a: Any, b: Any) -> tuple[Any, Any]:
-    """The same where |a| is not less than |b|.  Source: Dekker, Numer. Math. 18 (1971), 224."""
+    """`two_sum` where |a| is not less than |b|.  Source: Dekker, Numer. Math. 18 (1971), 224."""
     total = a + b
     return total, b - (total - a)
 
@@ -447,16 +447,13 @@ def _copysign(x: Any, y: Any) -> Any:
     return sign * x
 
 
-def _pow(x: Any, n: Any) -> Any:
-    return x**n
-
-
 f.DOUBLE_DOUBLE.update(
     {
         rule.__name__[1:]: rule
         for rule in (
             _sqrt, _cbrt, _sin, _cos, _tan, _asin, _acos, _atan, _atan2, _sinh, _cosh, _tanh, _asinh, _acosh, _atanh, _exp, _exp2,
-            _log, _log2, _log10, _expm1, _log1p, _copysign, _pow,
+            _log, _log2, _log10, _expm1, _log1p, _copysign,
         )
-    }
+    },
+    pow=operator.pow,
 )  # fmt: skip

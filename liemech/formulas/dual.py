@@ -12,6 +12,8 @@ Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forwar
 from __future__ import annotations
 
 import math
+import operator
+from collections.abc import Callable
 from contextvars import ContextVar
 from typing import Any
 
@@ -262,9 +264,9 @@ def _over(slope: Any, k: Any) -> Any:
 
 
 def _by_exponent(base: Any, exponent: Any, value: Any, slope: Any) -> Any:
-    """What an exponent with this slope adds to the slope of value = base^exponent; at base 0
-    nothing, if the exponent is above the order of the derivatives that are still to be taken by the
-    base: x^(y - k) log x, which they lead to, is infinite there for y <= k.
+    """The part of the slope of value = base^exponent that an exponent with this slope adds; at base
+    0 nothing, if the exponent is above the order of the derivatives that are still to be taken by
+    the base: x^(y - k) log x, which they lead to, is infinite there for y <= k.
     """
     if type(slope) is int:
         return slope
@@ -346,39 +348,48 @@ def size_of(x: Any) -> Any:
 # f(x + e d) = f(x) + e f'(x) d
 
 
-def _sqrt(x: Any) -> Dual:
-    root = f.sqrt(x.value)
-    return Dual(root, _over(x.slope, 2.0 * root), x.level)
+_TIMES: dict[str, Callable[[Any, Any], Any]] = {
+    "sin": lambda x, y: f.cos(x),
+    "cos": lambda x, y: -f.sin(x),
+    "tan": lambda x, y: 1.0 + y * y,
+    "sinh": lambda x, y: f.cosh(x),
+    "cosh": lambda x, y: f.sinh(x),
+    "tanh": lambda x, y: 1.0 - y * y,
+    "exp": lambda x, y: y,
+    "exp2": lambda x, y: LOG_2 * y,
+    "expm1": lambda x, y: f.exp(x),
+}
+"""f'(x), for y = f(x)."""
+
+_OVER: dict[str, Callable[[Any, Any], Any]] = {
+    "sqrt": lambda x, y: 2.0 * y,
+    "cbrt": lambda x, y: 3.0 * y * y,
+    "asin": lambda x, y: f.sqrt(1.0 - x * x),
+    "acos": lambda x, y: -f.sqrt(1.0 - x * x),
+    "atan": lambda x, y: 1.0 + x * x,
+    "asinh": lambda x, y: f.sqrt(x * x + 1.0),
+    "acosh": lambda x, y: f.sqrt(x - 1.0) * f.sqrt(x + 1.0),
+    "atanh": lambda x, y: (1.0 - x) * (1.0 + x),
+    "log": lambda x, y: x,
+    "log2": lambda x, y: LOG_2 * x,
+    "log10": lambda x, y: LOG_10 * x,
+    "log1p": lambda x, y: 1.0 + x,
+}
+"""1/f'(x): f' is not rounded before the division."""
 
 
-def _cbrt(x: Any) -> Dual:
-    root = f.cbrt(x.value)
-    return Dual(root, _over(x.slope, 3.0 * root * root), x.level)
+def _rule(
+    function: Callable[[Any], Any],
+    factor: Callable[[Any, Any], Any],
+    combine: Callable[[Any, Any], Any],
+) -> Callable[[Any], Dual]:
+    """An elementary function of a number that carries a derivative."""
 
+    def value_and_slope(x: Any) -> Dual:
+        y = function(x.value)
+        return Dual(y, combine(x.slope, factor(x.value, y)), x.level)
 
-def _sin(x: Any) -> Dual:
-    return Dual(f.sin(x.value), _scaled(f.cos(x.value), x.slope), x.level)
-
-
-def _cos(x: Any) -> Dual:
-    return Dual(f.cos(x.value), _scaled(-f.sin(x.value), x.slope), x.level)
-
-
-def _tan(x: Any) -> Dual:
-    t = f.tan(x.value)
-    return Dual(t, _scaled(1.0 + t * t, x.slope), x.level)
-
-
-def _asin(x: Any) -> Dual:
-    return Dual(f.asin(x.value), _over(x.slope, f.sqrt(1.0 - x.value * x.value)), x.level)
-
-
-def _acos(x: Any) -> Dual:
-    return Dual(f.acos(x.value), _over(-x.slope, f.sqrt(1.0 - x.value * x.value)), x.level)
-
-
-def _atan(x: Any) -> Dual:
-    return Dual(f.atan(x.value), _over(x.slope, 1.0 + x.value * x.value), x.level)
+    return value_and_slope
 
 
 def _atan2(y: Any, x: Any) -> Dual:
@@ -386,71 +397,10 @@ def _atan2(y: Any, x: Any) -> Dual:
     return Dual(f.atan2(a, b), _over(_sum(_scaled(b, da), -_scaled(a, db)), a * a + b * b), level)
 
 
-def _sinh(x: Any) -> Dual:
-    return Dual(f.sinh(x.value), _scaled(f.cosh(x.value), x.slope), x.level)
-
-
-def _cosh(x: Any) -> Dual:
-    return Dual(f.cosh(x.value), _scaled(f.sinh(x.value), x.slope), x.level)
-
-
-def _tanh(x: Any) -> Dual:
-    t = f.tanh(x.value)
-    return Dual(t, _scaled(1.0 - t * t, x.slope), x.level)
-
-
-def _asinh(x: Any) -> Dual:
-    return Dual(f.asinh(x.value), _over(x.slope, f.sqrt(x.value * x.value + 1.0)), x.level)
-
-
-def _acosh(x: Any) -> Dual:
-    return Dual(
-        f.acosh(x.value), _over(x.slope, f.sqrt(x.value - 1.0) * f.sqrt(x.value + 1.0)), x.level
-    )
-
-
-def _atanh(x: Any) -> Dual:
-    return Dual(f.atanh(x.value), _over(x.slope, (1.0 - x.value) * (1.0 + x.value)), x.level)
-
-
-def _exp(x: Any) -> Dual:
-    value = f.exp(x.value)
-    return Dual(value, _scaled(value, x.slope), x.level)
-
-
-def _exp2(x: Any) -> Dual:
-    value = f.exp2(x.value)
-    return Dual(value, _scaled(LOG_2 * value, x.slope), x.level)
-
-
-def _log(x: Any) -> Dual:
-    return Dual(f.log(x.value), _over(x.slope, x.value), x.level)
-
-
-def _log2(x: Any) -> Dual:
-    return Dual(f.log2(x.value), _over(x.slope, LOG_2 * x.value), x.level)
-
-
-def _log10(x: Any) -> Dual:
-    return Dual(f.log10(x.value), _over(x.slope, LOG_10 * x.value), x.level)
-
-
-def _expm1(x: Any) -> Dual:
-    return Dual(f.expm1(x.value), _scaled(f.exp(x.value), x.slope), x.level)
-
-
-def _log1p(x: Any) -> Dual:
-    return Dual(f.log1p(x.value), _over(x.slope, 1.0 + x.value), x.level)
-
-
 def _copysign(x: Any, y: Any) -> Dual:
     (a, da), (b, _), level = _of_two(x, y)
     sign = f.copysign(1.0, value_of(a)) * f.copysign(1.0, value_of(b))
     return Dual(f.copysign(a, b), _scaled(sign, da), level)
-
-
-def _pow(x: Any, n: Any) -> Any:
-    return x**n
 
 
 def _of_two(x: Any, y: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], float]:
@@ -460,8 +410,11 @@ def _of_two(x: Any, y: Any) -> tuple[tuple[Any, Any], tuple[Any, Any], float]:
     return a, b, level
 
 
-_RULES = (
-    _sqrt, _cbrt, _sin, _cos, _tan, _asin, _acos, _atan, _atan2, _sinh, _cosh, _tanh, _asinh, _acosh, _atanh, _exp, _exp2, _log,
-    _log2, _log10, _expm1, _log1p, _copysign, _pow,
-)  # fmt: skip
-f.RULES.update({rule.__name__[1:]: rule for rule in _RULES})
+f.RULES.update(
+    {
+        name: _rule(getattr(f, name), slope, lambda s, k: _scaled(k, s))
+        for name, slope in _TIMES.items()
+    }
+    | {name: _rule(getattr(f, name), slope, _over) for name, slope in _OVER.items()}
+    | {"atan2": _atan2, "copysign": _copysign, "pow": operator.pow}
+)

@@ -116,7 +116,7 @@ def _columns(what: str, m: Any) -> int:
 
 
 def _size(x: Any) -> Any:
-    """What pivots are compared by: |x|, or |re x| + |im x|."""
+    """The size by which pivots are compared: |x|, or |re x| + |im x|."""
     return abs(x.re) + abs(x.im) if isinstance(x, Complex) else abs(x)
 
 

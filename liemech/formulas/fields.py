@@ -1,4 +1,4 @@
-"""What becomes of the values of a record's fields, by their annotations.
+"""Conversion of the values of a record's fields, by their annotations.
 
     float, int, bool, str          Python's own numbers, truth values and strings, also from NumPy's
     Vec, Mat                       from lists and arrays, with float components
@@ -178,7 +178,7 @@ def _require_types(cls: Any, field: Any) -> None:
 
 
 def _places(cls: Any, name: str) -> Places:
-    """Where a field was annotated: its class, and the module of that."""
+    """The names that the annotation of a field may use: those of its class and of the module."""
     home = next((c for c in cls.__mro__ if name in own_annotations(c)), cls)
     return vars(home), getattr(sys.modules.get(home.__module__), "__dict__", {})
 

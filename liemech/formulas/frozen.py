@@ -1,5 +1,5 @@
-"""Frozen dataclasses that cost little to define: `@frozen` is `@dataclass(frozen=True)` without code
-that is written and compiled for each class.
+"""Frozen dataclasses that cost little to define: `@frozen` is `@dataclass(frozen=True)` without
+code that is written and compiled for each class.
 
 `dataclasses` compiles six methods for a class, half a millisecond, and there are hundreds of
 classes.  Here five of them are closures, and `__init__` is left to `dataclasses` until it is first
@@ -151,7 +151,7 @@ _once = getattr(dataclasses, "_recursive_repr", None) or reprlib.recursive_repr(
 
 
 def _values(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
-    """What gives the values of these attributes as a tuple."""
+    """A function for the values of these attributes as a tuple."""
     if len(names) > 1:
         return operator.attrgetter(*names)
     if not names:

@@ -23,10 +23,15 @@ LOG_2, LOG_10 = math.log(2.0), math.log(10.0)
 DEGREE, RADIAN = math.pi / 180.0, 180.0 / math.pi
 
 RULES: dict[str, Callable[..., Any]] = {}
-"""What the elementary functions do to numbers that carry a derivative; filled by `dual`."""
+"""The elementary functions of numbers that carry a derivative; filled by `dual`."""
 
 DOUBLE_DOUBLE: dict[str, Callable[..., Any]] = {}
-"""What they do to numbers of two doubles; filled by `double_double`."""
+"""The elementary functions of numbers of two doubles; filled by `double_double`."""
+
+
+OF_MATH: dict[Any, Callable[..., Any]] = {}
+OF_ARRAYS: dict[Any, Callable[..., Any]] = {}
+"""Functions of Python's `math`, and of NumPy, and those here of the same meaning."""
 
 
 def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
@@ -49,6 +54,7 @@ def _elementary(name: str, numpy_name: str | None = None) -> Callable[..., Any]:
 
     function.__name__ = function.__qualname__ = name
     function.__doc__ = f"{name} of a float, an array, a symbol or a number in native code."
+    OF_MATH[on_float] = OF_ARRAYS[on_array] = function
     return function
 
 
@@ -136,10 +142,10 @@ LIBM = (
     cbrt, sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, asinh, acosh, atanh, exp, exp2, log, log2, log10, expm1, log1p,
     pow,
 )  # fmt: skip
-"""What compiled code calls in the C library."""
+"""Functions that compiled code calls in the C library."""
 
 INSTRUCTIONS = "sqrt", "copysign"
-"""What are instructions of the processor."""
+"""Functions that are instructions of the processor."""
 
 SYMBOLIC: dict[str, Callable[..., Any]] = {
     "pow": lambda x, n: x**n,
@@ -150,7 +156,7 @@ SYMBOLIC: dict[str, Callable[..., Any]] = {
     "log1p": lambda x: _sympy("log")(1 + x),
     "copysign": lambda x, y: _sympy("Abs")(x) * _sympy("sign")(y),
 }
-"""What SymPy calls by other names."""
+"""Functions that SymPy calls by other names."""
 
 
 def _sympy(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""What all numbers of formulas share: stand-ins for a float, numbers made of two, numbers compared
+"""Bases of the numbers of formulas: stand-ins for a float, numbers made of two, numbers compared
 by a value, whole powers.
 """
 
@@ -57,7 +57,7 @@ class StandIn:
 
 
 def of_an_int(x: Any) -> Any:
-    """What takes the place of an int, as a float; anything else as it is."""
+    """A stand-in for an int as one for a float; anything else as it is."""
     integer: Any = x if isinstance(x, StandIn) and x.is_integer else None
     return x if integer is None else 1.0 * integer
 
@@ -67,8 +67,8 @@ OF_NUMPY: dict[Any, Callable[..., Any]] = {}
 
 
 class Operand:
-    """What NumPy's functions leave to formulas: vectors, of one axis, matrices, of two, and numbers
-    that carry more.
+    """Operands that NumPy's functions leave to formulas: vectors, of one axis, matrices, of two,
+    and numbers that carry more.
     """
 
     __slots__ = ()

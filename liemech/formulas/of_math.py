@@ -1,5 +1,5 @@
-"""The functions of `math` in formulas whose numbers carry more than a double: `math.sin` of a number
-with a derivative is `liemech.formulas.sin`, and raises where Python's raises.
+"""The functions of `math` in formulas whose numbers carry more than a double: `math.sin` of a
+number with a derivative is `liemech.formulas.sin`, and raises where Python's raises.
 
 Python's own functions take floats only.  A formula that has met one of them with another number is
 run again with functions of the same names that take all numbers.
@@ -20,13 +20,14 @@ def _log(x: Any, *base: Any) -> Any:
     return functions.log(x) / functions.log(*base) if base else functions.log(x)
 
 
-_NAMES = (
-    "acos acosh asin asinh atan atan2 atanh cbrt copysign cos cosh degrees exp exp2 expm1 fabs hypot "
-    "log10 log1p log2 pow radians sin sinh sqrt tan tanh"
-)
 OF_MATH: dict[Any, Callable[..., Any]] = {
-    getattr(math, name): getattr(functions, name) for name in _NAMES.split() if hasattr(math, name)
-} | {math.log: _log}
+    **functions.OF_MATH,
+    **{
+        getattr(math, name): getattr(functions, name)
+        for name in ("degrees", "fabs", "hypot", "radians")
+    },
+    math.log: _log,
+}
 """Python's functions, and the formulas of the same meaning."""
 
 
@@ -51,7 +52,7 @@ _INSTEAD = {function: _taking_all(function, formula) for function, formula in OF
 
 
 def _module() -> Any:
-    """What takes the place of `math`, as it is now."""
+    """A stand-in for `math`, as it is now, whose functions take all numbers."""
     names = vars(math)
     instead = {n: _INSTEAD.get(f, f) for n, f in names.items() if isinstance(f, _BUILTIN)}
     return types.SimpleNamespace(**{**names, **instead})

@@ -81,33 +81,14 @@ COMPARISONS: dict[Any, Callable[..., Any]] = {
 """Of numbers only: NumPy compares vectors, component by component."""
 
 BY_COMPONENTS: dict[Any, Callable[..., Any]] = {
+    **functions.OF_ARRAYS,
     np.divide: operator.truediv, np.power: operator.pow, np.floor_divide: operator.floordiv,
     np.remainder: operator.mod, np.fmod: truncated_remainder, np.positive: operator.pos, np.where: functions.where,
-    np.sqrt: functions.sqrt, np.cbrt: functions.cbrt, np.square: square, np.fabs: functions.fabs,
-    np.sin: functions.sin, np.cos: functions.cos, np.tan: functions.tan,
-    np.arcsin: functions.asin, np.arccos: functions.acos, np.arctan: functions.atan, np.arctan2: functions.atan2,
-    np.sinh: functions.sinh, np.cosh: functions.cosh, np.tanh: functions.tanh,
-    np.arcsinh: functions.asinh, np.arccosh: functions.acosh, np.arctanh: functions.atanh,
-    np.exp: functions.exp, np.exp2: functions.exp2, np.expm1: functions.expm1,
-    np.log: functions.log, np.log2: functions.log2, np.log10: functions.log10, np.log1p: functions.log1p,
+    np.square: square, np.fabs: functions.fabs, np.hypot: hypot,
     np.maximum: larger, np.minimum: smaller, np.clip: clip, np.sign: sign,
-    np.hypot: hypot, np.copysign: functions.copysign,
     np.radians: functions.radians, np.deg2rad: functions.radians, np.degrees: functions.degrees, np.rad2deg: functions.degrees,
 }  # fmt: skip
-
-OF_VECTORS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...]]] = {
-    np.matmul: (operator.matmul, ((Vec, Mat), (Vec, Mat))),
-    np.dot: (operator.matmul, ((Vec, Mat), (Vec, Mat))),
-    np.inner: (operator.matmul, (Vec, Vec)),
-    np.vdot: (operator.matmul, (Vec, Vec)),
-    np.cross: (cross, (Vec, Vec)),
-    np.outer: (outer, (Vec, Vec)),
-    np.transpose: (transpose, ((Vec, Mat),)),
-    np.linalg.solve: (solve, (Mat, (Vec, Mat))),
-    np.linalg.inv: (inverse, (Mat,)),
-    np.linalg.det: (determinant, (Mat,)),
-}
-"""Functions of vectors and matrices, and of which."""
+"""Of numbers, and so of the components of vectors and the entries of matrices."""
 
 _ANY, _SEVERAL = (Vec, Mat), (tuple, list)
 AXIS: dict[str, Callable[..., Any]] = {
@@ -117,7 +98,17 @@ METHODS: dict[str, Callable[..., Any]] = {
     **AXIS, "trace": r.trace, "diagonal": r.diagonal_of, "copy": r.copy, "flatten": r.flat, "ravel": r.flat,
 }  # fmt: skip
 """Methods of vectors and matrices that arrays have."""
-WITH_OPTIONS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...], tuple[str, ...]]] = {
+OF_VECTORS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...], tuple[str, ...]]] = {
+    np.matmul: (operator.matmul, (_ANY, _ANY), ()),
+    np.dot: (operator.matmul, (_ANY, _ANY), ()),
+    np.inner: (operator.matmul, (Vec, Vec), ()),
+    np.vdot: (operator.matmul, (Vec, Vec), ()),
+    np.cross: (cross, (Vec, Vec), ()),
+    np.outer: (outer, (Vec, Vec), ()),
+    np.transpose: (transpose, (_ANY,), ()),
+    np.linalg.solve: (solve, (Mat, _ANY), ()),
+    np.linalg.inv: (inverse, (Mat,), ()),
+    np.linalg.det: (determinant, (Mat,), ()),
     **{getattr(np, name): (formula, (_ANY,), ("axis",)) for name, formula in AXIS.items()},
     np.linalg.norm: (r.length, (_ANY,), ()),
     np.all: (r.every, (Vec,), ()),
@@ -141,13 +132,13 @@ WITH_OPTIONS: dict[Any, tuple[Callable[..., Any], tuple[Any, ...], tuple[str, ..
     np.interp: (r.interpolated, (object, _ANY, _ANY), ()),
     np.searchsorted: (r.place, (_ANY, object), ("side",)),
 }
-"""Functions with options, of what, and the options that the formula knows."""
+"""Functions of vectors and matrices, of which, and the options that the formula knows."""
 
 OF_NUMBERS = {
     np.where: functions.where, np.clip: clip, np.interp: r.interpolated, np.searchsorted: r.place,
 }  # fmt: skip
-"""What NumPy has no function of floats for that native code could ask, and gives the bits of the
-formula.
+"""Functions of numbers for which native code has the formula alone: NumPy has none of floats with
+its bits.
 """
 
 
@@ -156,20 +147,15 @@ Found = tuple[Callable[..., Any], list[Any], dict[str, Any]]
 
 
 def formula_of(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Found | None:
-    """The formula of the same meaning as NumPy's function of x, x as it takes them, and the options;
-    None if there is none.
+    """The formula of the same meaning as NumPy's function of x, x as it takes them, and the
+    options; None if there is none.
     """
-    if function in WITH_OPTIONS:
-        return _with_options(function, x, options)
+    if function in OF_VECTORS:
+        return _of_vectors(function, x, options)
     axes = max(map(_axes, x))
-    formula, kinds = OF_VECTORS.get(function, (None, ()))
-    most = max((_most(kind) for kind in kinds), default=axes)
-    if options or any(are_samples(a, most) for a in x) or (function is np.where and len(x) < 3):
+    if options or any(are_samples(a, axes) for a in x) or (function is np.where and len(x) < 3):
         return None
     operands = [_operand(a) for a in x]
-    if formula is not None:
-        fits = len(x) == len(kinds) and all(map(isinstance, operands, kinds))
-        return (formula, operands, {}) if fits else None
     if function in BY_COMPONENTS:
         formula = BY_COMPONENTS[function]
         operands = [
@@ -180,9 +166,10 @@ def formula_of(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Fo
     return found and (found, operands, {})
 
 
-def _with_options(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Found | None:
-    formula, kinds, known = WITH_OPTIONS[function]
-    if not set(options) <= set(known) or any(are_samples(a, 2) for a in inside(x)):
+def _of_vectors(function: Any, x: tuple[Any, ...], options: dict[str, Any]) -> Found | None:
+    formula, kinds, known = OF_VECTORS[function]
+    most = len(kinds) + len(known) if function is not np.einsum else len(x)
+    if not set(options) <= set(known) or len(x) > most or any(are_samples(a, 2) for a in inside(x)):
         return None
     operands = [
         [_operand(b) for b in a] if type(a) in _SEVERAL and kind is _SEVERAL else _operand(a)
@@ -199,7 +186,7 @@ def inside(x: Any) -> list[Any]:
 
 
 def _operand(x: Any) -> Any:
-    """What a formula takes for an array, a list or a number of NumPy's."""
+    """An array, a list or a number of NumPy's as a formula takes it."""
     return _number(x) if isinstance(x, _OF_NUMPY) and x.ndim == 0 else small(x)
 
 
@@ -218,11 +205,6 @@ def by_components(formula: Callable[..., Any], *x: Any) -> Any:
     return made(*(by_components(formula, *row) for row in zip(*columns, strict=True)))
 
 
-def _most(kind: Any) -> int:
-    """The axes that an array in the place of such an operand may have."""
-    return max(k.axes for k in kind) if isinstance(kind, tuple) else kind.axes
-
-
 _OF_NUMPY = (np.ndarray, np.generic)
 
 
@@ -237,7 +219,7 @@ def _axes(x: Any) -> int:
     return x.axes if isinstance(x, Operand) else 0
 
 
-for _function in (*OPERATORS, *COMPARISONS, *BY_COMPONENTS, *OF_VECTORS, *WITH_OPTIONS):
+for _function in (*OPERATORS, *COMPARISONS, *BY_COMPONENTS, *OF_VECTORS):
     OF_NUMPY[_function] = functools.partial(formula_of, _function)
 for _name, _method in METHODS.items():
     for _kind in (Vec, Mat):

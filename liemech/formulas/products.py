@@ -121,7 +121,7 @@ class _Product:
 
     @property
     def form(self) -> tuple[Any, ...]:
-        """What products have in common that are computed together."""
+        """The rank and the first terms, which products have in common that are computed together."""
         a, b = self.factors
         return self.rank, a is b, *[x.term(k) is None for x in (a, b) for k in range(FIRST)]
 

@@ -54,7 +54,7 @@ class Layout:
 
     @functools.cached_property
     def kinds(self) -> tuple[str, ...]:
-        """What its numbers are, in order: number, integer, truth or table."""
+        """The kinds of its numbers, in order: number, integer, truth or table."""
         if self.kind in _ONE:
             return (self.kind,)
         return tuple([kind for part in self.parts for kind in part.kinds])
@@ -86,7 +86,7 @@ class Layout:
 
     @functools.cached_property
     def _identity(self) -> Any:
-        """What tells two details apart: of static parts type and value, exactly."""
+        """The detail as two layouts compare it: of static parts type and value, exactly."""
         return exact(self.detail) if self.kind == "static" else self.detail
 
     @functools.cached_property
@@ -142,8 +142,8 @@ class _Itself:
 
 
 def exact(value: Any) -> Any:
-    """What is equal and has one hash for values of one type that are the same in every bit, and
-    only for those.
+    """A key that is equal for values of one type that are the same in every bit, and only for
+    those.
 
     1 is not True nor 1.0, 0.0 is not -0.0, and nan is itself.  Functions, classes, modules, members
     of enums and whatever is not known here are the same if they are one object.
@@ -271,7 +271,7 @@ def fits(found: Layout, layout: Layout) -> bool:
 
 
 def difference(found: Layout, layout: Layout, name: str) -> str:
-    """What the first part is, in words, in which a value does not fit a layout."""
+    """The first part in which a value does not fit a layout, in words."""
     record = layout.kind == "record"
     if found.kind == layout.kind and found.detail == layout.detail and layout.kind != "static":
         if len(found.parts) != len(layout.parts) and layout.kind in ("tuple", "list"):
@@ -394,7 +394,7 @@ def gatherer(layout: Layout) -> Callable[[Any], list[Any]]:
 
 
 def _places(layout: Layout, value: str) -> Iterator[str]:
-    """Where the numbers of a value are, as texts."""
+    """Expressions, as texts, for the numbers of a value."""
     if layout.kind in _SINGLE:
         yield value
     elif layout.kind == "table":
@@ -588,7 +588,7 @@ _STRUCTURES = (Vec, Mat, tuple, list, Complex, Dual)
 
 
 def fields_of(value: Any) -> dict[str, Any]:
-    """What the fields of a record hold."""
+    """The values of the fields of a record, by name."""
     cls: Any = type(value)
     return {name: getattr(value, name) for name in names_of(cls)}
 

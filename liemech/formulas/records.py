@@ -76,7 +76,7 @@ class Record(Broadcasting):
             object.__setattr__(self, name, immutable(self, name, value))
 
     def _held(self, name: str, value: Any) -> Any:
-        """What a field holds whose annotation says nothing about its value."""
+        """Convert the value of a field whose annotation says nothing about it."""
         return immutable(self, name, value)
 
     def __post_init__(self, *_: Any) -> None:
@@ -100,8 +100,8 @@ def _convert(self: Any, last: bool) -> None:
 
 
 def refilled(cls: Any, fields: dict[str, Any]) -> Any:
-    """A record with these fields, all of them, which are converted and checked by their annotations:
-    neither `__init__` nor `__post_init__` is called.
+    """A record with these fields, all of them, which are converted and checked by their
+    annotations: neither `__init__` nor `__post_init__` is called.
     """
     made = object.__new__(cls)
     made.__setstate__(fields)

@@ -1,6 +1,4 @@
-"""What is known about objects while they live, kept beside them: nothing is written into a frozen
-record.
-"""
+"""Facts about objects, kept beside them while they live: nothing is written into a frozen record."""
 
 from __future__ import annotations
 
@@ -53,7 +51,7 @@ class Remembered:
         self._entries: dict[int, tuple[weakref.ref[Any], Any]] = {}
 
     def get(self, owner: Any) -> Any:
-        """What is remembered of this object; None if nothing is."""
+        """The value remembered for this object; None if there is none."""
         entry = self._entries.get(id(owner))
         return entry[1] if entry is not None and entry[0]() is owner else None
 

@@ -3,9 +3,9 @@
     sinc(x) = sin(x)/x = 1 - x^2/6 + x^4/120 - ...
 
 Close to zero they are sums of their power series, farther out what they abbreviate.  Both are
-formulas like any other: numbers that carry derivatives, power series and numbers of two doubles pass
-through.  Both sides of the place where they meet lose some bits in the first derivative, in the
-sixth some four to six digits.
+formulas like any other: numbers that carry derivatives, power series and numbers of two doubles
+pass through.  Both sides of the place where they meet lose some bits in the first derivative, in
+the sixth some four to six digits.
 
 Source: Abramowitz and Stegun, Handbook of Mathematical Functions, 4.1.28, 4.2.1, 4.3.65, 4.4.42,
 4.5.62; Stumpff, Himmelsmechanik I, 1959 (the functions c_k).
@@ -31,7 +31,7 @@ NEAR, HALF = 2.0, 0.5
 """
 
 FAR = 5.0
-"""Where all of them are closed forms."""
+"""A place at which all of them are closed forms."""
 
 Words = tuple[tuple[float, float], ...]
 
@@ -78,7 +78,8 @@ def _quotient(
 
 
 def stumpff(k: int, z: Any) -> Any:
-    """The function c_k(z) = 1/k! - z/(k + 2)! + z^2/(k + 4)! - ..., k = 1, 2, 3, of z of either sign.
+    """The function c_k(z) = 1/k! - z/(k + 2)! + z^2/(k + 4)! - ..., k = 1, 2, 3, of z of either
+    sign.
 
     With z = x^2:  c_1 = sin(x)/x,  c_2 = (1 - cos x)/x^2,  c_3 = (x - sin x)/x^3;  with z = -x^2
     sinh(x)/x,  (cosh x - 1)/x^2,  (sinh x - x)/x^3.  Of the square of a length they need no root,

@@ -143,7 +143,7 @@ class Series(Operand):
         return _integral(Series(base ** self[0]), lambda power: f.log(base) * power, self)
 
     def __mod__(self, other: Any) -> Any:
-        """What is left over beyond whole multiples of a number: the first term only changes."""
+        """The remainder by a number: only the first term changes."""
         if isinstance(other, Series):
             return NotImplemented
         return _made(lambda k: self.term(k) if k else self[0] % other, self)
@@ -400,7 +400,7 @@ def _sqrt(x: Series) -> Series:
 def _rule(
     function: Callable[..., Any], slope: Callable[[Series, Series], Any]
 ) -> Callable[[Series], Series]:
-    """What an elementary function does to a series x: y = f(x), from f' as a function of y and x."""
+    """An elementary function of a series x: y = f(x), from f' as a function of y and x."""
     return lambda x: _integral(Series(function(x[0])), lambda y: slope(y, x), x)
 
 

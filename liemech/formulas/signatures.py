@@ -1,5 +1,5 @@
-"""What a method says of its arguments: which are numbers, vectors, matrices or elements, of which
-class the others are; and what it gives.
+"""Signatures: which arguments of a method are numbers, vectors, matrices or elements, of which
+class the others are, and what the method gives.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from .overriding import breaks, kept, promise
 from .vectors import Mat, Vec
 
 KINDS = ("Ambient", "Element", "Mat", "Vec", "float")
-"""What an argument can be annotated as.  Of a method and the one it overrides, the earlier of these
-annotations counts.
+"""The annotations of arguments that are numbers.  Of a method and the one it overrides, the earlier
+of these annotations counts.
 
 An `Element` has as many axes as an element of the group has, and is one; an `Ambient` has only its
 shape.
@@ -37,8 +37,8 @@ PLAIN: dict[str, set[type]] = {
 """The annotations of options that are no records, and the types that pass unseen."""
 
 ARRAYS = ("ndarray", "ArrayLike")
-"""What a method annotates that takes arrays itself: one, shaped like an element, or elements with
-any leading axes.
+"""The annotations of methods that take arrays themselves: one, shaped like an element, or elements
+with any leading axes.
 """
 
 
@@ -69,7 +69,7 @@ class Signature:
 
     @functools.cached_property
     def space_at(self) -> int | None:
-        """Where the argument stands that knows the shapes of the others; None: the owner does."""
+        """The place of the argument that knows the shapes of the others; None: the owner does."""
         return next((self.names.index(n) for n in ("group", "action") if n in self.names), None)
 
     def shapes(self, space: Any) -> tuple[Any, ...]:
@@ -142,7 +142,7 @@ def arguments(method: types.FunctionType) -> tuple[str, ...]:
 
 
 def _said(cls: type, name: str, names: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
-    """What each argument is, and of which class, from the annotations of a method and of those that
+    """The kind and the class of each argument, from the annotations of a method and of those that
     it overrides.
     """
     kinds: dict[str, str] = {}

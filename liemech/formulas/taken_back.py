@@ -1,5 +1,5 @@
-"""What is computed when it is first wanted, and kept, must go when the compiler takes back what it
-has emitted since, or leaves the branch in which it was: those numbers are not there any more.
+"""A journal of values that were kept when they were first wanted: they must go when the compiler
+takes back the code that it has emitted since, or leaves the branch that holds it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def journal() -> Iterator[None]:
 
 
 def back() -> Callable[[], None]:
-    """What takes away all that will have been kept from here on."""
+    """A function that takes away all that will have been kept from here on."""
     length = len(getattr(_here, "journal", None) or [])
 
     def undo() -> None:

@@ -200,8 +200,8 @@ class Vec(tuple[Any, ...], Operand):
 
 
 class Truths(Vec):
-    """What a comparison says of every component.  They count as 1 and 0 beside numbers; `&` and `|`
-    join those of two comparisons, which `+` and `-` would not do.
+    """The truths of a comparison, one for each component.  They count as 1 and 0 beside numbers;
+    `&` and `|` join those of two comparisons, which `+` and `-` would not do.
     """
 
     __slots__ = ()
@@ -245,7 +245,7 @@ class Unequal(Truths):
 
 
 class Entries:
-    """What a comparison says of every entry of a matrix; true as a comparison of vectors is."""
+    """The truths of a comparison of matrices, one for each entry; true as one of vectors is."""
 
     __hash__ = None  # type: ignore[assignment]
     axes = 2
@@ -324,8 +324,8 @@ def _component(x: Any) -> Any:
 
 
 def small(x: Any) -> Any:
-    """A list, a tuple or an array as a `Vec` or `Mat` with its numbers, a float of NumPy's as one of
-    Python's; anything else is what it is.
+    """A list, a tuple or an array as a `Vec` or `Mat` with its numbers, a float of NumPy's as one
+    of Python's; anything else is what it is.
     """
     if not isinstance(x, _VECTORS) or isinstance(x, Vec):
         return x.item() if isinstance(x, np.floating) else x

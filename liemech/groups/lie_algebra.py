@@ -296,7 +296,7 @@ class LieAlgebra(Record):
         from .matrix_invariants import null_space  # which builds on algebras of matrices
 
         n, killing, given = self.dim, self.killing_form, self._ad_matrices
-        units = _like_units(given)
+        units = like_units(given)
         # of the generators in these units
         ad = given * units[:, None, None] * units / units[:, None]
         if _nondegenerate(np.einsum("iab,jba->ij", ad, ad)):
@@ -411,7 +411,7 @@ def _columns(formula: Callable[[Vec, Vec], Vec], xi: Vec) -> Mat:
     return mat(*[formula(xi, unit) for unit in identity_matrix(len(xi))]).T
 
 
-def _like_units(ad: np.ndarray) -> np.ndarray:
+def like_units(ad: np.ndarray) -> np.ndarray:
     """Powers of two u for which the generators u_i E_i have structure constants of like sizes.
     ad : (dim, dim, dim), the matrices of ad E_i;  returns (dim,)
 

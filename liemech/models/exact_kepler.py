@@ -128,7 +128,8 @@ def exact_kepler(q: Vec, p: Vec, attraction: float, t: np.ndarray) -> np.ndarray
             except ZeroDivisionError:
                 rows[i] = NAN
 
-    begin, pieces = 0, []
+    begin = 0
+    pieces: list[np.ndarray] = []
     while begin < len(t) or not pieces:
         end = PIECE + 2 * begin
         pieces.append(_PLACED.rows(values, t[begin:end], 4, in_python))

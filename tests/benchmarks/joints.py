@@ -68,7 +68,7 @@ def long_chains(most: int) -> None:
 
 
 def main() -> None:
-    """Print the tables of docs/joints.md."""
+    """Print the tables of docs/proof/costs.md, joints."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -667,10 +667,44 @@ def test_a_wrong_action_is_found(action: OnVectors, law: str, hint: str) -> None
     assert hint in str(found.value)
 
 
+def turns(unit: float) -> np.ndarray:
+    """so(3) with generators in units of 1/unit, 1 and unit."""
+    return lm.SO3().algebra.basis * np.array([1.0 / unit, 1.0, unit])[:, None, None]
+
+
+@lm.record
+class HastyAlgebra(lm.MatrixLieAlgebra):
+    def dexp_inv(self, xi, eta):
+        return super().dexp_inv(-xi, eta)
+
+
+@lm.record
+class InUnlikeUnits(lm.MatrixLieGroup):
+    unit: float
+
+    @property
+    def generators(self):
+        return turns(self.unit)
+
+
+@lm.record
+class HastyInUnlikeUnits(InUnlikeUnits):
+    algebra = property(HastyAlgebra)
+
+
+@pytest.mark.parametrize("unit", [1e3, 1e-6])
+def test_unlike_units_neither_break_laws_nor_hide_faults(unit: float) -> None:
+    """Vectors are compared in units in which they are of like sizes, and told in those given."""
+    assert not lm.check_group(InUnlikeUnits(unit), raises=False).broken
+    broken = lm.check_group(HastyInUnlikeUnits(unit), raises=False).broken
+    assert [finding.law for finding in broken] == ["dexp_inv"]
+    assert "it is the right-trivialised one" in broken[0].remark
+
+
 def test_a_differential_is_that_of_its_own_point() -> None:
     """Also where the point before it is gone, and its address in use again."""
     group = lm.SO3()
-    exp, at = Map(lm.Exponential(), group), sample_points(group, 1)[-1]
+    exp, at = Map(lm.Exponential(), group, group), sample_points(group, 1)[-1]
     for _ in range(20):
         at = replace(at, xi=0.9 * at.xi)
         assert np.array_equal(exp.differential(at, "right")[0], phi1(at.ad))

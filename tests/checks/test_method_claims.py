@@ -440,8 +440,8 @@ def test_the_report_names_numbers() -> None:
     assert lines[0].endswith("4 laws hold, none broken")
     assert lines[1].split() == ["law", "verdict", "observed", "wanted"]
     assert lines[2].split()[:3] == ["order", "holds", "q"]
-    assert lines[-2].startswith("energy                     not seen")
-    assert lines[-1].startswith("reversible                 holds")
+    assert lines[-2].split()[:3] == ["energy", "not", "seen"]
+    assert lines[-1].split()[:2] == ["reversible", "holds"]
 
 
 @pytest.mark.compiled

@@ -13,7 +13,7 @@ pytest.importorskip("llvmlite")
 import worlds
 from test_inlining import ROWS, TEXT, no_kernels
 
-from liemech.compiler import inlining, kernel, llvm
+from liemech.compiler import inlining, instructions, kernel, llvm
 
 pytestmark = pytest.mark.compiled
 
@@ -27,8 +27,8 @@ def copied(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     names: list[str] = []
     make = inlining.Outliner.make
 
-    def noted(self: Any, key: Any, frame: Any, *args: Any) -> Any:
-        made = make(self, key, frame, *args)
+    def noted(self: Any, key: Any, call: Any, frame: Any, *args: Any) -> Any:
+        made = make(self, key, call, frame, *args)
         if key[0] == "copy" and made is not None:
             names.append(frame.source.function.__name__)
         return made
@@ -94,10 +94,10 @@ def test_lanes_of_a_long_kernel_are_translated_once(
     text = "def formula(x, y, n):\n    return x * y + x, y / (x * x + 1.0)"
     rows = [(0.1 * k, 1.0 + k) for k in range(kernel.lanes())]
     for short, wanted in (
-        (inlining.SHORT, [kernel.width(), kernel.lanes()]),
+        (instructions.SHORT, [kernel.width(), kernel.lanes()]),
         (0, [kernel.width()]),
     ):
-        monkeypatch.setattr(inlining, "SHORT", short)
+        monkeypatch.setattr(instructions, "SHORT", short)
         module = worlds.module_from(text, tmp_path, f"widths_{short}")
         worlds.same_in_all_worlds(module.formula, rows, lanes=[kernel.lanes()])
         assert widths[-len(wanted) :] == wanted

@@ -5,8 +5,8 @@ whatever becomes a function.
 from __future__ import annotations
 
 import collections
+import importlib
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,16 @@ pytest.importorskip("llvmlite")
 import worlds
 
 import liemech as lm
-from liemech.compiler import cache, inlining, kernel, llvm, memory_loops
+from liemech.compiler import (
+    cache,
+    inlining,
+    instructions,
+    kernel,
+    llvm,
+    memory_loops,
+    native_functions,
+    state,
+)
 from liemech.errors import NotCompilable
 from liemech.simulation import execution
 
@@ -99,7 +108,7 @@ def no_kernels(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(kernel, "_kept", collections.OrderedDict())
     patch.setattr(execution, "_histories", {})
     patch.setattr(execution, "_told", set())
-    patch.setattr(sys.modules["liemech.simulation.integrate"], "_plans", {})
+    patch.setattr(importlib.import_module("liemech.simulation.integrate"), "_plans", {})
 
 
 @pytest.fixture(params=["known", "general"])
@@ -114,7 +123,7 @@ def everything(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) 
     monkeypatch.setattr(memory_loops, "LARGE", 0)
     monkeypatch.setattr(memory_loops, "TERMS", 0)
     if request.param == "general":
-        monkeypatch.setattr(inlining, "RETURNED", 0)
+        monkeypatch.setattr(native_functions, "RETURNED", 0)
         monkeypatch.setattr(inlining.Outliner, "_chosen", lambda self, call: (call.general, True))
 
 
@@ -161,12 +170,14 @@ def of(group: Any) -> Any:
 def small(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """What is large is small; the builders of all kernels."""
     no_kernels(monkeypatch)
-    for name, value in {"HUGE": 40, "ALONE": 1, "WHOLE": 1, "WORTH": 10, "RETURNED": 0}.items():
+    for name, value in {"ALONE": 1, "WHOLE": 1, "WORTH": 10}.items():
         monkeypatch.setattr(inlining, name, value)
+    monkeypatch.setattr(state, "HUGE", 40)
+    monkeypatch.setattr(native_functions, "RETURNED", 0)
     builders: list[Any] = []
-    made = inlining.Builder.__init__
+    made = instructions.Builder.__init__
     monkeypatch.setattr(
-        inlining.Builder,
+        instructions.Builder,
         "__init__",
         lambda self, *args: (builders.append(self), made(self, *args))[1],
     )
@@ -272,7 +283,7 @@ def test_what_is_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """And the run goes on in plain Python."""
     no_kernels(monkeypatch)
     monkeypatch.setattr(execution, "WAIT", 0.0)
-    monkeypatch.setattr(inlining, "LIMIT", 300)
+    monkeypatch.setattr(instructions, "LIMIT", 300)
     start = BODY.state(mu=MU)
     with pytest.raises(NotCompilable, match=r"more than 300 instructions.*fewer stages"):
         lm.integrate(BODY, lm.RKMK(order=4), start, h=0.1, steps=10, compiled=True)

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.compiled
 
 @pytest.mark.slow
 def test_one_register_or_two_give_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    from liemech.compiler import inlining
+    from liemech.compiler import instructions
 
     monkeypatch.setattr(cache, "load", lambda *_: None)
     monkeypatch.setattr(cache, "store", lambda *_: None)
@@ -24,8 +24,8 @@ def test_one_register_or_two_give_the_same_bits(monkeypatch: pytest.MonkeyPatch)
     starts = body.state(mu=np.stack([np.cos(turned), np.sin(turned), 0.3 * turned], axis=-1))
     method = lm.CovariantVariational(lm.Cayley())
     runs, sizes = [], []
-    for limit in (inlining.SIDE_BY_SIDE, 0):
-        monkeypatch.setattr(inlining, "SIDE_BY_SIDE", limit)
+    for limit in (instructions.SIDE_BY_SIDE, 0):
+        monkeypatch.setattr(instructions, "SIDE_BY_SIDE", limit)
         kernel.forget()
         runs.append(lm.Plan(body, method, 0.1, compiled=True).run(starts, steps=20))
         sizes.append(max(k.assembly().count("\n") for k in kernel.alive()))

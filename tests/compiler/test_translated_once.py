@@ -10,7 +10,7 @@ import pytest
 import liemech as lm
 
 pytest.importorskip("llvmlite")
-from liemech.compiler import cache, inlining, kernel, llvm
+from liemech.compiler import cache, inlining, kernel, llvm, state
 
 pytestmark = pytest.mark.compiled
 
@@ -25,8 +25,8 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
     found: list[tuple[str, bool]] = []
     make = inlining.Outliner.make
 
-    def noted(self: Any, key: Any, frame: Any, *args: Any) -> Any:
-        result = make(self, key, frame, *args)
+    def noted(self: Any, key: Any, call: Any, frame: Any, *args: Any) -> Any:
+        result = make(self, key, call, frame, *args)
         found.append((frame.source.function.__qualname__, result is not None))
         return result
 
@@ -45,7 +45,7 @@ def test_constants_that_formulas_make_are_told_by_their_content(
 ) -> None:
     """`group.algebra` is another object at each use, of the same content."""
     monkeypatch.setattr(inlining, "ALONE", 1)
-    monkeypatch.setattr(inlining, "HUGE", 700)
+    monkeypatch.setattr(state, "HUGE", 700)
     system = lm.models.KirchhoffBody([1.0, 1.5, 2.0, 1.0, 2.0, 1.5])
     start = system.state(mu=np.array([0.5, 0.1, 0.8, 0.1, 0.2, 0.3]), g=np.eye(4))
     with pytest.raises(Seen):
@@ -58,7 +58,7 @@ def test_native_functions_know_the_constants_of_their_arguments(
 ) -> None:
     """The group of a heavy top is a constant of the system, which holds numbers of the run too."""
     monkeypatch.setattr(inlining, "ALONE", 1)
-    monkeypatch.setattr(inlining, "HUGE", 300)
+    monkeypatch.setattr(state, "HUGE", 300)
     system = lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0, [0.18, 0.0, 0.24])
     start = system.state(mu=np.array([0.5, 0.1, 0.8]), g=np.eye(3))
     with pytest.raises(Seen):

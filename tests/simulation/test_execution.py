@@ -5,6 +5,7 @@ same.
 from __future__ import annotations
 
 import collections
+import importlib
 import os
 import subprocess
 import sys
@@ -31,7 +32,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A process that has learned nothing yet, and has a cache of nothing."""
     monkeypatch.setattr(execution, "_histories", {})
     monkeypatch.setattr(execution, "_told", set())
-    monkeypatch.setattr(sys.modules["liemech.simulation.integrate"], "_plans", {})
+    monkeypatch.setattr(importlib.import_module("liemech.simulation.integrate"), "_plans", {})
     monkeypatch.setattr(kernel, "_kept", collections.OrderedDict())
     monkeypatch.setattr(kernel, "stored", lambda *_, **__: None)
     return monkeypatch
