@@ -202,6 +202,8 @@ def test_bodies_with_numbers_of_their_own_go_as_alone(
     together = plan.run(scene.start(5), **span_of(scene, observer, **span))
     further: dict[str, Any] = {"t_end": 8.0} if scene.by_time else {"steps": 3}
     gone = plan.resume(together, **further) if observer == "all" else None
+    if scene is EQUAL and gone is not None:
+        assert together.drift()["Casimir 1"].verdict == "exact"
     for i in range(5):
         mine = {key: x[i] for key, x in options.items()}
         until = {
@@ -395,7 +397,7 @@ INTERRUPTED = lm.LiePoissonSystem(lm.SO3(), Interrupting())
 @over(EQUAL, TOLERANCE)
 @BODIES
 @watched("all", "every", "functions", "events")
-@pytest.mark.parametrize("part", [0.2, 0.7])
+@pytest.mark.parametrize("part", [0.2, 0.6])
 def test_a_run_that_was_interrupted_goes_on(
     scene: Scene, bodies: int, observer: str, part: float, request: pytest.FixtureRequest
 ) -> None:
@@ -403,7 +405,10 @@ def test_a_run_that_was_interrupted_goes_on(
     if scene is EQUAL and bodies > 1:
         why = "an ensemble with fixed steps in plain Python is no more than its samples then"
         request.applymarker(pytest.mark.xfail(strict=False, reason=why))
-    scene = replace(scene, system=INTERRUPTED, functions=("energy",))
+    finer = (
+        {"rtol": 1e-9} if scene.by_time else {}
+    )  # many steps are left, of which each hangs on all before
+    scene = replace(scene, system=INTERRUPTED, functions=("energy",), options=scene.options | finer)
     with not_yet(scene, bodies, observer, False):
         plan, span = plan_of(scene, observer), span_of(scene, observer)
     LOOKS[0] = 10**9
