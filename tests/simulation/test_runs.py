@@ -144,6 +144,7 @@ def body_of(run: lm.Trajectory, i: int) -> tuple[np.ndarray, dict[str, np.ndarra
 # ---------------------------------------------------------------- worlds, lanes, workers
 
 
+@pytest.mark.sample(30)
 @pytest.mark.compiled
 @over(*ALL, *BACK)
 @BODIES
@@ -154,14 +155,18 @@ def test_native_code_gives_the_bits_of_plain_python(
     same_runs(whole(scene, bodies, observer), whole(scene, bodies, observer, compiled=True))
 
 
+@pytest.mark.sample(40)
 @over(*ALL, *BACK)
 @watched(*WATCHED)
 def test_bodies_of_an_ensemble_go_as_alone(scene: Scene, observer: str) -> None:
     """Samples, events, and where a terminal event has ended it."""
-    together = whole(scene, 3, observer)
+    together, singles = whole(scene, 3, observer), []
     for i in range(3):
-        single = plan_of(scene, observer).run(member(scene, 3, i), **span_of(scene, observer))
-        as_alone(together, i, single)
+        singles += [plan_of(scene, observer).run(member(scene, 3, i), **span_of(scene, observer))]
+        as_alone(together, i, singles[-1])
+    if together.rejected is not None:
+        assert together.rejected == sum(single.rejected for single in singles)
+        assert together.steps == max(single.steps for single in singles)
 
 
 def as_alone(together: lm.Trajectory, i: int, single: lm.Trajectory) -> None:
@@ -191,6 +196,7 @@ OWN = [
 ]
 
 
+@pytest.mark.sample(24)
 @pytest.mark.parametrize(("scene", "name"), OWN)
 @watched("all", "functions", "events")
 def test_bodies_with_numbers_of_their_own_go_as_alone(
@@ -220,6 +226,7 @@ def test_bodies_with_numbers_of_their_own_go_as_alone(
             assert same(gone.energy[:n, i], onwards.energy[:n])
 
 
+@pytest.mark.sample(10)
 @over(*ALL)
 @watched("all", "t_eval", "functions", "events")
 def test_workers_and_executors_give_the_bits_of_one_thread(scene: Scene, observer: str) -> None:
@@ -483,6 +490,7 @@ TIMES = {
 }
 
 
+@pytest.mark.sample(40)
 @over(EQUAL, TOLERANCE, TABLE_TOLERANCE, *BACK[:2])
 @BODIES
 @WORLDS
