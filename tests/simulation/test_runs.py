@@ -256,10 +256,16 @@ def test_a_plan_that_has_run_gives_the_same_again(scene: Scene, bodies: int, obs
 
 @pytest.mark.compiled
 @over(TOLERANCE, BACK[1])
-@pytest.mark.parametrize("options", [{"dense": False}, {"h": 0.01, "max_step": 0.1}], ids=repr)
+@pytest.mark.parametrize(
+    "options",
+    [{"dense": False}, {"h": 0.01, "max_step": 0.1}, {"breaks": (0.5, 1.0)}],
+    ids=["no way between", "lengths of steps", "breaks"],
+)
 def test_options_of_adaptive_steps(scene: Scene, options: dict[str, Any]) -> None:
     """In both worlds, first and later; no step is longer than allowed, and the first as given."""
-    span = span_of(scene)
+    span, options = span_of(scene), dict(options)
+    if "breaks" in options:  # parts of the way
+        options["breaks"] = [scene.t0 + x * (scene.end - scene.t0) for x in options["breaks"]]
     wanted = plan_of(scene, **options).run(scene.start(1), **span)
     plan = plan_of(scene, compiled=True, **options)
     for _ in range(2):
@@ -269,6 +275,14 @@ def test_options_of_adaptive_steps(scene: Scene, options: dict[str, Any]) -> Non
     taken = np.abs(np.diff(wanted.t))
     if "h" in options:
         assert taken.max() < 0.1 * (1.0 + 1e-12) and abs(taken[0] - 0.01) < 1e-12
+    elif "breaks" in options:
+        for at in options["breaks"]:  # or a rounding before it: the velocity is that of before
+            assert np.abs(wanted.t - at).min() <= np.spacing(abs(at))
+        assert wanted.t[-1] == scene.end
+        whole_one = whole(scene, 1)
+        assert np.abs(wanted.mu[-1] - whole_one.mu[-1]).max() < 1e-3
+        energies = plan_of(scene, "functions", **options).run(scene.start(1), **span)
+        assert same(energies.t, wanted.t) and same(energies.states["mu"], wanted.mu)
     else:
         same_runs(wanted, whole(scene, 1))
 
