@@ -276,8 +276,8 @@ def test_options_of_adaptive_steps(scene: Scene, options: dict[str, Any]) -> Non
     if "h" in options:
         assert taken.max() < 0.1 * (1.0 + 1e-12) and abs(taken[0] - 0.01) < 1e-12
     elif "breaks" in options:
-        for at in options["breaks"]:  # or a rounding before it: the velocity is that of before
-            assert np.abs(wanted.t - at).min() <= np.spacing(abs(at))
+        for at in options["breaks"]:  # or some roundings before, where the velocity is the old one
+            assert np.abs(wanted.t - at).min() <= 8.0 * np.spacing(np.abs(wanted.t).max())
         assert wanted.t[-1] == scene.end
         whole_one = whole(scene, 1)
         assert np.abs(wanted.mu[-1] - whole_one.mu[-1]).max() < 1e-3
