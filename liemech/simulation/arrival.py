@@ -3,52 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from ..compiler.driver import accepted, attempt, itself, read, reason, write
-from ..errors import InvalidInput, failure, is_mistake
+from ..compiler import kernel
+from ..compiler.driver import attempt, read
+from ..errors import InvalidInput
 from ..formulas.pytree import NUMBER, layout_of, rounded
 from ..systems.system import small_state, state_of
-from .dense import Between, flat, one_or_many, unpacked
-from .execution import Execution
-
-TURNS = 60
-"""Trials after which the step to a given time is taken as it is; a good one needs five."""
-
-ULP = 2.0**-52
+from .control import landed
+from .dense import Between, evaluated, flat, one_or_many, told, unpacked
 
 
 def arrive(
-    method: Any, system: Any, shown: Any, h: float, count: int, given: Any, out: Any, failures: Any
+    method: Any, system: Any, reached: Any, h: float, given: Any, out: Any, failures: Any
 ) -> None:
-    """The driver: from each of many samples, steps until a given time is passed, and instead of the
-    last one a shorter one to it.
+    """The driver: from a sample, steps until a given time is passed, and instead of the last one a
+    shorter one to it.
 
-    given : for each the sample and the time.  out : the sample then, the fictive time that went by,
-    and 1 (0 if a step failed).
+    given : the sample and the time.  reached : layout of the sample then, and the fictive time that
+    went by; behind them out has a one, or a zero as in `along`.
     """
-    for k in range(count):
-        at = k * (shown.width + 1)
-        trial = attempt(
-            arrived,
-            method,
-            system,
-            read(given, at, shown),
-            h,
-            read(given, at + shown.width, NUMBER),
-        )
-        good = accepted(trial, itself)
-        at = k * (shown.width + 2)
-        if good:
-            write(out, at, trial[0], shown)
-            write(out, at + shown.width, trial[1], NUMBER)
-            write(out, at + shown.width + 1, 1.0, NUMBER)
-        else:
-            write(out, at + shown.width + 1, 0.0, NUMBER)
-            if failures is not None:
-                failures.append(reason(trial))
+    sample = read(given, 0, reached.parts[0])
+    target = read(given, reached.parts[0].width, NUMBER)
+    told(attempt(arrived, method, system, sample, h, target), reached, out, failures)
 
 
 def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> tuple[Any, float]:
@@ -66,36 +45,20 @@ def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> t
     return found, gone + s
 
 
-def landed(method: Any, system: Any, memory: Any, h: float, target: float) -> tuple[Any, float]:
-    """The sample at the time `target`, at most a step away, and the length s of the step there.
+def arrivals(
+    method: Any, system: Any, example: Any, h: Any, given: np.ndarray, wanted: bool | None,
+    body: np.ndarray | None = None,
+) -> np.ndarray:  # fmt: skip
+    """From samples, (m, width + 1) with the times to be reached, the samples then, and the fictive
+    times that went by.
 
-    The time after a step grows with its length; the secant method finds s, halving where it leaves
-    what is left of the interval.
-    Source: Dahlquist and Bjorck, Numerical Methods, section 6.4.
+    body : of each sample, where parameters, and h, are of each body.
     """
-    found = rounded(method.observe(memory))
-    low, high, before = 0.0, h, 0.0
-    error_before = system.clock(found) - target
-    error, s, turns = error_before, h, 0
-    done = error_before == 0.0
-    if done:
-        s = 0.0
-    while not done:
-        found = rounded(method.observe(method.step(system, 0.0, memory, s)))
-        error = system.clock(found) - target
-        if error * h < 0.0:
-            low = s
-        else:
-            high = s
-        slope = (error - error_before) / (s - before)
-        new = s - error / slope if slope != 0.0 else low
-        if not (min(low, high) < new < max(low, high)):
-            new = 0.5 * (low + high)
-        turns = turns + 1
-        done = error == 0.0 or abs(new - s) <= ULP * abs(s) or turns >= TURNS
-        if not done:
-            before, error_before, s = s, error, new
-    return found, s
+    reached = layout_of((example, 0.0))
+    step = h if np.ndim(h) == 0 else kernel.Several.of(h.tolist(), len(h))
+    what = repr(method), lambda k: f"on the way to t = {given[k, -1]:g}"
+    arguments = method, system, reached, step
+    return evaluated(arrive, arguments, given, reached.width, wanted, what, body)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,16 +81,6 @@ class FictiveMotion(Between):
     points: np.ndarray
     wanted: bool | None
     begun: np.ndarray | None = None
-    shape: ClassVar[Any] = None
-
-    def of_shape(self, shape: Any) -> FictiveMotion:
-        """The same, where what the run has prepared may be used."""
-        object.__setattr__(self, "shape", shape)
-        return self
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Without native code."""
-        return {name: x for name, x in vars(self).items() if name != "shape"}
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
         """At each of these times the numbers of the state with its clock, and the fictive time
@@ -154,37 +107,7 @@ class FictiveMotion(Between):
         return found
 
     def _moved(self, given: np.ndarray) -> np.ndarray:
-        shown, many = layout_of(self.example), len(given)
-        arguments, array, shape = (self.method, self.system, shown, self.h), np.empty(1), self.shape
-        call = *arguments, 1, array, array, None
-        execution = (
-            Execution(self.wanted, False, arrive, *call)
-            if shape is None
-            else shape.other(arrive, *call)
-        )
-        found, done, failures = np.empty((many, shown.width + 2)), 0, []  # type: Any, int, list[Any]
-        while done < many:
-            if execution.ready(done / many):
-                run: Any = execution.native
-                rest = np.ascontiguousarray(given[done:]).ravel()
-                out = np.empty((many - done) * (shown.width + 2))
-                run(*arguments, many - done, rest, out, None)
-                found[done:] = out.reshape(many - done, -1)
-                break
-            out = np.empty(shown.width + 2)
-            with execution.plain():
-                arrive(*arguments, 1, np.ascontiguousarray(given[done]), out, failures)
-            found[done] = out
-            done += 1
-        for k in np.flatnonzero(found[:, -1] == 0.0).tolist():
-            arrive(
-                *arguments, 1, np.ascontiguousarray(given[k]), np.empty(shown.width + 2), failures
-            )
-            error = failures[0]
-            if is_mistake(error):
-                raise error
-            raise failure(error, repr(self.method), f"on the way to t = {given[k, -1]:g}")
-        return found[:, :-1]
+        return arrivals(self.method, self.system, self.example, self.h, given, self.wanted)
 
     def __call__(self, times: Any) -> Any:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""

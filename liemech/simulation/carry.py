@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import IntegrationFailure, InvalidInput, failure
 from ..formulas.pytree import build
 from ..systems.system import State, member, state_of
-from .adaptive import CLOCK, MARK, REJECTED, STEP, TAKEN
+from .control import CLOCK, MARK, REJECTED, STEP, TAKEN
 from .dense import unpacked
 from .events import NO_EVENTS, Met
 from .prepared import Shape

@@ -188,14 +188,14 @@ class DenseOutput(Between):
         coefficients of the way, and the part of it.
         """
         point, dim = layout_of(self.example), self.system.group.dim
-        curve = _curve(dim, (given.shape[1] - 1 - point.width) // dim)
+        curve = curve_layout(dim, (given.shape[1] - 1 - point.width) // dim)
         arguments = self.retraction, self.system, point, curve
         what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
         return evaluated(along, arguments, given, point.width, self.wanted, what)
 
 
 @functools.lru_cache(256)
-def _curve(dim: int, terms: int) -> Any:
+def curve_layout(dim: int, terms: int) -> Any:
     """The layout of the coefficients of the way along a step."""
     return layout_of((Vec(*[0.0] * dim),) * terms)
 
@@ -242,39 +242,56 @@ def evaluated(
     width: int,
     wanted: bool | None,
     what: tuple[str, Callable[[int], str]] = ("dense output", lambda k: "between two steps"),
+    body: np.ndarray | None = None,
 ) -> np.ndarray:
-    """What a driver makes of every row of numbers, (m, width): in plain Python until native code
-    pays.
+    """Map a driver over rows of numbers, (m, width): in plain Python until native code pays.
 
-    what : what has failed if a row does, and where, by the number of the row.
+    what : what has failed if a row does, and where, by the number of the row.  body : of each row, of
+    which body it is, where arguments are `Several`.
     """
     many = len(given)
     execution, constants = execution_of(driver, arguments, wanted)
     found, done = np.empty((many, width + 1)), 0
+
+    def plainly(k: int) -> None:
+        own = [
+            x.values[body[k]] if isinstance(x, kernel.Several) and body is not None else x
+            for x in arguments
+        ]
+        _one(driver, own, given[k], found[k], what, k)
+
     while done < many and not execution.ready(done / many):
         end = min(done + 8, many)
         with execution.plain():
             for k in range(done, end):
-                _one(driver, arguments, given[k], found[k], what, k)
+                plainly(k)
         done = end
     if done < many:
-        found[done:many] = natively(execution, constants, given[done:], width)
+        several = [x.columns for x in arguments if isinstance(x, kernel.Several)]
+        own = [x.take(body[done:], axis=1) for x in several] if body is not None else []
+        found[done:many] = natively(execution, constants, given[done:], width, own)
         if not found[:many, -1].all():
             for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
-                _one(driver, arguments, given[k], found[k], what, k)
+                plainly(k)
     return found[:many, :-1].copy()
 
 
-def natively(execution: Execution, constants: bytes, given: np.ndarray, width: int) -> np.ndarray:
-    """What the native code of a driver makes of every row of numbers, and behind it a one, or a zero
-    for a formula that failed, (m, width + 1).
+def natively(
+    execution: Execution, constants: bytes, given: np.ndarray, width: int, own: Any = ()
+) -> np.ndarray:
+    """Run the native code of a driver on every row of numbers: what it makes of it, and behind it a
+    one, or a zero for a formula that failed, (m, width + 1).
+
+    own : (width, m) numbers of which every row has its own.
     """
     many, lanes = len(given), execution.lanes
     columns = -(-many // lanes) * lanes
     rows, out = np.empty((given.shape[1], columns)), np.empty((width + 1, columns))
     rows[:, :many], rows[:, many:] = given.T, given[-1][:, None]
+    last = np.minimum(np.arange(columns), many - 1)
+    padded = [x.take(last, axis=1) for x in own]
     run: Any = execution.native
-    run.run(constants, (), (rows, out), columns, 0, columns)
+    run.run(constants, (), (*padded, rows, out), columns, 0, columns)
     return out.T[:many]
 
 
@@ -306,6 +323,7 @@ def execution_of(
     call = driver, *arguments, array, array, None
     asked = None if native else False
     made = Execution(asked, None, *call, lanes=lanes, silent=silent), numbers_of(*arguments)
+    made[0].used(wanted)
     if len(_executions) >= FEW:
         _executions.clear()
     _executions[key] = made  # which has the arguments, so that their identities remain theirs
@@ -314,7 +332,7 @@ def execution_of(
 
 def _one(
     driver: Any,
-    arguments: tuple[Any, ...],
+    arguments: Any,
     given: np.ndarray,
     out: np.ndarray,
     what: tuple[str, Callable[[int], str]],

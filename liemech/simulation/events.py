@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from inspect import ismethod
 from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationInterrupted, InvalidType
+from ..errors import InvalidType
 from ..formulas.pytree import NUMBER
 from ..formulas.sizes import EPSILON
-from .dense import Between, execution_of, natively, observe, packed, unpacked
+from .dense import execution_of, natively, observe
 
 Event = Callable[[float, Any], float]
 
@@ -58,85 +58,38 @@ NO_EVENTS = Met()
 """Of a run without events."""
 
 
-class Watch:
-    """Watches the events of one run.
+Zero = tuple[int, float, int, np.ndarray]
+"""In which step, when, of which event, and the numbers of the state then."""
 
-    found : of every event the times and the numbers of the states, in the order in which the motion
-    meets them.
-    before : `met` of the run that this one goes on with.
+
+class Watch:
+    """What one body has met.
+
+    values : of all events where the body stands.  found : of every event the times and the numbers
+    of the states, in the order in which the motion meets them.
+    before : how many zeros a run before this one has met.  ended : by which event.
     """
 
-    def __init__(
-        self,
-        events: tuple[Event, ...],
-        ended: Callable[[Any], Any],
-        t: float,
-        state: Any,
-        before: Met | None = None,
-    ) -> None:
-        self.events, self._ended = events, ended
-        self.looked = 0  # how many of the last steps have been looked at
-        self.before = [0] * len(events) if before is None else before.counts(events)
-        self.ended: int | None = None  # by which event
+    def __init__(self, events: tuple[Event, ...], values: list[Any], before: Met) -> None:
+        self.events, self.values = events, values
+        self.before, self.ended = before.counts(events), None  # type: list[int], int | None
         self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
         self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
-        self.floats = True  # are all values floats, and not numbers of another kind?
-        self.values = [self._value(event, t, state) for event in events]
 
-    def look(self, motion: Between) -> tuple[int, float, np.ndarray] | None:
-        """Look at some steps, which go on where the last ones ended.
-
-        Returns, if a terminal event ends the run, the number of the step in which it does, the
-        time, and the numbers of the state.
-        """
-        t, n = motion.t, len(motion.t) - 1
-        if not n:
-            return None
-        self.looked = 0
-        native, found, first = NativeEvents(self.events, motion), None, 0
-        if self.floats and native.ready():
-            values = native.values(motion.points[1:], t[1:])
-            failed = np.isnan(values).any(axis=0)
-            some = int(failed.argmax()) if failed.any() else n  # steps before an event fails
-            old = np.concatenate([np.array(self.values)[:, None], values], axis=1)
-            steps = old[:, :some], values[:, :some], t[:some], t[1 : some + 1]
-            zeros = native.zeros(*steps, lambda step, times: motion.numbers(times))
-            if zeros is not None:
-                found, first, self.values = self.meet(zeros), some, old[:, some].tolist()
-        if found is None and first < n:
-            with native.plain():
-                found = self._plainly(motion, first)
-        return found
-
-    def meet(self, zeros: Iterable[Zero]) -> tuple[int, float, np.ndarray] | None:
+    def meet(self, zeros: Iterable[Zero]) -> Zero | None:
         """Keep zeros in the order in which the motion meets them, up to a terminal one."""
-        for k, at, i, numbers in zeros:
+        for zero in zeros:
+            _, at, i, numbers = zero
             self.found[i].append((at, numbers))
             if self.before[i] + len(self.found[i]) == self.terminal[i]:
                 self.ended = i
-                return k, at, numbers
+                return zero
         return None
 
-    def _plainly(self, motion: Between, first: int) -> tuple[int, float, np.ndarray] | None:
-        """Find zeros in the steps from this one on, one event after another."""
-        ends = zip(motion.t[first:-1].tolist(), motion.t[first + 1 :].tolist(), strict=True)
-        for k, (a, b) in enumerate(ends, first):
-            self.looked = k
-            hits, state = [], motion.end(k + 1)
-            for i, (event, old) in enumerate(zip(self.events, self.values, strict=True)):
-                new = self.values[i] = self._value(event, b, state)
-                if crossed(event, old, new):
-                    hits.append((self._root(event, motion, (a, b), (old, new)), i))
-            ordered = sorted(hits, reverse=b < a)
-            hit = self.meet([(k, at, i, packed(motion.state(at))) for at, i in ordered])
-            if hit is not None:
-                return hit
-        return None
-
-    def forget(self, t: float, direction: float, ended: bool) -> None:
-        """Forget the zeros that a run met after this time, to which it was interrupted."""
+    def forget(self, t: float, sign: float, ended: bool) -> None:
+        """Forget the zeros that were met after this time, to which the run was interrupted."""
         self.found = [
-            [(at, x) for at, x in found if (at - t) * direction <= 0.0] for found in self.found
+            [(at, x) for at, x in found if (at - t) * sign <= 0.0] for found in self.found
         ]
         self.ended = self.ended if ended else None
 
@@ -148,56 +101,6 @@ class Watch:
             counts[self.ended] = 0
         return Met.of(self.events, counts)
 
-    def shown(self, example: Any, layout: Any) -> tuple[tuple[np.ndarray, Any], ...]:
-        """Of every event the times and the states, as a Trajectory holds them."""
-        shown = []
-        for found in self.found:
-            arrays = unpacked(
-                layout, np.array([row for _, row in found]).reshape(len(found), layout.width)
-            )
-            shown.append(
-                (
-                    np.array([t for t, _ in found]),
-                    type(example)(*(arrays.get(name) for name in example.parts)),
-                )
-            )
-        return tuple(shown)
-
-    def _value(self, event: Event, t: float, state: Any) -> float:
-        """The value of an event.  What it raises goes to the caller, with the run up to here."""
-        try:
-            value = event(t, state)
-            self.floats = self.floats and type(value) is float
-            try:
-                return float(value)
-            except TypeError:
-                raise InvalidType(
-                    f"integrate: an event gives a number; {event!r} gave {value!r}"
-                ) from None
-        except KeyboardInterrupt:
-            stopped = IntegrationInterrupted(
-                f"integrate: interrupted at t = {t:g}; the samples are in `.trajectory`"
-            )
-            raise self._ended(stopped) from None
-        except Exception as error:
-            error.add_note(
-                f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]"
-            )
-            raise self._ended(error) from None
-
-    def _root(
-        self, event: Event, motion: Between, ends: tuple[float, float], values: tuple[float, float]
-    ) -> float:
-        def value(_: np.ndarray, times: np.ndarray) -> np.ndarray:
-            return np.array([self._value(event, t, motion.state(t)) for t in times.tolist()])
-
-        given = [np.array([x]) for x in (*ends, *values)]
-        return float(roots(value, *given).item())
-
-
-Zero = tuple[int, float, int, np.ndarray]
-"""In which step, when, of which event, and the numbers of the state then."""
-
 
 def crossed(event: Event, old: Any, new: Any) -> Any:
     """Has an event a zero between two of its values, in the direction that it asks for?  A zero at
@@ -208,124 +111,212 @@ def crossed(event: Event, old: Any, new: Any) -> Any:
     return (least <= 0.0) & (most >= 0.0) & (old != 0.0) & (direction * (new - old) >= 0.0)
 
 
-class NativeEvents:
-    """Events in native code, of many motions side by side.
+class Events:
+    """Observer of the zeros of functions of time and state, for all bodies of a run.
 
-    motion : one of them.
+    each : of every body its own watch.
     """
 
-    def __init__(self, events: tuple[Event, ...], motion: Between) -> None:
-        self.events, self.seen = events, motion.seen
-        layout, _ = motion.seen(motion.points[:1])
+    def __init__(self, run: Any, events: tuple[Event, ...]) -> None:
+        self.run, self.events, self.floats = run, events, True
+        self.each: dict[int, Watch] = {}
+        for i in range(run.count):
+            begun = run.begun(i)
+            if run.over[i]:
+                continue
+            t, state, before = (
+                float(run.here[0, i]),
+                run.small(run.here[1:, i]),
+                getattr(begun, "met", NO_EVENTS),
+            )
+            values = [self._value(i, event, t, state) for event in events]
+            ended = getattr(begun, "ended", None)
+            if ended is not None and ended < len(
+                events
+            ):  # a zero that ended that run is none of this
+                known = [name for name, _ in before] or [name_of(event) for event in events]
+                if known[ended] == name_of(events[ended]):
+                    values[ended] = 0.0
+            self.each[i] = Watch(events, values, before)
+        layout, _ = run.seen(run.here[1:, :1].T)
         self.kernels = [
-            execution_of(observe, (event, layout, NUMBER), motion.wanted, silent=True)
+            execution_of(observe, (event, layout, NUMBER), run.asked_for, silent=True)
             for event in events
         ]
 
-    def ready(self) -> bool:
-        """Is there native code of all of them?"""
-        return all([execution.ready(0.0) for execution, _ in self.kernels])  # noqa: C419 (all are asked)
+    def _value(self, body: int, event: Event, t: float, state: Any) -> Any:
+        """The value of an event.  What it raises tells where."""
+        try:
+            value = event(t, state)
+            self.floats = self.floats and type(value) is float
+            try:
+                return float(value)
+            except TypeError:
+                raise InvalidType(
+                    f"integrate: an event gives a number; {event!r} gave {value!r}"
+                ) from None
+        except Exception as error:
+            error.add_note(
+                f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]"
+            )
+            if self.run.bodies:
+                error.add_note(f"[integrate: body {body}]")
+            raise
 
-    @contextmanager
-    def plain(self) -> Iterator[None]:
-        """Around what finds their zeros in plain Python, whose time counts."""
-        with ExitStack() as stack:
-            for execution, _ in self.kernels:
-                stack.enter_context(execution.plain())
-            yield
+    # ---------------------------------------------------------------- the steps of a piece
 
-    def values(self, points: np.ndarray, t: np.ndarray) -> np.ndarray:
+    def see(self, piece: Any) -> dict[int, Zero]:
+        """Look at some steps, which go on where the last ones ended: of bodies that a terminal event
+        ends, the step in which it does, the time, the event, and the numbers of the state.
+
+        What an event raises has `step`, the number of the step before which all is well.
+        """
+        if not len(piece):
+            return {}
+        steps = np.arange(len(piece))
+        hits: dict[int, Zero] = {}
+        left = [
+            (int(k), int(k)) for k in steps[piece.begins]
+        ]  # steps for plain Python, and their body
+        if self.floats and all([execution.ready(0.0) for execution, _ in self.kernels]):  # noqa: C419
+            found = self._natively(piece)
+            if found is not None:
+                hits, left = found
+        for k, first in left:
+            body = int(piece.body[first])
+            if body in hits:
+                continue
+            with ExitStack() as stack:
+                for execution, _ in self.kernels:
+                    stack.enter_context(execution.plain())
+                hit = self._plainly(piece, body, k)
+            if hit is not None:
+                hits[body] = hit
+        return hits
+
+    def _natively(self, piece: Any) -> Any:
+        """Zeros in native code, and of bodies of which an event failed the first step where it did;
+        None if an event fails on the way to a zero.
+        """
+        new = self._values(piece.rows(slice(None))[:, self.run.head][:, 1:], piece.b)
+        begins = piece.begins
+        old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
+        bodies = piece.body[begins].tolist()
+        old[:, begins] = np.array([self.each[i].values for i in bodies]).T
+        failed = np.isnan(new).any(axis=0)
+        place = np.arange(len(piece))
+        starts = np.flatnonzero(begins)
+        bad = np.minimum.reduceat(np.where(failed, place, len(piece)), starts)
+        good = np.flatnonzero(place < np.repeat(bad, np.diff(np.append(starts, len(piece)))))
+        zeros = self._zeros(piece, old[:, good], new[:, good], good)
+        if zeros is None:
+            return None
+        of_each: dict[int, list[Zero]] = {}
+        for zero in zeros:
+            of_each.setdefault(int(piece.body[zero[0]]), []).append(zero)
+        met = {i: self.each[i].meet(own) for i, own in of_each.items()}
+        left = []
+        ends = np.append(starts[1:], len(piece))
+        for i, begin, end, first in zip(bodies, starts.tolist(), ends.tolist(), bad.tolist()):
+            watch = self.each[i]
+            if first < end:
+                watch.values = old[:, first].tolist()
+                left.append((first, begin))
+            else:
+                watch.values = new[:, end - 1].tolist()
+        return {i: hit for i, hit in met.items() if hit is not None}, left
+
+    def _values(self, points: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Their values at states, (n, width), and times, (n,): (events, n), nan where one failed."""
-        given = np.column_stack([self.seen(points)[1], t])
+        given = np.column_stack([self.run.seen(points)[1], t])
         found = [natively(*kernel, given, 1) for kernel in self.kernels]
         return np.array([np.where(one[:, 1] == 1.0, one[:, 0], np.nan) for one in found])
 
-    def zeros(
-        self, old: np.ndarray, new: np.ndarray, a: np.ndarray, b: np.ndarray, where: Any
+    def _zeros(
+        self, piece: Any, old: np.ndarray, new: np.ndarray, good: np.ndarray
     ) -> list[Zero] | None:
         """The zeros in some steps, in the order in which motions meet them; None if an event or a
         motion failed, which plain Python says again.
 
-        old, new : (events, n) their values where the steps begin and end, at the times a and b.
-        where : the numbers of states inside of steps, by the numbers of these and times.
+        old, new : (events, n) their values where the steps begin and end.
         """
         changes = [crossed(*one) for one in zip(self.events, old, new, strict=True)]
         event, step = np.nonzero(changes)
         if not len(event):
             return []
+        whole = good[step]
 
         def value(some: np.ndarray, times: np.ndarray) -> np.ndarray:
-            values = self.values(where(step[some], times), times)
+            values = self._values(self.run.inside(piece, whole[some], times), times)
             found = np.take_along_axis(values, event[None, some], axis=0)[0]
             if np.isnan(found).any():
                 raise ArithmeticError
             return found
 
         try:
-            at = roots(value, a[step], b[step], old[event, step], new[event, step])
-            numbers = self.seen(where(step, at))[1]
+            ends = piece.a[whole], piece.b[whole]
+            at = roots(value, *ends, old[event, step], new[event, step])
+            numbers = self.run.inside(piece, whole, at)
         except Exception:
             return None
-        later = np.where(b[step] >= a[step], 1.0, -1.0)
-        order = np.lexsort((later * event, later * at, step)).tolist()
-        return [(int(step[k]), at.item(k), int(event[k]), numbers[k]) for k in order]
+        later = np.where(ends[1] >= ends[0], 1.0, -1.0)
+        order = np.lexsort((later * event, later * at, whole)).tolist()
+        return [(int(whole[k]), at.item(k), int(event[k]), numbers[k]) for k in order]
 
+    def _plainly(self, piece: Any, body: int, first: int) -> Zero | None:
+        """Find zeros in the steps of a body from this one on, one event after another."""
+        watch, run = self.each[body], self.run
+        for k in range(first, len(piece)):
+            if piece.body[k] != body:
+                break
+            some, a, b = np.array([k]), piece.a.item(k), piece.b.item(k)
 
-class Unseen(Exception):
-    """An event is to be looked at in plain Python: body after body."""
+            def inside(t: float, some: np.ndarray = some) -> np.ndarray:
+                found: np.ndarray = run.inside(piece, some, np.array([t]))[0]
+                return found
 
+            try:
+                hits, state = [], run.small(piece.rows(some)[0, run.head][1:])
+                for i, (event, old) in enumerate(zip(self.events, watch.values, strict=True)):
+                    new = self._value(body, event, b, state)
+                    watch.values[i] = new
+                    if crossed(event, old, new):
 
-def unseen(error: Any) -> Any:
-    """What ends a run whose event failed at the start, but for Ctrl-C."""
-    return error if isinstance(error, KeyboardInterrupt) else Unseen()
+                        def value(_: Any, times: np.ndarray, event: Any = event) -> np.ndarray:
+                            return np.array(
+                                [
+                                    self._value(body, event, t, run.small(inside(t)))
+                                    for t in times.tolist()
+                                ]
+                            )
 
+                        given = [np.array([x]) for x in (a, b, old, new)]
+                        hits.append((float(roots(value, *given).item()), i))
+                ordered = sorted(hits, reverse=b < a)
+                hit = watch.meet([(k, at, i, inside(at)) for at, i in ordered])
+            except BaseException as error:
+                error.step = k  # type: ignore[attr-defined]
+                raise
+            if hit is not None:
+                return hit
+        return None
 
-class Watches:
-    """Watches the events of many bodies side by side, in native code.
+    # ---------------------------------------------------------------- what came of it
 
-    each : of every body its own watch.  values : (events, bodies) where the bodies stand.
-    """
+    def forget(self) -> None:
+        """Forget zeros beyond the places where the bodies stand."""
+        for i, watch in self.each.items():
+            watch.forget(float(self.run.here[0, i]), self.run.sign[i], i in self.run.cuts)
 
-    def __init__(self, native: NativeEvents, bodies: int) -> None:
-        self.native, self.each = native, dict[int, Watch]()
-        self.values = np.zeros((len(native.events), bodies))
-
-    def add(self, body: int, watch: Watch) -> None:
-        """Watch a body, too.  Raises Unseen if its events are not for native code."""
-        if not watch.floats:
-            raise Unseen
-        self.each[body], self.values[:, body] = watch, watch.values
-
-    def look(
-        self, body: np.ndarray, points: np.ndarray, a: np.ndarray, b: np.ndarray, where: Any
-    ) -> dict[int, tuple[int, float, np.ndarray]]:
-        """Look at steps from the times a to b, where the states are `points`, of one body after
-        another: those of a terminal event the number of the step, the time and the state.
-
-        where : as in `NativeEvents.zeros`.  Raises Unseen if plain Python is to say why one failed.
-        """
-        new = self.native.values(points, b)
-        changed = body[1:] != body[:-1]
-        begins, ends = np.append(True, changed), np.append(changed, True)
-        old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
-        old[:, begins] = self.values[:, body[begins]]
-        self.values[:, body[ends]] = new[:, ends]
-        failed = np.flatnonzero(np.isnan(new).any(axis=0))[::-1]
-        first = np.full(self.values.shape[1], len(body))  # of every body the first step that failed
-        first[body[failed]] = failed
-        good = np.flatnonzero(np.arange(len(body)) < first[body])
-        given = old[:, good], new[:, good], a[good], b[good]
-        zeros = self.native.zeros(*given, lambda step, times: where(good[step], times))
-        if zeros is None:
-            raise Unseen
-        of_each: dict[int, list[Zero]] = {}
-        for k, at, event, numbers in zeros:
-            step = int(good[k])
-            of_each.setdefault(int(body[step]), []).append((step, at, event, numbers))
-        met = {i: self.each[i].meet(own) for i, own in of_each.items()}
-        if any(self.each[i].ended is None for i in body[failed].tolist()):
-            raise Unseen
-        return {i: hit for i, hit in met.items() if hit is not None}
+    def shown(self, body: int) -> tuple[tuple[np.ndarray, Any], ...]:
+        """Of every event the times and the states, as a Trajectory holds them."""
+        watch = self.each.get(body)
+        found = [[] for _ in self.events] if watch is None else watch.found
+        width = self.run.here.shape[0] - 1
+        return tuple([
+            (np.array([t for t, _ in one]), self.run.states_of(np.array([x for _, x in one]).reshape(len(one), width)))
+            for one in found
+        ])  # fmt: skip
 
 
 def roots(

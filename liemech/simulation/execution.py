@@ -30,10 +30,12 @@ MANY = 1000
 class History:
     """What this process has learned about one driver and the layouts of its arguments.
 
-    seconds : spent on it in plain Python.  looked : on disk.  refused : it cannot be compiled.
+    seconds : spent on it in plain Python.  uses : of drivers before or after the steps.
+    looked : on disk.  refused : it cannot be compiled.
     """
 
     seconds: float = 0.0
+    uses: int = 0
     looked: bool = False
     refused: bool = False
 
@@ -74,7 +76,6 @@ class Execution:
         )
         self.given: Sequence[Any] = kernel.examples(call[1:])
         self.native: kernel.Kernel | None = None
-        self.uses = 0
         self.guard: Any = None  # of this call, where it has parts of its own
         self.refresh()
 
@@ -107,9 +108,10 @@ class Execution:
         code have it here from the third use after the first one on.
         """
         self.refresh()
-        self.uses += 1
-        if demanded and self.uses == OFTEN:
-            self.compile()
+        if self.native is None:
+            self.history.uses += 1
+            if demanded and self.history.uses > OFTEN:
+                self.compile()
 
     def _unchanged(self, reads: Any) -> bool:
         """Is all that was read what it was?  Calls that differ in their objects share native code,

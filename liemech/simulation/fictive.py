@@ -11,8 +11,8 @@ from ..formulas.pytree import layout_of
 from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
 from ..systems.sundman import InFictiveTime
-from ..systems.system import State, small_state, state_of
-from .carry import Carry
+from ..systems.system import State, member, small_state, state_of
+from .carry import Carries, Carry, Ended, each
 from .events import NO_EVENTS, Met
 from .prepared import Steps
 
@@ -121,3 +121,29 @@ class FictiveCarry:
     def _apart(self) -> Any:
         sample = self.inner.state if self.ahead is None else self.ahead
         return self.origin.whole.apart({name: x[None] for name, x in sample.arrays.items()})
+
+
+def members_of(carry: Carry | FictiveCarry | Carries) -> tuple[Any, ...]:
+    """What every body carries along."""
+    if carry.bodies is None:
+        return (carry,)
+    if isinstance(carry, Carries):
+        return carry.members
+    return each(carry) if isinstance(carry, Carry) else each_in_fictive_time(carry)
+
+
+def each_in_fictive_time(carry: FictiveCarry) -> tuple[Any, ...]:
+    """What every body of an ensemble that steps side by side in fictive time carries along."""
+    found: list[Any] = []
+    h: Any = carry.inner.h
+    for i, inner in enumerate(each(carry.inner)):
+        origin = Origin(carry.origin.given, carry.origin.method, member(carry.origin.start, i))
+        if not isinstance(inner, Ended):
+            found.append(FictiveCarry(origin, inner))
+            continue
+        arrays = {name: x[None] for name, x in inner.state.arrays.items()}
+        t, states, z = origin.whole.apart(arrays)
+        state = small_state(type(origin.start), {name: x[0] for name, x in states.items()})
+        tau, last = inner.steps * h, None if z is None else float(z[0])
+        found.append(Ended(state, float(t[0]), inner.steps, inner.error, tau, last, origin))
+    return tuple(found)

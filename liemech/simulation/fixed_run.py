@@ -29,9 +29,11 @@ from ..formulas.pytree import Layout, double_double, fitted, layout_of, leaves
 from ..systems.system import State, member
 from .carry import Carry
 from .checkpoint import Checkpoint
+from .control import begun, sample
 from .dense import flat, unpacked
+from .driver import begin, fixed_steps
 from .execution import LOOK, Execution
-from .fixed import begin, begun, fixed_steps, sample
+from .lanes import pool
 from .prepared import Shape, Steps, shown_step, times
 from .progress import Bar
 from .stopped import Stopped
@@ -81,7 +83,7 @@ class FixedRun:
         if shape is None:
             self.start: State = start.state if isinstance(start, Carry) else start
             shape = self._shape()
-        else:
+        elif steps:
             shape.stepping.refresh()
         self.shape = shape
         self.columns = shape.columns(self.count)
@@ -100,7 +102,7 @@ class FixedRun:
     @property
     def compiled(self) -> bool:
         """Has native code taken over?"""
-        return self.shape.stepping.native is not None
+        return "stepping" in vars(self.shape) and self.shape.stepping.native is not None
 
     # ---------------------------------------------------------------- the start
 
@@ -120,7 +122,7 @@ class FixedRun:
             shape = self.plan.shapes[given, side] = Shape(
                 self.plan, given, started, first, example, side
             )
-        else:
+        elif self.steps:
             shape.stepping.refresh()
         return shape
 
@@ -185,7 +187,7 @@ class FixedRun:
             return
         beginning = shape.beginning(plan)
         beginning.refresh()
-        if shape.stepping.native is not None and self.bodies is not None:
+        if self.steps and shape.stepping.native is not None and self.bodies is not None:
             beginning.compile()
         if shape.given != shape.shown:
             self.out[0] = 0.0
@@ -199,7 +201,7 @@ class FixedRun:
             raise self._nobody()
         if self.bodies is not None:
             self.states[:-1, self.taken < 0.0] = 0.0
-        if beginning.native is not None and self.bodies is not None:
+        if self.steps and beginning.native is not None and self.bodies is not None:
             shape.stepping.compile()
 
     def _lay_down(self, columns: np.ndarray) -> None:
@@ -408,7 +410,7 @@ class FixedRun:
         """
         native: Any = execution.native
         arrays = *self.shape.own, *arrays
-        stepping = execution is self.shape.stepping
+        stepping = execution.call[0] is fixed_steps
         floats = [
             x for x in (values[4:6] if stepping else values[6:]) if not isinstance(x, Several)
         ]
@@ -550,14 +552,6 @@ class FixedRun:
     def _with_trajectory(error: Any, run: Trajectory) -> Any:
         error.trajectory = run
         return error
-
-
-@functools.cache
-def pool(workers: int, process: int) -> Any:
-    """Threads that stay; a forked process has none of its parent's."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    return ThreadPoolExecutor(workers - 1, "liemech")
 
 
 def _affordable(size: int, steps: int, every: int) -> None:

@@ -17,20 +17,23 @@ from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of,
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
-from .adaptive_ensemble import AdaptiveEnsemble
 from .at_once import advanced, at_once, of_shape
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .checkpoint import Checkpoint
+from .equal import EqualRun
 from .execution import like
 from .fictive import FictiveCarry
+from .fictive_run import FictiveRun
 from .fixed_run import FixedRun
-from .one_by_one import OneByOne, apart
 from .prepared import Steps
 from .recorded import Recorder, recorder_of
+from .short import short
 from .stepper import Stepper
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
+from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
-from .watched_ensemble import WatchedEnsemble
+from .transformed import TransformedRun
+from .watched import sampled
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -147,8 +150,6 @@ class Plan:
                 workers,
             )
         elif h is None or not (rtol is atol is max_step is None):
-            from .adaptive_run import AdaptiveSteps
-
             asked = {"rtol": rtol, "atol": atol, "max_step": max_step}
             arguments.only_adaptive(first("method"), every, h, **asked)
             if precision != "double":
@@ -299,21 +300,28 @@ class Plan:
         start, t0 = self._started(start), arguments.real(t0, "t0")
         if self.adaptive and self._given["atol"] is None:
             arguments.large_enough(start)
-        one_by_one = apart(self, start, t_end, t_eval)
-        if one_by_one and (self.fictive or self.adaptive):
-            return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
-        if self.fictive:
-            return self._transformed(start, steps, t_end, t0, t_eval, kept)
         if self.adaptive:
-            return self._steps.run(
-                start, t0, t_end, steps, t_eval, self.events, kept, self.recorder
-            )
+            return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
+        one_by_one = self._apart(start, t_end, t_eval)
+        if self.fictive:
+            if steps is None and t_end is None:
+                raise InvalidInput(
+                    "integrate: give h, the step in fictive time, and steps or t_end"
+                )
+            if t_end is None and t_eval is not None:
+                raise InvalidInput(
+                    "integrate: t_eval needs t_end, the time up to which the run goes"
+                )
+        if one_by_one and self.fictive:
+            return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
+        if self.fictive:
+            return self._transformed(start, steps, t0, kept)
         count = 0 if one_by_one else self._count(steps, t_end, t0)
         doubt = self._doubt(start)
         if doubt:
             warn(doubt, StepWarning)
         if one_by_one:
-            return self._one_by_one(start, t0, steps, t_end, t_eval, kept)
+            return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
         return self._stepped(start, count, t0, t_eval, kept)
 
     def _short_run(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
@@ -344,24 +352,50 @@ class Plan:
         known = None if given is None else self._laid_out.get(given)
         return known if known is not None and self._inner._knows(start) else None
 
-    def _one_by_one(
+    def _apart(self, start: Any, t_end: Any, t_eval: Any) -> bool:
+        """Has every body a clock and a goal of its own?  Otherwise they make the same steps."""
+        if self.events or isinstance(start, Carries):
+            return True
+        many = start.bodies is not None
+        if self.fictive:
+            own = any(name in self.of_each for name in ("system", "method", "h"))
+            return t_end is not None or (many and own)
+        if not many:
+            return False
+        of_each = "h" in self.of_each and (t_end is not None or t_eval is not None)
+        axes = arguments.axes(t_end, "t_end") > 0 or arguments.axes(t_eval, "t_eval") > 1
+        return of_each or axes
+
+    def _in_pieces(
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
-        """A run of an ensemble whose bodies go each its own way."""
-        recorder, kind = self.recorder, type(start if isinstance(start, State) else start.state)
-        compiled = self._steps.compiled
-        if kept is not None and recorder is not None:
-            kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        way: type[OneByOne] = OneByOne
-        if self.adaptive and AdaptiveEnsemble.fits(self):
-            way = AdaptiveEnsemble
-        elif not self.fictive and WatchedEnsemble.fits(self, start, t_end, t_eval):
-            way = WatchedEnsemble
-        run = way(self, start, t0, steps, t_end, t_eval, kept)
-        if recorder is None:
-            return run.trajectory()
-        made: Trajectory = recorder.instead(run.trajectory, kind, compiled)
-        return made
+        """A run of bodies each of which goes its own way."""
+        way, recorder = self._steps, self.recorder
+        alone = start.bodies is None
+        if (
+            self.adaptive
+            and alone
+            and t_end is not None
+            and not (self.events or kept or recorder or way.progress)
+        ):
+            limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
+            end = arguments.real(t_end, "t_end")
+            times = arguments.times(t_eval, t0, end)
+            if not (way.dense and times is not None) and not way.jumps(t0, end):
+                run = short(way, start, t0, end, times, limit)
+                if run is not None:
+                    return run
+        kind = ToleranceRun if self.adaptive else FictiveRun if self.fictive else EqualRun
+        if recorder is not None and (not alone or self.fictive):
+            recorder = None
+        made = kind(self, start, t0, steps, t_end, t_eval, kept, recorder)
+        if recorder is self.recorder:
+            return made.trajectory()
+        own, keeper = type(made.begun(0).state), self.recorder  # type: Any, Any
+        if kept is not None:
+            kept.shown = functools.partial(keeper.presented, kind=own, compiled=way.compiled)
+        shown: Trajectory = keeper.instead(made.trajectory, own, way.compiled)
+        return shown
 
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
@@ -465,14 +499,10 @@ class Plan:
             carry = self._of_this_plan(run, "resume")
         else:
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        if apart(self, carry, t_end, t_eval):
-            return self._one_by_one(carry, 0.0, steps, t_end, t_eval, kept)
+        if self.adaptive or self._apart(carry, t_end, t_eval):
+            return self._in_pieces(carry, 0.0, steps, t_end, t_eval, kept)
         if self.fictive:
-            return self._transformed(carry, steps, t_end, carry.t, t_eval, kept)
-        if self.adaptive:
-            return self._steps.run(
-                carry, carry.t, t_end, steps, t_eval, self.events, kept, self.recorder
-            )
+            return self._transformed(carry, steps, carry.t, kept)
         return self._stepped(
             carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval, kept
         )
@@ -485,43 +515,27 @@ class Plan:
         return self._one.system if self._one.fictive else self._one
 
     def _transformed(
-        self,
-        start: State | FictiveCarry,
-        steps: Any,
-        t_end: Any,
-        t0: Any,
-        t_eval: Any,
-        kept: Checkpoint | None,
+        self, start: State | FictiveCarry, steps: Any, t0: Any, kept: Checkpoint | None
     ) -> Trajectory:
-        """A run in fictive time."""
-        from .transformed import TransformedRun
-
-        if steps is None and t_end is None:
-            raise InvalidInput("integrate: give h, the step in fictive time, and steps or t_end")
-        if t_end is None and t_eval is not None:
-            raise InvalidInput("integrate: t_eval needs t_end, the time up to which the run goes")
+        """A run of so many steps in fictive time."""
         recorder, compiled = self.recorder, self._steps.compiled
         kind = type(start if isinstance(start, State) else start.origin.start)
         if kept is not None and recorder is not None:
             kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        last = None if t_end is None else arguments.real(t_end, "t_end")
-        limit = (
-            arguments.MOST // 2
-            if steps is None
-            else arguments.count(steps, "steps", 0 if last is None else 1)
-        )
+        steps = arguments.count(steps, "steps", 0)
         run = TransformedRun(self._steps, start, t0, kept)
-
-        def made() -> Trajectory:
-            if last is None and not self.events:
-                return run.steps(limit)
-            return run.march(last, limit, t_eval, self.events)
-
-        return made() if recorder is None else recorder.instead(made, kind, compiled)
+        if recorder is None:
+            return run.steps(steps)
+        made: Trajectory = recorder.instead(lambda: run.steps(steps), kind, compiled)
+        return made
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
         """How many steps, checked, and with them their times."""
-        h = self._steps.h
+        return self.count(steps, t_end, t0, before, self._steps.h)
+
+    @staticmethod
+    def count(steps: int | None, t_end: float | None, t0: float, before: int, h: Any) -> int:
+        """How many steps of length h, checked, and with them their times."""
         if t_end is not None:
             if steps is not None:
                 raise InvalidInput(
@@ -564,7 +578,7 @@ class Plan:
         kept: Checkpoint | None,
     ) -> Trajectory:
         """A run that keeps functions of the state."""
-        if t_eval is None and not self.events:
+        if t_eval is None:
             return recorder.fixed(self._steps, start, steps, t0, kept)
         kind = type(start.state if isinstance(start, Carry) else start)
         compiled = self._steps.compiled
@@ -575,21 +589,16 @@ class Plan:
     def _whole(
         self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
-        if t_eval is None and not self.events:
+        if t_eval is None:
             run = at_once(self._steps, start, steps, t0) if kept is None else None
             return (
                 FixedRun(self._steps, start, steps, t0, checkpoint=kept).trajectory()
                 if run is None
                 else run
             )
-        from .watched import WatchedRun, sampled
-
         begun = start.t if isinstance(start, Carry) else t0
         before = start.step if isinstance(start, Carry) else 0
-        times = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)
-        if self.events:
-            return WatchedRun(self._steps, start, steps, t0, times, self.events, kept).trajectory()
-        assert times is not None
+        times: Any = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)
         return sampled(self._steps, start, steps, t0, times, kept)
 
     def _of_this_plan(self, run: Trajectory, what: str) -> Any:
@@ -706,12 +715,19 @@ class Plan:
             )
         if start.bodies is None:
             return self._tangent(start, steps, t_end, t0, names)
-        alone = OneByOne(self, start, t0, steps, t_end, None, None)
+        ends = arguments.ends(t_end, start.bodies)
         runs = [
-            alone.plan_of(i)._tangent(alone.begun(i).state, steps, alone.ends[i], t0, names)
-            for i in range(alone.count)
+            self._of_body(i)._tangent(member(start, i), steps, ends[i], t0, names)
+            for i in range(start.bodies)
         ]
         return of_bodies(self.method, runs)
+
+    def _of_body(self, i: int) -> Plan:
+        """The plan of one body."""
+        own = {name: values[i] for name, values in self.of_each.items()}
+        dense = False if self.adaptive else None
+        changed = {"progress": False, "workers": 1, "record": None, "dense": dense}
+        return Plan(**self._given | changed | own)
 
     def _tangent(
         self, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]
@@ -725,7 +741,7 @@ class Plan:
                     "Plan.tangent: h is for steps of one length; the lengths of adaptive ones are "
                     "held fixed"
                 )
-            run = self._steps.run(start, t0, t_end, steps, None, ())
+            run = self._in_pieces(start, t0, steps, t_end, None, None)
             return adaptive_tangent_run(self._steps, run, self._steps.begun(run.t), start, names)
         if self.fictive:
             if t_end is not None or steps is None:

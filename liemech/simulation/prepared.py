@@ -5,6 +5,7 @@ native code.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import operator
 import struct
 from collections.abc import MutableMapping
@@ -28,8 +29,8 @@ from ..formulas.pytree import (
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
 from ..systems.system import State, System
+from .driver import begin, fixed_steps
 from .execution import Execution, like, numbers_of
-from .fixed import begin, fixed_steps
 from .systems import OfBodies, of_body
 
 TIME = struct.Struct("d")
@@ -147,7 +148,7 @@ class Prepared:
 
     arguments: tuple[Any, Any, Any, Any]
     constants: bytes
-    stepping: Execution
+    stepping: Any
 
     def of_system(self, system: System) -> Any:
         """The same for another system of the same layout."""
@@ -156,7 +157,7 @@ class Prepared:
             self,
             arguments=(method, system, *layouts),
             constants=numbers_of(method, system),
-            stepping=self.stepping.of(system),
+            **{"stepping": self.stepping.of(system)} if "stepping" in vars(self) else {},
         )
 
 
@@ -203,13 +204,11 @@ class Shape(Prepared):
             self.shown.width,
             gatherer(given),
         )
-        none = np.empty(0)
         self.arguments = method, system, self.layout, self.shown
-        call = fixed_steps, *self.arguments, 0.0, self.h, 0, 1, 1, none, none, None
-        self.stepping = Execution(steps.compiled, steps.progress, *call, lanes=self.lanes)
+        self.asked, self.progress = steps.compiled, steps.progress
         self._call = struct.Struct(f"8q{len(self.constants)}s2d").pack
         self._beginning: Execution | None = None
-        self._others: dict[Any, Execution] = {}
+        self.others: dict[Any, Any] = {}
         self.order: list[int] | None = None
         if given == self.shown and all(
             getattr(type(steps.method_of(0)), f) is getattr(Method, f) for f in ("start", "observe")
@@ -232,18 +231,15 @@ class Shape(Prepared):
         other: Shape = super().of_system(system)
         if other._beginning is not None:
             other._beginning = other._beginning.of(system)
-        other._others = {driver: e.of(system) for driver, e in self._others.items()}
+        other.others = {key: lanes.of_system(system) for key, lanes in self.others.items()}
         return other
 
-    def other(self, driver: Any, *call: Any) -> Execution:
-        """Who runs another driver, for arguments laid out like these."""
-        known = self._others.get(driver)
-        if known is None:
-            asked, progress = self.stepping.asked, self.stepping.progress
-            known = self._others[driver] = Execution(asked, progress, driver, *call)
-        else:
-            known.refresh()
-        return known
+    @functools.cached_property
+    def stepping(self) -> Execution:
+        """Who runs `fixed_steps`."""
+        none = np.empty(0)
+        call = fixed_steps, *self.arguments, 0.0, self.h, 0, 1, 1, none, none, None
+        return Execution(self.asked, self.progress, *call, lanes=self.lanes)
 
     @property
     def beginner(self) -> tuple[Any, ...]:
@@ -262,7 +258,7 @@ class Shape(Prepared):
         beginning = self._beginning
         if beginning is None:
             return False
-        beginning.used(self.stepping.asked)
+        beginning.used(self.asked)
         states, out, starts = (
             memory[: self.carried],
             memory[self.carried :][: self.sampled],

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
-from ..systems.system import State, member
+from ..systems.system import State, member, state_of
 from . import arguments
 from .carry import Carries, Carry, Waiting
-from .fictive import FictiveCarry, Origin
-from .one_by_one import OneByOne, apart, members, no_events
+from .fictive import FictiveCarry, Origin, members_of
+from .fictive_run import FictiveRun
 from .prepared import shown_step
 from .progress import WANTED, Bar
 from .stopped import NONE, Stopped
@@ -188,10 +188,10 @@ def _waiting(plan: Any, start: Any, how: dict[str, Any]) -> Any:
     t0, t_end, t_eval = how["t0"], how["t_end"], how["t_eval"]
     start, steps = plan._started(start), plan._steps
     if plan.fictive:  # they have a clock, too
-        if apart(plan, start, t_end, t_eval):
-            run = OneByOne(plan, start, t0, how["steps"], t_end, t_eval, None).joined()
+        if plan._apart(start, t_end, t_eval):
+            run = FictiveRun(plan, start, t0, how["steps"], t_end, t_eval).result()
         else:
-            run = plan._transformed(start, 0, None, t0, None, None)
+            run = plan._transformed(start, 0, t0, None)
     else:
         run = Trajectory.promised(
             SimpleNamespace(
@@ -223,7 +223,7 @@ def _of_their_own(run: Any) -> Any:
         return run
     given, method, start = run.origin.given, run.origin.method, run.origin.start
     origin = tuple([Origin(given, method, member(start, i)) for i in range(run.bodies)])
-    carry = None if run.carry is None else Carries(members(run.carry))
+    carry = None if run.carry is None else Carries(members_of(run.carry))
     tau = np.repeat(run.tau[:, None], run.bodies, axis=1)
     return dataclasses.replace(run, origin=origin, tau=tau, carry=carry)
 
@@ -348,7 +348,7 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None
     if any(isinstance(carry, Carries) for carry in carries):
         if None in carries:
             return None
-        return Carries(sum([members(carry) for carry in carries], ()))
+        return Carries(sum([members_of(carry) for carry in carries], ()))
     if origin is not None and None not in carries:
         return FictiveCarry(origin, _carry(chunks, [carry.inner for carry in carries]))
     if not all(isinstance(carry, Carry) for carry in carries):
@@ -370,3 +370,9 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None
     )
     vars(made)["state"] = _all([carry.state for carry in carries])
     return made
+
+
+def no_events(state: Any) -> tuple[np.ndarray, Any]:
+    """What a body has met of an event, with states like this one: nothing."""
+    empty = {name: x[None][:0] for name, x in state.arrays.items()}
+    return np.empty(0), state_of(type(state), empty)

@@ -11,8 +11,8 @@ import pytest
 
 import liemech as lm
 from liemech.errors import IntegrationFailure, StepTooSmall
-from liemech.simulation import adaptive_ensemble
-from liemech.simulation.one_by_one import OneByOne
+from liemech.simulation import keep, lanes, run
+from liemech.simulation.execution import Execution
 from liemech.tableaus import BOGACKI_SHAMPINE3
 
 pytestmark = pytest.mark.compiled
@@ -24,13 +24,24 @@ PLAN = lm.Plan(BODY, METHOD, rtol=1e-5, progress=False)
 TIMES = np.array([0.0, 0.3, 0.30001, 1.0, 1.0, 1.7, 2.0])
 
 
+def python_first(monkeypatch: pytest.MonkeyPatch, pieces: int) -> None:
+    """Some pieces of the next run in plain Python."""
+    ready, asked = Execution.ready, []
+
+    def not_yet(execution: Any, done: float) -> bool:
+        asked.append(done)
+        return len(asked) > pieces and ready(execution, done)
+
+    monkeypatch.setattr(Execution, "ready", not_yet)
+
+
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few bodies at once, and few trials, so that lanes take the next bodies often."""
-    monkeypatch.setattr(adaptive_ensemble, "ROOM", 16)
-    monkeypatch.setattr(adaptive_ensemble, "LONGEST", 8)
-    monkeypatch.setattr(adaptive_ensemble, "TRIALS", 1)
-    monkeypatch.setattr(adaptive_ensemble, "ROWS", 20)
+    monkeypatch.setattr(run, "ROOM", 16)
+    monkeypatch.setattr(run, "LONGEST", 8)
+    monkeypatch.setattr(lanes, "TRIALS", 1)
+    monkeypatch.setattr(keep, "ROWS", 20)
 
 
 def native(**changed: Any) -> lm.Plan:
@@ -78,8 +89,8 @@ def test_samples_between_the_steps(sign: float, own: bool) -> None:
 def test_pieces_become_shorter_where_they_take_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bodies that wait for the others in the middle of their way go on where they stood."""
     whole = native().run(BODY.state(mu=MU), t_end=4.0, t_eval=TIMES)
-    monkeypatch.setattr(adaptive_ensemble, "PATIENCE", 0.0)
-    monkeypatch.setattr(adaptive_ensemble, "ROOM", 32)
+    monkeypatch.setattr(run, "PATIENCE", 0.0)
+    monkeypatch.setattr(run, "ROOM", 32)
     slow = native().run(BODY.state(mu=MU), t_end=4.0, t_eval=TIMES)
     assert np.array_equal(slow.mu, whole.mu) and slow.steps == whole.steps
     assert np.array_equal(slow.carry.state.mu, whole.carry.state.mu)
@@ -128,13 +139,8 @@ def test_functions_of_the_state() -> None:
 
 def test_plain_python_begins_and_lanes_take_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """The bits do not tell where."""
-    ensemble = adaptive_ensemble.AdaptiveEnsemble
     whole = native().run(BODY.state(mu=MU[:19]), t_end=2.0, t_eval=TIMES)
-    later = ensemble._side_by_side
-    monkeypatch.setattr(ensemble, "_run", OneByOne._run)
-    monkeypatch.setattr(
-        ensemble, "_side_by_side", lambda self, i, bar: i > 6 and later(self, i, bar)
-    )
+    python_first(monkeypatch, 13)
     mixed = native().run(BODY.state(mu=MU[:19]), t_end=2.0, t_eval=TIMES)
     assert np.array_equal(mixed.mu, whole.mu) and mixed.steps == whole.steps
     assert mixed.h == whole.h and mixed.rejected == whole.rejected
@@ -240,7 +246,7 @@ def test_a_body_whose_formula_fails_at_its_start_makes_no_step(compiled: bool) -
 
 def test_an_interrupt_leaves_every_body_where_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
     """From there all go on, and come to the same bits."""
-    piece, left = adaptive_ensemble.AdaptiveEnsemble._piece, [3]
+    piece, left = run.Run._piece, [3]
 
     def pressed(self: Any, *args: Any) -> None:
         left[0] -= 1
@@ -250,7 +256,7 @@ def test_an_interrupt_leaves_every_body_where_it_stands(monkeypatch: pytest.Monk
 
     starts = BODY.state(mu=MU[:19])
     whole = native().run(starts, t_end=5.0)
-    monkeypatch.setattr(adaptive_ensemble.AdaptiveEnsemble, "_piece", pressed)
+    monkeypatch.setattr(run.Run, "_piece", pressed)
     with pytest.raises(KeyboardInterrupt) as caught:
         native().run(starts, t_end=5.0)
     told: Any = caught.value.trajectory  # type: ignore[attr-defined]
@@ -262,14 +268,10 @@ def test_an_interrupt_leaves_every_body_where_it_stands(monkeypatch: pytest.Monk
 def test_bodies_that_fail_before_and_after_lanes_take_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each as it does alone."""
     plan = lm.Plan(UNBOUNDED, METHOD, rtol=1e-4, compiled=True, progress=False)
-    ensemble, starts = adaptive_ensemble.AdaptiveEnsemble, UNBOUNDED.state(mu=STARTS[[1, 0, 1, 3]])
+    starts = UNBOUNDED.state(mu=STARTS[[1, 0, 1, 3]])
     with pytest.warns(RuntimeWarning, match="2 of 4 bodies stopped early"):
         whole = plan.run(starts, t_end=50.0, steps=40)
-    later = ensemble._side_by_side
-    monkeypatch.setattr(ensemble, "_run", OneByOne._run)
-    monkeypatch.setattr(
-        ensemble, "_side_by_side", lambda self, i, bar: i > 1 and later(self, i, bar)
-    )
+    python_first(monkeypatch, 9)
     with pytest.warns(RuntimeWarning, match="2 of 4 bodies stopped early"):
         mixed = plan.run(starts, t_end=50.0, steps=40)
     assert [*mixed.stopped] == [*whole.stopped] == [0, 2]

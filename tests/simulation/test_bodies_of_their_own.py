@@ -17,8 +17,7 @@ from scenes import slow
 import liemech as lm
 from liemech.errors import IntegrationFailure, IntegrationInterrupted, InvalidInput
 from liemech.formulas import sqrt, where
-from liemech.simulation.events import NativeEvents, Watches
-from liemech.simulation.one_by_one import OneByOne
+from liemech.simulation.events import Events
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 MU = np.random.default_rng(0).normal(size=(4, 3))
@@ -335,17 +334,14 @@ ADAPTIVE = {"rtol": 1e-6, "max_step": 0.1}
 @pytest.mark.parametrize("events", [(rising, third), slow((below, rising))])
 @pytest.mark.parametrize("several", [False, slow(True)])
 def test_events_of_bodies_side_by_side(
-    method: Any, stepping: dict[str, Any], how: dict[str, Any], events: Any, several: bool,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    went, run_of = [], OneByOne._run
-    monkeypatch.setattr(OneByOne, "_run", lambda self, i: went.append(i) or run_of(self, i))
+    method: Any, stepping: dict[str, Any], how: dict[str, Any], events: Any, several: bool
+) -> None:
     suns: Any = [lm.Kepler(1.0 + 0.01 * i) for i in range(MANY)] if several else KEPLER
     plan = lm.Plan(suns, method, **stepping, events=events, compiled=True)
     starts = KEPLER.state(MANY_Q, MANY_P)
     with warnings.catch_warnings(action="ignore"):
         runs = plan.run(starts, **how)
-    assert len(went) < 5  # until there is native code of the events
+    assert runs.compiled
     for i in range(MANY):
         own = {n: x[i] if n == "t_end" and np.ndim(x) else x for n, x in how.items()}
         single, error = plan.replace(system=suns[i] if several else KEPLER), None
@@ -385,7 +381,7 @@ def test_an_event_that_fails_is_raised_as_its_body_alone_raises_it() -> None:
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("nth", [2, slow(3)])
-@pytest.mark.parametrize("of", [(Watches, "look"), slow((NativeEvents, "zeros"))])
+@pytest.mark.parametrize("of", [(Events, "see"), slow((Events, "_natively"))])
 @pytest.mark.parametrize(
     ("method", "stepping", "end"),
     [(DP5, ADAPTIVE, {"t_end": 6.0}), (lm.StormerVerlet(), {"h": 0.02}, {"steps": 300})],
@@ -394,8 +390,7 @@ def test_an_interrupt_between_events_loses_and_repeats_none(
     method: Any, stepping: Any, end: dict[str, Any], of: Any, nth: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr("liemech.simulation.watched_ensemble.LARGEST", 100)
-    monkeypatch.setattr("liemech.simulation.adaptive_ensemble.LONGEST", 16)
+    monkeypatch.setattr("liemech.simulation.run.LONGEST", 16 if "rtol" in stepping else 100)
     starts = KEPLER.state(MANY_Q[6:], MANY_P[6:])
     plan = lm.Plan(KEPLER, method, **stepping, events=(rising, third), compiled=True)
     whole = plan.run(starts, **end)

@@ -15,7 +15,7 @@ import pytest
 import liemech as lm
 from liemech import errors
 from liemech.compiler import kernel
-from liemech.simulation import recorded, watched
+from liemech.simulation import keep, recorded
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 START = BODY.state(mu=[0.5, 0.1, 0.75**0.5], g=np.eye(3))
@@ -442,19 +442,23 @@ def test_an_interrupt_between_the_parts_of_a_run(monkeypatch):
     monkeypatch.setattr(recorded, "STEPS", 8)
     for kind, how in (
         (recorded._RecordedRun, dict(record="energy")),
-        (watched.WatchedRun, dict(events=Equator())),
+        (keep.Every, dict(events=Equator())),
     ):
         plan = lm.Plan(BODY, lm.RKMK(order=2), h=0.1, compiled=False, **how)  # type: ignore[arg-type]
-        whole, calls, keep = plan.run(START, steps=50), [], kind._keep
+        whole, calls = plan.run(START, steps=50), []
+        name = "_keep" if kind is recorded._RecordedRun else "see"
+        true = getattr(kind, name)
 
-        def kept(self, *given, keep=keep, calls=calls):
+        def kept(self, *given, true=true, calls=calls):
             calls.append(None)
             if len(calls) == 3:
                 raise KeyboardInterrupt
-            return keep(self, *given)
+            return true(self, *given)
 
-        monkeypatch.setattr(kind, "_keep", kept)
-        with pytest.raises(errors.IntegrationInterrupted, match=r"after \d+ of 50 steps") as caught:
+        monkeypatch.setattr(kind, name, kept)
+        with pytest.raises(
+            errors.IntegrationInterrupted, match=r"after \d+ (of 50 )?steps"
+        ) as caught:
             plan.run(START, steps=50)
         run: Any = caught.value.trajectory
         assert 5 < len(run) < 51 and np.array_equal(run.t, whole.t[: len(run)])

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.simulation import adaptive_ensemble
-from liemech.simulation.adaptive import ASKED
-from liemech.simulation.adaptive_ensemble import AdaptiveEnsemble
-from liemech.simulation.adaptive_run import AdaptiveRun
+from liemech.simulation import run
+from liemech.simulation.lanes import Lanes
 from liemech.tableaus import BOGACKI_SHAMPINE3
 
 pytestmark = pytest.mark.compiled
@@ -41,36 +39,36 @@ def plan(**given: Any) -> lm.Plan:
     )
 
 
+def noted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The bodies of which plain Python makes a step, from now on."""
+    python: list[int] = []
+    step = Lanes.plainly
+
+    def told(lanes: Any, body: int, *rest: Any) -> None:
+        python.append(body)
+        step(lanes, body, *rest)
+
+    monkeypatch.setattr(Lanes, "plainly", told)
+    return python
+
+
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("times", [None, [0.0, 0.7, 1.1, 3.0], [0.0, 3.0]])
 def test_one_body(times: list[float] | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    more, python = AdaptiveRun._more, []
-
-    def noted(run: Any, *args: Any) -> None:
-        python.append(run.clock[5] == ASKED)
-        more(run, *args)
-
-    monkeypatch.setattr(AdaptiveRun, "_more", noted)
+    python = noted(monkeypatch)
     for mu in ([0.3, -3.0, 2.0], [0.6, 3.0, 2.0]):  # across the limit, from both sides
         start = plan().system.state(mu)
         plain = plan(compiled=False).run(start, t_end=3.0, t_eval=times)
         python.clear()
         native = plan(compiled=True).run(start, t_end=3.0, t_eval=times)
-        assert native.compiled and 0 < sum(python) < plain.steps
+        assert native.compiled and 0 < len(python) < plain.steps
         assert np.array_equal(native.mu, plain.mu) and np.array_equal(native.t, plain.t)
         assert (native.steps, native.rejected) == (plain.steps, plain.rejected)
 
 
 def test_side_by_side(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adaptive_ensemble, "LONGEST", 8)
-    python: list[int] = []
-    step = AdaptiveEnsemble._by_python
-
-    def noted(run: Any, i: int, *rest: Any) -> None:
-        python.append(i)
-        step(run, i, *rest)
-
-    monkeypatch.setattr(AdaptiveEnsemble, "_by_python", noted)
+    monkeypatch.setattr(run, "LONGEST", 8)
+    python = noted(monkeypatch)
     times = np.linspace(0.0, 3.0, 8)
     native = plan(compiled=True).run(plan().system.state(MU), t_end=3.0, t_eval=times)
     assert native.compiled and len({*python}) > 1 and not native.stopped

@@ -1,0 +1,328 @@
+"""Runs in fictive time to given physical times, or with events."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..compiler.driver import read
+from ..errors import (
+    IntegrationFailure,
+    InvalidInput,
+    InvalidTimeScale,
+    StepTooSmall,
+    StepWarning,
+    warn,
+)
+from ..formulas.pytree import build, layout_of, leaves
+from ..systems.system import small_state, state_of
+from . import arguments
+from .arrival import FictiveMotion, arrivals
+from .carry import Carry, Ended, stacked
+from .control import ANEW, LIMIT, MARK, STUCK, TAKEN, TIME, Fictive, sample
+from .dense import flat, unpacked
+from .equal import NEAR, EqualRun
+from .fictive import FictiveCarry, Origin
+from .fixed_run import FixedRun
+from .keep import At, Dense, Every, Piece
+from .systems import OfBodies, Systems
+from .trajectory import TransformedTrajectory
+
+
+class FictiveRun(EqualRun):
+    """A run of steps of one length in fictive time."""
+
+    control: Any = Fictive()
+    extra: Any = 0.0
+    kind: ClassVar[Any] = TransformedTrajectory
+
+    def aim(self, ends: list[Any], steps: Any) -> None:
+        way, count = self.way, self.count
+        members = [self.begun(i) for i in range(count)]
+        least = 0 if ends[0] is None else 1
+        own = self.plan.of_each.get("h")
+        h = [way.h] * count if own is None else [arguments.step(x) for x in own]
+        limit = arguments.MOST // 2 if steps is None else arguments.count(steps, "steps", least)
+        self.h = np.array(h)
+        self.first = np.array([float(getattr(one, "step", 0)) for one in members])
+        self.zero = np.zeros(count)
+        self.aims = np.zeros((6, count))
+        self.aims[LIMIT] = self.first + limit
+        self.sign = np.copysign(1.0, self.h)
+        self.t_end = np.array(
+            [s * np.inf if end is None else end for s, end in zip(self.sign, ends, strict=True)]
+        )
+        for i, one in enumerate(members):
+            t, end = one.t, self.t_end.item(i)
+            if (
+                ends[i] is not None
+                and isinstance(one, FictiveCarry)
+                and abs(end - t) <= NEAR * max(abs(end), abs(t))
+            ):
+                end = self.t_end[i] = t  # it stands there, but for rounding
+            if (end - t) * h[i] < 0.0 and not self.over[i]:
+                raise InvalidInput(
+                    f"integrate: t_end = {end:g} is not where steps of h = {h[i]:g} lead from "
+                    f"{t:g}; turn the sign of h"
+                )
+        self.aims[0] = self.t_end
+        self.origins = [
+            one.origin
+            if getattr(one, "origin", None) is not None
+            else Origin(*self.of(i), one.state)
+            for i, one in enumerate(members)
+        ]
+        self.wholes = [origin.whole for origin in self.origins]
+
+    def last_times(self) -> np.ndarray:
+        return self.t_end
+
+    def begin(self) -> None:
+        super().begin()
+        clocks = self.lanes.parts(self.table)[1]
+        column = self._column()
+        here = self.here
+        clocks[TIME] = here[1 + column]
+        taus = self.first * self.h
+        self.here = np.concatenate([clocks[TIME][None], here[1:], taus[None]])
+        for i in range(self.count):
+            one = self.begun(i)
+            if isinstance(one, FictiveCarry) and one.ahead is not None:
+                self.here[1:-1, i] = leaves(one.ahead, self.lanes.state)
+                self.here[0, i], self.here[-1, i] = one.t, one.tau
+            elif isinstance(one, Ended):
+                self.here[0, i], self.here[-1, i] = one.t, one.tau
+        there = self.here[0] == self.t_end
+        clocks[TIME, there] = self.t_end[there]
+        for i, error in self.timeless.items():
+            clocks[MARK, i], self.failures[i] = STUCK, [error]
+
+    def _column(self) -> int:
+        """Where in the numbers of a sample its physical time is."""
+        if self.shape.column is None:
+            width = self.shape.shown.width
+            found = unpacked(self.shape.shown, np.arange(width, dtype=float)[None])
+            self.shape.column = int(self.wholes[0].apart(found)[0][0])
+        return self.shape.column
+
+    def _from(self) -> Any:
+        self.timeless: dict[int, Any] = {}
+        now = [self._now(i) for i in range(self.count)]
+        one = self.begun(0)
+        if not self.bodies:
+            self.way = self.origins[0].steps(self.plan._steps)
+            if not isinstance(one, FictiveCarry):
+                doubt = self.of(0)[1].step_warning(self.wholes[0], now[0], self.h.item(0))
+                if doubt:
+                    warn(doubt, StepWarning)
+            return one.inner if isinstance(one, FictiveCarry) else now[0]
+        system = Systems(tuple(self.wholes))
+        self.way = dataclasses.replace(self.plan._steps, system=system, shapes={}, clock="tau")
+        return stacked(now)
+
+    def _first_run(self, start: Any) -> FixedRun:
+        try:
+            return FixedRun(dataclasses.replace(self.way, every=1, progress=False), start, 0)
+        except IntegrationFailure as error:
+            if getattr(error, "trajectory", None) is not None:
+                run: Any = error.trajectory
+                t, states, z = self.wholes[0].apart(run.states)
+                error.trajectory = TransformedTrajectory(
+                    self._inner(), self.plan.method, run.h, t, states, run.bodies, 0,
+                    tau=run.t, z=z, origin=self.origins[0],
+                )  # fmt: skip
+            raise
+
+    def _now(self, i: int) -> Any:
+        """The state of a body, with its clock."""
+        one, origin = self.begun(i), self.origins[i]
+        if isinstance(one, FictiveCarry):
+            return one.inner.state
+        if isinstance(one, Ended):
+            return origin.whole.extended(one.state, one.t)
+        try:
+            return origin.begun(one.t)
+        except IntegrationFailure as error:
+            if not self.bodies:
+                raise
+            self.timeless[i] = error
+            return origin.whole.extended(one.state, one.t)
+
+    def _place(self, numbers: np.ndarray, heads: np.ndarray) -> None:
+        for i in range(self.count):
+            one = self.begun(i)
+            if isinstance(one, FictiveCarry):
+                inner = one.inner
+                numbers[:, i], heads[:, i] = inner.numbers.ravel()[:-1], inner.last.ravel()
+
+    def observe(self) -> list[Any]:
+        if self.asked is None:
+            return [Every(self, self.plan._steps.every)]
+        at = At(self, self.asked)
+        at.samples[..., -1] += 0.0  # no negative zero
+        return [at, *([] if self.bodies else [Dense(self)])]
+
+    # ---------------------------------------------------------------- states
+
+    def _apart(self, numbers: np.ndarray) -> Any:
+        width = self.lanes.state.width
+        return self.wholes[0].apart(unpacked(self.lanes.state, numbers[..., :width]))
+
+    def arrays(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        found: dict[str, np.ndarray] = self._apart(numbers)[1]
+        return found
+
+    @property
+    def _kind(self) -> Any:
+        return type(self.origins[0].start)
+
+    def small(self, numbers: np.ndarray) -> Any:
+        arrays = self.arrays(numbers[None])
+        return small_state(self._kind, {name: x[0] for name, x in arrays.items()})
+
+    def states_of(self, numbers: np.ndarray) -> Any:
+        return state_of(self._kind, self.arrays(numbers))
+
+    def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
+        return layout_of(self.small(numbers[0])), flat(self.arrays(numbers), len(numbers))
+
+    def clocks_of(self, rows: np.ndarray) -> dict[str, Any]:
+        tau, z = rows[..., -1], self._apart(rows[..., 1:])[2]
+        if tau.ndim == 2 and (tau == tau[:, :1]).all():
+            tau = tau[:, 0].copy()
+        return {"tau": tau, "z": z}
+
+    # ---------------------------------------------------------------- between steps
+
+    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+        rows, body = piece.rows(step, before=True), piece.body[step]
+        given = np.concatenate(
+            [rows[:, 1:-1], times[:, None], rows[:, -1:], np.zeros((len(step), 1))], axis=1
+        )
+        for k in np.flatnonzero(piece.a[step] == self.t0[body]).tolist():
+            one = self.begun(int(body[k]))
+            if isinstance(one, FictiveCarry) and one.ahead is not None:
+                given[k, :-3], given[k, -1] = one.inner.last.ravel(), one.tau - one.inner.t
+        return given
+
+    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
+        method, system = self.lanes.arguments[:2]
+        h: Any = self.plan._steps.h
+        if "h" in self.plan.of_each:
+            h = self.h
+        found = arrivals(method, system, self.lanes.example, h, given[:, :-2], self.asked_for, body)
+        found[:, -1] = given[:, -2] + (found[:, -1] - given[:, -1])
+        return found
+
+    # ---------------------------------------------------------------- what came of it
+
+    def _inner(self) -> Any:
+        if not self.bodies or not isinstance(self.plan.system, OfBodies):
+            return self.wholes[0].system
+        return Systems(tuple([whole.system for whole in self.wholes]))
+
+    def known(self, i: int | None) -> dict[str, Any]:
+        if i is None:
+            own = self.h.copy() if "h" in self.plan.of_each else self.h.item(0)
+            return {"h": own, "system": self._inner(), "origin": tuple(self.origins)}
+        found = {
+            "h": self.h.item(i),
+            "system": self.wholes[i].system,
+            "origin": self.origins[i],
+        }
+        if not self.bodies:
+            rows = self.observers[-1].rows if self.asked is not None else self.samples(0)
+            found["dense"] = self._motion(rows.copy())
+        return found
+
+    def _motion(self, rows: np.ndarray) -> FictiveMotion:
+        """The motion between samples of one body."""
+        one, begun = self.begun(0), None
+        if (
+            isinstance(one, FictiveCarry)
+            and one.ahead is not None
+            and len(rows)
+            and rows[0, 0] == one.t
+        ):
+            begun = np.append(one.inner.last, one.tau - one.inner.t)
+        return FictiveMotion(
+            self.way.way_of(0), self.wholes[0], self._kind, self.lanes.example, self.h.item(0),
+            rows[:, 0], rows[:, 1:-1], self.asked_for, begun,
+        )  # fmt: skip
+
+    def samples(self, i: int) -> np.ndarray:
+        rows = super().samples(i)
+        here = self.here[:, i]
+        if self.asked is None and len(rows) and rows[-1, -1] != here[-1]:
+            rows = np.concatenate([rows, here[None]])  # where it stands
+        return rows
+
+    def steps_of(self, i: int) -> float:
+        landed = float(self.clocks[ANEW, i])
+        return super().steps_of(i) + (0.0 if self.over[i] else landed)
+
+    def carry(self, i: int, met: Any) -> Any:
+        whole, h = int(self.clocks[TAKEN, i]), self.h.item(i)
+        state = read(self.numbers[:, i].copy(), 0, self.lanes.layout)
+        last = sample(self.way.way_of(i), state)
+        numbers = np.append(self.numbers[:, i], float(whole))
+        shape = None if self.bodies else self.shape
+        inner = Carry(shape, 0.0, h, whole, None, numbers, np.array(leaves(last, self.lanes.state)))
+        vars(inner)["state"] = last
+        tau = float(self.here[-1, i])
+        if (tau - whole * h) * h <= 0.0:
+            return FictiveCarry(self.origins[i], inner, met=met)
+        ahead = build(self.lanes.state, iter(self.here[1:-1, i].tolist()))
+        return FictiveCarry(self.origins[i], inner, ahead, tau, met)
+
+    @property
+    def failed(self) -> np.ndarray:
+        short = np.isfinite(self.t_end) & (self.clocks[TIME] != self.goals[0])
+        short &= self.clocks[TAKEN] >= self.limit
+        return ~self.over & ((self.clocks[MARK] == STUCK) | short)
+
+    def error(self, i: int) -> Any:
+        if i in self.timeless:
+            return self.explained(self.timeless[i], i, goes_on=False)
+        if self.clocks[MARK, i] != STUCK:
+            told = (
+                f"{int(self.limit[i] - self.first[i])} steps led to t = {self.here[0, i]:g} only, not "
+                f"to {self.t_end[i]:g}"
+            )
+            made = StepTooSmall(f"integrate: {told}; give a larger h or allow more `steps`")
+            return self.explained(made, i)
+        return super().error(i)
+
+    def place(self, i: int) -> str:
+        return f"step {int(self.clocks[TAKEN, i]) + 1}, t = {self.here[0, i]:g}"
+
+    def explained(self, error: Any, i: int, goes_on: bool = True) -> Any:
+        error = super().explained(error, i, goes_on)
+        if isinstance(error, IntegrationFailure):
+            z = self._apart(self.here[None, 1:, i])[2]
+            tau = self.clocks[TAKEN, i] * self.h[i]
+            error.clock = float(self.here[0, i]), float(tau), None if z is None else float(z[0])
+        return error
+
+    def ended(self, i: int, error: Any) -> Ended:
+        z = self._apart(self.here[None, 1:, i])[2]
+        steps, last = int(self.first[i] + self.steps_of(i)), None if z is None else float(z[0])
+        return Ended(
+            self.states_here(i), float(self.here[0, i]), steps, error, float(self.here[-1, i]), last,
+            self.origins[i],
+        )  # fmt: skip
+
+    def result(self, goes_on: bool = True) -> Any:
+        made = super().result(goes_on)
+        t = made.t
+        later, before = (t[1:], t[:-1]) if self.h[0] > 0.0 else (t[:-1], t[1:])
+        if (later < before).any():
+            error = InvalidTimeScale(
+                "integrate: physical time went back; "
+                f"{self.wholes[0].sigma!r} is not positive all the way"
+            )
+            error.trajectory = made
+            raise error
+        return made

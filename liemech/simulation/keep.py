@@ -1,0 +1,283 @@
+"""Observers of a run: what is kept of its steps.
+
+An observer has `see(piece)`, which looks at some more steps, and `forget()`, after Ctrl-C, what it has
+seen beyond the place where the run stands.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import IntegrationFailure
+
+ROWS = 2**17
+"""Samples inside of steps whose states are found at once."""
+
+FEW = 8
+"""Times that are compared one after another, and not looked for body after body."""
+
+
+class Piece:
+    """Some more steps of some bodies, listed body after body.
+
+    out : (turns + 1, width, bodies) rows, of which the first is where the bodies were.
+    begun, taken : of each body what marked its steps so far, and how many there were.
+    body, column, turn : of each step.  before : the row where it began.  number : of steps, with it.
+    a, b : the times where it began and ended.  kept : is its row a sample, whatever its number?
+    """
+
+    def __init__(
+        self, run: Any, bodies: np.ndarray, out: np.ndarray, begun: np.ndarray, taken: np.ndarray
+    ) -> None:
+        self.out, self.marked = out, run.lanes.mark
+        place, sign = out[:, self.marked, : len(bodies)].copy(), run.sign[bodies]
+        place[0] = begun[: len(bodies)]
+        reached = sign * np.maximum.accumulate(sign * place, axis=0)
+        self.column, self.turn = np.nonzero((reached[1:] != reached[:-1]).T)
+        self.turn += 1
+        self.body = bodies[self.column]
+        first = np.flatnonzero(self.begins)
+        self.before = np.concatenate([np.zeros(1, int), self.turn[:-1]])[: len(self)]
+        self.before[first] = 0
+        rank = np.arange(len(self.turn)) - np.repeat(
+            first, np.diff(np.append(first, len(self.turn)))
+        )
+        self.number = taken[self.column] + rank + 1
+        self.a, self.b = out[self.before, 0, self.column], out[self.turn, 0, self.column]
+        self.a[first] = run.here[0, self.body[first]]
+        self.kept = self.b == run.t_end[self.body] if self.marked else np.zeros(len(self.b), bool)
+
+    def __len__(self) -> int:
+        return len(self.turn)
+
+    @property
+    def begins(self) -> np.ndarray:
+        """Which steps are the first ones of their bodies?"""
+        return np.append(True, self.column[1:] != self.column[:-1])[: len(self)]
+
+    @property
+    def ends(self) -> np.ndarray:
+        """Which steps are the last ones of their bodies?"""
+        return np.append(self.column[1:] != self.column[:-1], True)[: len(self)]
+
+    def rows(self, some: Any, before: bool = False) -> np.ndarray:
+        """The rows where some steps end, or begin."""
+        return self.out[(self.before if before else self.turn)[some], :, self.column[some]]
+
+    def keep(self, some: np.ndarray) -> None:
+        """Leave out all other steps."""
+        for name in ("column", "turn", "body", "before", "number", "a", "b", "kept"):
+            setattr(self, name, getattr(self, name)[some])
+
+
+class Samples:
+    """Rows of time, state and, of runs in fictive time, fictive time: of every body its own number."""
+
+    def __init__(self, width: int, heads: np.ndarray) -> None:
+        self.rows = np.empty((8, heads.shape[1], width))
+        self.rows[0] = heads.T
+        self.told = np.ones(heads.shape[1], dtype=np.intp)
+
+    def add(self, body: np.ndarray, rows: np.ndarray) -> None:
+        """Some more samples, body after body."""
+        if not len(body):
+            return
+        first = np.flatnonzero(np.append(True, body[1:] != body[:-1]))
+        many = np.diff(np.append(first, len(body)))
+        place = self.told[body] + np.arange(len(body)) - np.repeat(first, many)
+        self.told[body[first]] += many
+        if self.told.max() > len(self.rows):
+            more = np.empty((int(1.5 * self.told.max()), *self.rows.shape[1:]))
+            more[: len(self.rows)] = self.rows
+            self.rows = more
+        self.rows[place, body] = rows
+
+
+class Every:
+    """Samples after every n-th step, counted from the start of the motion, and at the end."""
+
+    def __init__(self, run: Any, every: int) -> None:
+        self.run, self.every = run, every
+        self.samples = Samples(len(run.here), run.here)
+
+    def see(self, piece: Piece) -> None:
+        """Keep samples."""
+        number, last = piece.number, self.run.limit[piece.body]
+        some = (number % self.every == 0) | (number == last) | piece.kept
+        self.samples.add(piece.body[some], piece.rows(some)[:, self.run.head])
+
+    def forget(self) -> None:
+        """Forget samples beyond the place where the run stands."""
+        _forget(self.run, self.samples)
+
+    @property
+    def rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """The samples, (n, bodies, width), and how many each body has."""
+        return self.samples.rows[: self.samples.told.max(initial=0)], self.samples.told
+
+    def arrived(self, body: int) -> None:
+        """The last sample is that where the body stands."""
+        self.samples.rows[self.samples.told[body] - 1, body] = self.run.here[:, body]
+
+    def flush(self) -> np.ndarray:
+        """The samples of one body so far, which are not kept any longer."""
+        rows = self.samples.rows[: self.samples.told[0], 0].copy()
+        self.samples.told[:] = 0
+        return rows
+
+
+def _forget(run: Any, samples: Samples) -> None:
+    """Forget samples beyond the places where the bodies stand."""
+    mark = -1 if run.lanes.mark else 0
+    for i in range(run.count):
+        n = samples.told[i]
+        beyond = run.sign[i] * (samples.rows[:n, i, mark] - run.here[mark, i]) > 0.0
+        samples.told[i] = n - int(beyond.sum())
+
+
+class At:
+    """States at given times.
+
+    asked : (n, bodies) the times.  shown : those that samples have, if others.
+    rows : of samples, as in `Samples`.  told : how many each has.
+    """
+
+    def __init__(self, run: Any, asked: np.ndarray, shown: np.ndarray | None = None) -> None:
+        self.run, self.asked, self.shown = run, asked, asked if shown is None else shown
+        self.samples = np.empty((*asked.shape, len(run.here)))
+        at_start = asked == run.here[0]
+        self.told = np.logical_and.accumulate(at_start, axis=0).sum(axis=0)  # the first ones
+        self.samples[:] = np.where(at_start[..., None], run.here.T, 0.0)
+        self.samples[..., 0] = self.shown
+        self.given = 0  # how many of them were handed on
+        # samples inside of steps, of which the states are still to be found
+        self.within: list[Any] = []
+        self.waiting = 0
+
+    def see(self, piece: Piece) -> None:
+        """Keep the states that are asked for in these steps."""
+        if not len(piece):
+            return
+        reached = self.passed(piece.body, piece.b)
+        before = np.concatenate([[0], reached[:-1]])
+        begins = piece.begins
+        before[begins] = self.told[piece.body[begins]]
+        many = np.maximum(reached - before, 0)
+        total = int(many.sum())
+        if not total:
+            return
+        step = np.repeat(np.arange(len(piece)), many)
+        place = np.arange(total) - np.repeat(many.cumsum() - many, many)
+        sample, body = before[step] + place, piece.body[step]
+        times, rows = self.asked[sample, body], piece.rows(step)[:, self.run.head]
+        inside = np.flatnonzero(times != piece.b[step])
+        rows[:, 0] = self.shown[sample, body]
+        self.samples[sample, body] = rows
+        if len(inside):
+            given = self.run.given(piece, step[inside], times[inside])
+            self.within.append((given, times[inside], sample[inside], body[inside]))
+            self.waiting += len(inside)
+        ends = piece.ends
+        np.maximum.at(self.told, piece.body[ends], reached[ends])
+        if self.waiting > ROWS:
+            self.move()
+
+    def passed(self, body: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """How many of the times lie before these?"""
+        sign, asked = self.run.sign[body], self.asked
+        if not len(asked):
+            return np.zeros(len(t), dtype=np.intp)
+        if asked.strides[1] == 0 or asked.shape[1] == 1:  # all are asked for at the same
+            return np.searchsorted(sign[0] * asked[:, 0], sign * t, "right")
+        found = np.zeros(len(t), dtype=np.intp)
+        if len(asked) <= FEW:
+            for times in asked:
+                found += sign * times[body] <= sign * t
+            return found
+        for i in np.unique(body).tolist():
+            of = body == i
+            sign = self.run.sign[i]
+            found[of] = np.searchsorted(sign * asked[:, i], sign * t[of], "right")
+        return found
+
+    def arrived(self, body: int) -> None:
+        """All times that are left are those where the body stands."""
+        self.samples[self.told[body] :, body] = self.run.here[:, body]
+        self.told[body] = len(self.asked)
+
+    def move(self) -> None:
+        """Find the states inside of steps that were asked for."""
+        if self.within:
+            given, times, sample, body = map(np.concatenate, zip(*self.within, strict=True))
+            try:
+                self.samples[sample, body, 1:] = self.run.moved(given, times, body)
+            except IntegrationFailure as error:
+                k = getattr(error, "row", 0)
+                self.told[body[k]], self.within = sample[k], []
+                raise
+            self.within, self.waiting = [], 0
+
+    def forget(self) -> None:
+        """Forget samples beyond the place where the run stands."""
+        bodies = np.arange(self.run.count)
+        np.minimum(self.told, self.passed(bodies, self.run.here[0]), out=self.told)
+
+    @property
+    def rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """The samples, (n, bodies, width), and how many each body has."""
+        if not self.run.rows:  # there are none but at the start and where the bodies stand
+            at_end = (self.asked == self.run.here[0]) & ~self.run.open
+            self.samples[:] = np.where(at_end[..., None], self.run.here.T, self.samples)
+            np.maximum(
+                self.told,
+                np.where(at_end, np.arange(1, len(at_end) + 1)[:, None], 0).max(axis=0, initial=0),
+                out=self.told,
+            )
+        self.move()
+        return self.samples, self.told
+
+    def flush(self) -> np.ndarray:
+        """The samples of one body so far, once each."""
+        self.move()
+        begin, self.given = self.given, int(self.told[0])
+        return self.samples[begin : self.given, 0]
+
+
+class Dense:
+    """Whole rows of all steps of one body, for the motion between them."""
+
+    def __init__(self, run: Any) -> None:
+        self.run, self.filled = run, 1
+        self.array = np.zeros((64, run.lanes.row.width))
+        self.array[0, run.head] = run.here[:, 0]
+
+    def add(self, rows: np.ndarray) -> None:
+        """Some more rows."""
+        wanted = self.filled + len(rows)
+        if wanted > len(self.array):
+            size = max(len(self.array) + len(self.array) // 2, wanted)
+            self.array.resize((size, self.array.shape[1]), refcheck=False)
+        self.array[self.filled : wanted] = rows
+        self.filled = wanted
+
+    def see(self, piece: Piece) -> None:
+        """Keep rows."""
+        self.add(piece.out[piece.turn, :, 0])
+
+    def arrived(self, body: int) -> None:
+        """The last row is that where the body stands."""
+        self.array[self.filled - 1, 0] = self.run.here[0, body]
+
+    def forget(self) -> None:
+        """Forget rows beyond the place where the run stands."""
+        mark, run = self.run.lanes.mark, self.run
+        place = run.here[-1 if mark else 0, 0]
+        beyond = run.sign[0] * (self.array[: self.filled, mark] - place) > 0.0
+        self.filled -= int(beyond.sum())
+
+    @property
+    def rows(self) -> np.ndarray:
+        """All of them so far."""
+        return self.array[: self.filled]

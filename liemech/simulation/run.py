@@ -1,0 +1,616 @@
+"""The loop of a run: bodies go to their goals in pieces, between which observers look at the steps."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import time
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import IntegrationFailure, IntegrationInterrupted, is_mistake, warn
+from ..formulas.pytree import build
+from ..systems.system import State, member
+from . import arguments
+from .carry import Carries, Ended, Waiting
+from .control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME, go_on
+from .dense import unpacked
+from .events import NO_EVENTS, Events
+from .execution import LOOK
+from .fictive import members_of
+from .keep import At, Every, Piece
+from .lanes import Lanes
+from .progress import Bar
+from .stopped import NONE, Stopped
+from .systems import of_body
+from .trajectory import Trajectory
+
+ROOM = 1024
+"""Bodies of a thread whose numbers stay in the cache."""
+
+TURNS, LONGEST, WORK = 8, 2**11, 2**13
+"""Trials of a body between two looks at who has come to the end: at least and at most, and of all
+bodies together.
+"""
+
+PATIENCE = 0.25
+"""Seconds between two looks at the keyboard."""
+
+
+class Run:
+    """Bodies, each with a column of numbers, a clock and a goal of its own; abstract: there is one
+    for every control.
+
+    A body that fails stays where it came to, and disturbs no other.
+    here : (1 + width, bodies) time and state of every body, and in fictive time tau.
+    table : a column for each body: what is carried along, `numbers`; `clocks`; `goals`; parameters
+    of their own.
+    over : bodies that had ended before.  cuts : what terminal events have ended.
+    """
+
+    adaptive: ClassVar[bool] = False
+    rows: bool = True
+    lanes: Lanes
+    table: Any
+    here: Any
+    t_end: Any
+    sign: Any
+
+    def __init__(
+        self, plan: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
+        kept: Any = None, recorder: Any = None,
+    ) -> None:  # fmt: skip
+        self.plan, self.way, self.kept, self.recorder = plan, plan._steps, kept, recorder
+        self.start, self.bodies, self.count = start, start.bodies, start.bodies or 1
+        self.asked_for, self.fresh = plan._given["compiled"], isinstance(start, State)
+        members = None if self.fresh else members_of(start)
+        self.begun = functools.cache(
+            (lambda i: Waiting(member(start, i), t0)) if members is None else members.__getitem__
+        )
+        self.t0 = np.full(self.count, t0) if members is None else np.array([m.t for m in members])
+        self.over = np.array([isinstance(m, Ended) for m in members or [None] * self.count])
+        self.failures: dict[int, list[Any]] = {}  # what plain Python saw failing steps raise
+        self.errors: dict[int, IntegrationFailure] = {
+            i: self.begun(i).error
+            for i in np.flatnonzero(self.over).tolist()
+            if self.begun(i).error
+        }
+        self.cuts: dict[int, int] = {}
+        self.first = np.zeros(self.count)  # how many steps there were before
+        self.compiled = self.native = False
+        self.told: list[Any] = []  # of one body: times, and what the recorder kept of samples
+        self.left: dict[
+            int, list[tuple[float, float]]
+        ] = {}  # jumps of the velocity, last ones first
+        ends = arguments.ends(t_end, self.count) if self.bodies else [
+            None if t_end is None else arguments.real(t_end, "t_end")
+        ]  # fmt: skip
+        self.aim(ends, steps)
+        self.asked = self._times(t_eval)
+        self.own_times = arguments.axes(t_eval, "t_eval") > 1 or (
+            t_eval is None and arguments.axes(t_end, "t_end") > 0
+        )
+        self.begin()
+        self.state_width = self.lanes.state.width
+        self.numbers, self.clocks, self.goals, *_ = self.lanes.parts(self.table)
+        self.limit = self.goals[LIMIT]
+        self.observers = self.observe()
+        self.events: Any = None
+        try:
+            self.events = Events(self, plan.events) if plan.events else None
+        except (Exception, KeyboardInterrupt) as error:
+            raise self._stopped(error) from error.__cause__
+
+    # ---------------------------------------------------------------- what a control says
+
+    def aim(self, ends: list[Any], steps: Any) -> None:
+        """Set `t_end` and `sign` of every body, and check what was asked for."""
+        raise NotImplementedError
+
+    def begin(self) -> None:
+        """Make `lanes`, `table` and `here`."""
+        raise NotImplementedError
+
+    def observe(self) -> list[Any]:
+        """Who keeps what of the steps; the first one has the samples."""
+        if self.asked is not None:
+            return [At(self, self.asked)]
+        return [Every(self, self.way.every)]
+
+    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """What `moved` needs for states at times inside of steps, a row for each."""
+        raise NotImplementedError
+
+    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
+        """The numbers of these states."""
+        raise NotImplementedError
+
+    def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
+        """Let the step of a row end inside: at this time, in this state."""
+        row[0], row[1 : 1 + len(numbers)] = at, numbers
+
+    def cut(self, clock: np.ndarray, at: float) -> None:
+        """Set the clock, and behind it the goal, of a body that an event ends."""
+        clock[[TIME, MARK, CLOCK.width]] = at, 0.0, at
+
+    def carry(self, i: int, met: Any) -> Any:
+        """With what a body goes on."""
+        raise NotImplementedError
+
+    def error(self, i: int) -> Any:
+        """Why a body stopped."""
+        raise NotImplementedError
+
+    def known(self, i: int | None) -> dict[str, Any]:
+        """Fields of the trajectory of a body, of all for None, that depend on the control."""
+        raise NotImplementedError
+
+    # ---------------------------------------------------------------- states and times
+
+    def _times(self, t_eval: Any) -> np.ndarray | None:
+        """When samples are asked for, (n, bodies)."""
+        if t_eval is None:
+            return None
+        ends = self.last_times()
+        if not self.bodies:
+            times: Any = arguments.times(t_eval, self.t0.item(0), ends.item(0))
+            return times[:, None]
+        columns = arguments.columns(t_eval, self.count)
+        shared = arguments.axes(t_eval, "t_eval") == 1
+        if shared and (self.t0 == self.t0[0]).all() and (ends == ends[0]).all():
+            times = arguments.times(columns[0], self.t0.item(0), ends.item(0))
+            return np.broadcast_to(times[:, None], (len(times), self.count))
+        found: list[Any] = [
+            one if isinstance(self.begun(i), Ended) and not self.adaptive else
+            arguments.times(one, self.t0.item(i), ends.item(i))
+            for i, one in enumerate(columns)
+        ]  # fmt: skip
+        return np.stack(found, axis=1)
+
+    def last_times(self) -> np.ndarray:
+        """When every body is to end."""
+        return self.t_end
+
+    def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
+        """Of the numbers of states the layout and the numbers of what formulas take."""
+        return self.lanes.state, numbers
+
+    def small(self, numbers: np.ndarray) -> Any:
+        """A state as formulas take it."""
+        return build(self.lanes.state, iter(numbers[: self.state_width].tolist()))
+
+    def arrays(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """The parts of states, from their numbers, (..., width)."""
+        return unpacked(self.lanes.state, numbers)
+
+    def states_of(self, numbers: np.ndarray) -> Any:
+        """Many states from their numbers."""
+        arrays = self.arrays(numbers)
+        example = self.begun(0).state
+        return type(example)(*(arrays.get(name) for name in example.parts))
+
+    def inside(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """The numbers of states at times in steps."""
+        found = piece.rows(step)[:, self.head][:, 1:]
+        before = times == piece.a[step]
+        found[before] = piece.rows(step[before], before=True)[:, self.head][:, 1:]
+        between = np.flatnonzero((times != piece.b[step]) & ~before)
+        if len(between):
+            some = step[between]
+            given = self.given(piece, some, times[between])
+            found[between] = self.moved(given, times[between], piece.body[some])
+        return found
+
+    @property
+    def head(self) -> slice:
+        """The numbers of a row that samples have."""
+        return slice(len(self.here))
+
+    # ---------------------------------------------------------------- stepping
+
+    @property
+    def open(self) -> np.ndarray:
+        """Which bodies have steps to make?"""
+        clocks, goals = self.clocks, self.goals
+        return (
+            (clocks[TIME] != goals[0]) & (clocks[MARK] != STUCK) & (clocks[TAKEN] < goals[LIMIT])
+        ) & ~self.over
+
+    @property
+    def failed(self) -> np.ndarray:
+        """Which bodies go no further, though they are not at the end?"""
+        return (self.clocks[MARK] == STUCK) & ~self.over
+
+    def part(self) -> float:
+        """How much of the run is done."""
+        if self.bodies:
+            return 1.0 - float(np.count_nonzero(self.open)) / self.count
+        t, t0, end = self.here.item(0), self.t0.item(0), self.t_end.item(0)
+        if np.isinf(end):
+            first = self.first.item(0)
+            taken, limit = self.clocks.item(TAKEN, 0) - first, self.limit.item(0) - first
+            return float(taken / max(1.0, limit))
+        return 1.0 if end == t0 else (t - t0) / (end - t0)
+
+    def trajectory(self) -> Trajectory:
+        """Take all bodies to their goals."""
+        try:
+            with Bar(
+                self.plan._given["progress"], self.count if self.bodies else 1000,
+                "body" if self.bodies else "",
+            ) as bar:  # fmt: skip
+                self._march(bar)
+            for i in np.flatnonzero(self.failed).tolist():
+                error = self.why(i)
+                if not self.bodies:
+                    raise error
+                if is_mistake(error):
+                    error.add_note(f"[integrate: body {i}]")
+                    raise error
+            made = self.result()
+        except (Exception, KeyboardInterrupt) as error:
+            raise self._stopped(error) from error.__cause__
+        stopped: Any = made.stopped
+        if stopped:
+            some = ", ".join(f"body {i} after {n} steps" for i, n in [*stopped.steps.items()][:5])
+            warn(
+                f"integrate: {len(stopped)} of {made.bodies} bodies stopped early: "
+                f"{some}. {stopped[min(stopped)].error}",
+                RuntimeWarning,
+            )
+        return made
+
+    def _march(self, bar: Bar) -> None:
+        """Pieces of as many bodies as run side by side, until all have come to their ends."""
+        stepping, kept, workers = self.lanes.stepping, self.kept, self.plan._given["workers"]
+        room, least, work, span = ROOM * workers, TURNS, WORK * workers, TURNS
+        if self.recorder is not None:
+            self._flush()
+        queue = np.flatnonzero(self.open)
+        bodies, done = queue[:0], 0
+        columns: Any = None
+        while True:
+            was, native = self.native, stepping.ready(self.part())
+            self.native = native
+            size = room if native else 1
+            if columns is None or len(bodies) > size or native is not was:
+                both = np.concatenate([bodies, queue])
+                bodies, queue = both[:size], both[size:]
+                if not len(bodies):
+                    return
+                columns = self.table.take(_padded(bodies, stepping.lanes if native else 1), axis=1)
+            m, padded = len(bodies), columns.shape[1]
+            turns = max(least, min(LONGEST, work // padded)) if native else span
+            if kept is not None:
+                turns = max(1, min(turns, kept.within(turns * m) // m))
+            begun, taken = time.perf_counter(), columns[self._clock + TAKEN, :m].sum()
+            self.compiled = self.compiled or native
+            self._piece(bodies, columns, turns)
+            used = time.perf_counter() - begun
+            if native and used > PATIENCE:  # somebody may want to interrupt it
+                room, least, work = max(stepping.lanes, room // 4), max(1, least // 2), work // 4
+            if not native and used < 0.5 * LOOK:
+                span = min(2 * span, LONGEST)
+            made = int(columns[self._clock + TAKEN, :m].sum() - taken)
+            if kept is not None and kept.due(made):
+                kept.save(self.result())
+            going = self.open[bodies]
+            ended = m - int(going.sum())
+            at_once = len(queue) or self.events or self.left or not native
+            if ended and (at_once or 4 * ended >= m):
+                bodies, columns = bodies[going], None
+                done += ended
+            bar.advance(ended if self.bodies else int(1000 * self.part()) - bar.done)
+
+    @property
+    def _clock(self) -> int:
+        return self.lanes.layout.width
+
+    def _piece(self, bodies: np.ndarray, columns: np.ndarray, turns: int) -> None:
+        """Some trials of some bodies, whose columns these are; then observers look at them."""
+        m, lanes, clock = len(bodies), self.lanes, self._clock
+        workers = self.plan._given["workers"]
+        if not self.rows:  # only where they come to is asked for
+            out = np.empty((2, lanes.row.width, columns.shape[1]))
+            lanes.forwards(bodies, columns, out, turns, workers, self.failures, self.native)
+            self.here[:, bodies] = columns[[clock + TIME, *range(len(self.here) - 1)], :m]
+            self._stand(bodies, columns)
+            return
+        out = np.empty((turns + 1, lanes.row.width, columns.shape[1]))
+        begun = columns[clock + TIME] if not lanes.mark else self.here[-1, bodies]
+        begun, taken = begun.copy(), columns[clock + TAKEN, :m].copy()
+        out[:, lanes.mark, : len(begun)] = begun
+        out[0, : len(self.here), :m] = self.here[:, bodies]
+        before = columns.copy() if self.events else columns
+        lanes.forwards(bodies, columns, out, turns, workers, self.failures, self.native)
+        piece = Piece(self, bodies, out, begun, taken)
+        try:
+            self._see(piece, bodies, before, columns)
+        except BaseException as error:
+            if getattr(error, "step", None) is not None:  # an event failed: up to there all is well
+                k = error.step  # type: ignore[attr-defined]
+                column = piece.column[k]
+                some = piece.column[:k] == column
+                replayed = self._again(bodies[column], before[:, column], turns, int(some.sum()))
+                columns[:, column] = replayed
+                piece.keep((piece.column == column) & (np.arange(len(piece)) < k))
+                self._commit(piece, bodies[[column]], columns[:, [column]])
+            raise
+
+    def _see(
+        self, piece: Piece, bodies: np.ndarray, before: np.ndarray, columns: np.ndarray
+    ) -> None:
+        """Let observers look at a piece."""
+        if self.events:
+            some = np.full(len(piece), True)
+            for body, (k, at, event, numbers) in self.events.see(piece).items():
+                column = int(piece.column[k])
+                of = piece.column == column
+                made = int(of[: k + 1].sum())
+                turns = len(piece.out) - 1
+                columns[:, column] = self._again(body, before[:, column], turns, made)
+                row = piece.out[piece.turn[k], :, column].copy()
+                self.end_at(row, piece.a.item(k), at, numbers)
+                piece.out[piece.turn[k], :, column] = row
+                piece.kept[k] |= at != piece.b[k]
+                piece.b[k], self.cuts[body] = at, event
+                self.cut(columns[self._clock :, column], at)
+                some &= ~of | (np.arange(len(piece)) <= k)
+            piece.keep(some)
+        self._commit(piece, bodies, columns)
+
+    def _again(self, body: int, column: np.ndarray, turns: int, steps: int) -> np.ndarray:
+        """The column of a body after so many of these steps, once more."""
+        lanes, clock = self.lanes, self._clock
+        side = lanes.stepping.lanes if self.native else 1
+        columns = np.repeat(column[:, None], side, axis=1)
+        limit = clock + CLOCK.width + LIMIT
+        columns[limit] = columns[clock + TAKEN] + steps
+        if steps:
+            out = np.empty((turns + 1, lanes.row.width, side))
+            lanes.forwards(np.array([body]), columns, out, turns, 1, {}, self.native)
+        columns[limit] = column[limit]
+        return columns[:, 0]
+
+    def _commit(self, piece: Piece, bodies: np.ndarray, columns: np.ndarray) -> None:
+        """Keep what is asked for of a piece, and stand where it ends."""
+        for one in self.observers:
+            one.see(piece)
+        ends = np.flatnonzero(piece.ends)
+        self.here[:, piece.body[ends]] = piece.rows(ends)[:, self.head].T
+        self._stand(bodies, columns)
+        if self.recorder is not None:
+            self._flush()
+
+    def _stand(self, bodies: np.ndarray, columns: np.ndarray) -> None:
+        """Stand where these columns do."""
+        changed = self._clock + CLOCK.width + 1  # with the time to which they go
+        if self.left:
+            self._beyond_jumps(bodies, columns)
+        self.table[:changed, bodies] = columns[:changed, : len(bodies)]
+
+    def _beyond_jumps(self, bodies: np.ndarray, columns: np.ndarray) -> None:
+        """Of bodies that have come to a jump of the velocity: on beyond it, to the next one."""
+        clock = self._clock
+        goal = clock + CLOCK.width
+        for k, body in enumerate(bodies.tolist()):
+            ways = self.left.get(body)
+            if not ways or columns[clock + TIME, k] != columns[goal, k] or body in self.cuts:
+                continue
+            end, beyond = ways.pop()
+            if end != beyond:
+                go_on(columns[clock:goal, k], beyond)
+                columns[goal, k] = ways[-1][0] if ways else self.t_end[body]
+                if beyond == self.t_end[body]:
+                    self.here[0, body] = beyond
+                    for one in self.observers:
+                        one.arrived(body)
+
+    # ---------------------------------------------------------------- functions instead of states
+
+    def _flush(self) -> None:
+        """Keep what the recorder keeps of the samples of one body."""
+        rows = self.observers[0].flush()
+        if not len(rows) and self.told:
+            return
+        try:
+            self.told.append((rows[:, 0].copy(), self._recorded(rows)))
+        except (Exception, IntegrationInterrupted) as caught:
+            error: Any = caught
+            n, kept = error.kept
+            self.told.append((rows[:n, 0].copy(), kept))
+            raise
+
+    def _recorded(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        states = self.arrays(rows[:, 1:].copy())
+        run = SimpleNamespace(system=self.of(0)[0], bodies=None)
+        kind = type(self.begun(0).state)
+        kept: dict[str, np.ndarray] = self.recorder.values(
+            run, kind, rows[:, 0], states, self.asked_for
+        )
+        return kept
+
+    # ---------------------------------------------------------------- results
+
+    def of(self, i: int) -> tuple[Any, Any]:
+        """System and method of a body."""
+        return of_body(self.plan.system, i), of_body(self.plan.method, i)
+
+    def why(self, i: int) -> Any:
+        """Why a body stopped, found out once."""
+        if i not in self.errors:
+            self.errors[i] = self.error(i)
+        return self.errors[i]
+
+    def explained(self, error: Any, i: int, goes_on: bool = True) -> Any:
+        """The error of a body, with its run as it would be alone."""
+        run = self.alone(i)
+        error.trajectory = run if goes_on else dataclasses.replace(run, carry=None)
+        if isinstance(error, IntegrationFailure):
+            error.reached = self.states_here(i)
+        return error
+
+    def states_here(self, i: int) -> Any:
+        """The state in which a body stands."""
+        return self.small(self.here[1:, i])
+
+    def _stopped(self, error: Any) -> Any:
+        """What ends a run, with the run so far."""
+        goes_on = self.adaptive or isinstance(error, KeyboardInterrupt)
+        goes_on &= not hasattr(error, "kept")
+        if isinstance(error, KeyboardInterrupt) and not isinstance(error, IntegrationInterrupted):
+            told = f"integrate: interrupted at t = {self.here.item(0):g}, after {int(self.steps_of(0))} steps"
+            if self.bodies:
+                left = int(self.open.sum())
+                told = (
+                    f"integrate: interrupted before {left} of {self.count} bodies came to the end"
+                )
+            error = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
+        elif getattr(error, "trajectory", None) is not None and not self.bodies:
+            return error
+        for one in (*self.observers, *([self.events] if getattr(self, "events", None) else [])):
+            one.forget()
+        error.trajectory = self.result(goes_on)
+        return error
+
+    def steps_of(self, i: int) -> float:
+        """How many steps a body took."""
+        return float(self.clocks[TAKEN, i] - self.first[i]) if not self.over[i] else 0.0
+
+    def samples(self, i: int) -> np.ndarray:
+        """The samples of a body, rows of time, state, and fictive time."""
+        rows, told = self.observers[0].rows
+        found: np.ndarray = rows[: told[i], i]
+        return found
+
+    def alone(self, i: int, goes_on: bool = True) -> Trajectory:
+        """The run of one body."""
+        if self.recorder is not None and self.told:
+            told = [one for one in self.told if len(one[0])] or self.told[:1]
+            t = np.concatenate([t for t, _ in told])
+            states = {
+                name: np.concatenate([kept[name] for _, kept in told])
+                for name in self.recorder.names
+            }
+            extra: dict[str, Any] = {}
+        else:
+            rows = self.samples(i).copy() if self.bodies else self.samples(i)
+            t, states, extra = rows[:, 0], self.arrays(rows[:, 1:]), self.clocks_of(rows)
+        known = self.known(i) | extra
+        system, method = self.of(i)
+        watch = self.events.each.get(i) if self.events else None
+        carry = (
+            functools.partial(self._carry, i)
+            if (goes_on and i not in self.cuts) or (self.adaptive and goes_on)
+            else lambda: None
+        )
+        fields = {
+            "system": system,
+            "method": method,
+            "t": t,
+            "states": states,
+            "bodies": None,
+            "steps": int(self.steps_of(i)),
+            "compiled": self.compiled or self.lanes.stepping.native is not None,
+            "events": self.events.shown(i) if self.events else (),
+            "ended": None if watch is None else watch.ended,
+            "stopped": NONE,
+            "dense": None,
+            "rejected": None,
+            "breaks": (),
+            "observed": () if self.recorder is None else tuple(self.recorder.quantities),
+        }
+        return self.kind.promised(SimpleNamespace(carry=carry), **fields | known)
+
+    kind: ClassVar[Any] = Trajectory
+
+    def clocks_of(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """What a run in fictive time has beside states."""
+        return {}
+
+    def _carry(self, i: int) -> Any:
+        """With what a body goes on; None if it does not."""
+        if self.over[i] or self.clocks[MARK, i] == STUCK:
+            return None
+        watch = self.events.each.get(i) if self.events else None
+        return self.carry(i, NO_EVENTS if watch is None else watch.met)
+
+    def result(self, goes_on: bool = True) -> Trajectory:
+        """The run so far."""
+        return self.joined() if self.bodies else self.alone(0, goes_on)
+
+    def member(self, i: int) -> Any:
+        """Where a body of an ensemble stands: with what it goes on, or where it has ended."""
+        begun = self.begun(i)
+        if self.over[i]:
+            return begun
+        fresh = self.clocks[TAKEN, i] == self.first[i] and not self.clocks[MARK, i]
+        if isinstance(begun, Waiting) and fresh and self.open[i]:
+            return begun
+        if self.failed[i]:
+            return self.ended(i, self.why(i))
+        if i in self.cuts and not self.adaptive:
+            return self.ended(i, None)
+        return self._carry(i)
+
+    def ended(self, i: int, error: Any) -> Ended:
+        """Where a body stays."""
+        steps = int(self.clocks[TAKEN, i])
+        return Ended(self.states_here(i), float(self.here[0, i]), steps, error)
+
+    def joined(self) -> Trajectory:
+        """The runs of all bodies as one: who has less samples stays where it came to."""
+        rows, told = self.observers[0].rows
+        failed, heads = self.failed, self.here.T
+        late = failed & (self.asked is None) & (told > 0)
+        last = rows[np.maximum(told - 1, 0), np.arange(self.count)] if len(rows) else heads
+        late &= (last != heads)[:, -1 if self.lanes.mark else 0]
+        n = int(np.max(told + late)) if self.asked is None else len(rows)
+        rest = np.where(
+            ((self.asked is not None) | failed | (told == 0))[:, None], heads, last
+        )  # where they came to
+        shown = np.empty((n, *rows.shape[1:]))
+        have = min(n, len(rows))
+        shown[:have] = rows[:have]
+        np.copyto(shown, rest, where=(np.arange(n)[:, None] >= told)[..., None])
+        t = shown[..., 0]
+        if self.asked is not None:  # who has failed has the times that were asked for
+            gone = failed | (self.over & np.isin(np.arange(self.count), [*self.errors]))
+            np.copyto(t, self.asked, where=gone)
+        if not self.own_times and (t == t[:, :1]).all():
+            t = t[:, 0].copy()
+        stopped = {
+            int(i): self.begun(i).steps if self.over[i] else int(self.clocks[TAKEN, i])
+            for i in np.flatnonzero(failed | np.isin(np.arange(self.count), [*self.errors]))
+        }
+
+        def carry() -> Carries | None:
+            members = tuple([self.member(i) for i in range(self.count)])
+            return None if all(isinstance(one, Ended) for one in members) else Carries(members)
+
+        steps = [int(self.steps_of(i)) for i in range(self.count)]
+        fields = {
+            "system": self.plan.system,
+            "method": self.plan.method,
+            "t": t,
+            "states": self.arrays(shown[..., 1:]),
+            "bodies": self.count,
+            "steps": max(steps),
+            "compiled": self.compiled or self.lanes.stepping.native is not None,
+            "stopped": Stopped(stopped, self.why),
+            "dense": None,
+            "events": tuple(zip(*[self.events.shown(i) for i in range(self.count)], strict=True))
+            if self.events else (),
+            "rejected": None,
+            "observed": (),
+        }  # fmt: skip
+        return self.kind.promised(
+            SimpleNamespace(carry=carry), **fields | self.known(None) | self.clocks_of(shown)
+        )
+
+
+def _padded(places: np.ndarray, side: int) -> np.ndarray:
+    """Numbers of columns, the last one repeated for the lanes that are left over."""
+    return np.concatenate([places, places[-1:].repeat(-len(places) % side)])

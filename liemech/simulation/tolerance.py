@@ -1,0 +1,432 @@
+"""Runs with adaptive steps: every body chooses its own."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..compiler import kernel
+from ..compiler.driver import accepted, attempt, itself, reason
+from ..errors import InvalidInput, InvalidType, StepTooSmall, failure, is_mistake
+from ..formulas.pytree import build, layout_of
+from ..formulas.vectors import Vec
+from ..integrators.ending_at_jumps import MARGIN, jumps_between, same
+from ..systems.tabulated import has_inputs
+from . import arguments
+from .carry import AdaptiveCarry
+from .control import (
+    ANEW,
+    CLOCK,
+    FRESH,
+    MARK,
+    REJECTED,
+    STEP,
+    STUCK,
+    TAKEN,
+    TIME,
+    Tolerance,
+    go_on,
+    noted,
+)
+from .dense import DenseOutput, along, curve_layout, evaluated, flat, packed
+from .keep import At, Dense, Every, Piece
+from .lanes import Lanes
+from .run import Run
+from .systems import OfBodies
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class AdaptiveSteps:
+    """Adaptive steps: what a plan was told of them.  h : the first step, None to find it;
+    longest : the longest one.
+    """
+
+    system: Any
+    method: Any
+    h: float | None
+    rtol: float
+    atol: float
+    longest: float
+    breaks: tuple[float, ...]
+    dense: bool | None
+    compiled: bool | None
+    progress: bool | None
+    shapes: dict[Any, Any] = dataclasses.field(default_factory=dict, repr=False)
+
+    def owns(self, shape: Any) -> bool:
+        """Is the shape one of this plan?"""
+        return shape in self.shapes.values()
+
+    def of_system(self, system: Any) -> AdaptiveSteps:
+        """The same for a system of the same layout; what is laid out and compiled is shared."""
+        return dataclasses.replace(
+            self,
+            system=system,
+            shapes={
+                k: s.of_system(system) for k, s in [*self.shapes.items()] if isinstance(s, Lanes)
+            },
+        )
+
+    @classmethod
+    def checked(
+        cls,
+        system: Any,
+        method: Any,
+        h: Any,
+        rtol: Any,
+        atol: Any,
+        longest: Any,
+        breaks: Any,
+        dense: Any,
+        compiled: Any,
+        progress: Any,
+    ) -> AdaptiveSteps:
+        """From what a user gave."""
+        tolerances = (
+            arguments.tolerance(rtol, "rtol", arguments.RTOL),
+            arguments.tolerance(atol, "atol", arguments.ATOL),
+        )
+        longest = arguments.longest(longest)
+        first = None if h is None else arguments.step(h)
+        return cls(system, method, first, *tolerances, longest, breaks, dense, compiled, progress)
+
+    def first(self, t0: float, t_end: float) -> float:
+        """The first step, signed; zero if it is to be found."""
+        return 0.0 if self.h is None else math.copysign(self.h, t_end - t0)
+
+    def jumps(self, t0: float, t_end: float) -> tuple[float, ...]:
+        """The times at which the velocity jumps: those that a user has named, and those of tables."""
+        return jumps_between(self.method, self.system, self.breaks, t0, t_end)
+
+    def begun(self, t: np.ndarray) -> np.ndarray:
+        """The times at which the steps to t[1:] begin: where the velocity jumps, beyond that."""
+        begun = t[:-1].copy()
+        t0, t_end = float(t[0]), float(t[-1])
+        start, ways = stretches(self.jumps(t0, t_end), t0, t_end)
+        for end, beyond in ((t0, start), *ways):
+            begun[begun == end] = beyond
+        return begun
+
+
+class ToleranceRun(Run):
+    """A run whose steps are as long as an error estimate allows."""
+
+    adaptive: ClassVar[bool] = True
+
+    def aim(self, ends: list[Any], steps: Any) -> None:
+        own, given = self.plan.of_each, self.plan._given
+        if ends[0] is None:
+            raise InvalidInput(
+                "integrate: adaptive steps need a t_end; for steps of one length give h and steps"
+            )
+        if given["dense"] and (self.bodies or self.recorder is not None):
+            what = (
+                "is for one body at a time"
+                if self.bodies
+                else "keeps the states; record no functions of them"
+            )
+            raise InvalidInput(f"integrate: dense=True {what}")
+        limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
+        checked = {
+            "rtol": lambda x: arguments.tolerance(x, "rtol", arguments.RTOL),
+            "atol": lambda x: arguments.tolerance(x, "atol", arguments.ATOL),
+            "max_step": arguments.longest,
+            "h": lambda h: 0.0 if h is None else arguments.step(h),
+        }
+        if own:
+            numbers = {
+                name: of_bodies(check, own[name]) if name in own else check(given[name])
+                for name, check in checked.items()
+            }
+        else:
+            way = self.way
+            numbers = {
+                "rtol": way.rtol,
+                "atol": way.atol,
+                "max_step": way.longest,
+                "h": way.h or 0.0,
+            }
+        self.t_end = np.array(ends, dtype=float)
+        self.sign = np.where(self.t_end >= self.t0, 1.0, -1.0)
+        self.aims = np.zeros((6, self.count))
+        self.aims[0], self.aims[4] = self.t_end, limit
+        for place, name in enumerate(("rtol", "atol", "max_step"), 1):
+            self.aims[place] = numbers[name]
+        self.first_steps = np.copysign(numbers["h"], self.t_end - self.t0)
+
+    def _times(self, t_eval: Any) -> np.ndarray | None:
+        if t_eval is None and self.bodies:
+            return np.array([self.t0, self.t_end])
+        return super()._times(t_eval)
+
+    @property
+    def keeps_rows(self) -> bool:
+        """Are all steps of one body kept?"""
+        dense = self.plan._given["dense"]
+        return not self.bodies and (dense is True or (self.asked is None and self.recorder is None))
+
+    @property
+    def curves(self) -> bool:
+        """Do rows have the way between the steps?"""
+        dense, asked = self.plan._given["dense"], self.asked
+        if (
+            not self.bodies
+            and dense is not False
+            and (dense or asked is None)
+            and not self.recorder
+        ):
+            return True
+        inside = asked is not None and ((asked != self.t0) & (asked != self.t_end)).any()
+        return bool(inside or self.plan.events)
+
+    def begin(self) -> None:
+        self.lanes = self._lanes()
+        lanes, count = self.lanes, self.count
+        width = lanes.state.width
+        parts = [np.zeros((lanes.layout.width, count)), np.zeros((CLOCK.width, count)), self.aims]
+        self.table = np.concatenate([*parts, *lanes.own])
+        numbers, clocks, goals, *_ = lanes.parts(self.table)
+        clocks[:] = np.array([0.0, 0.0, *FRESH])[:, None]
+        clocks[TIME], clocks[STEP] = self.t0, self.first_steps
+        if self.fresh:
+            arrays = self.start.arrays
+            numbers[:width] = flat(arrays, count).T if self.bodies else packed(self.start)[:, None]
+        else:
+            for i in range(count):
+                begun = self.begun(i)
+                if isinstance(begun, AdaptiveCarry):
+                    end, wide = float(self.t_end[i]), len(numbers)
+                    numbers[:, i], clocks[:, i] = begun.taken_up(end, wide)
+                else:
+                    numbers[:width, i] = packed(begun.state)
+        self.here = np.concatenate([self.t0[None], numbers[:width]])
+        if self.way.breaks or has_inputs(self.of(0)[0]):
+            for i in range(count):
+                system, method = self.of(i)
+                t0, end = float(self.t0[i]), float(self.t_end[i])
+                jumps = jumps_between(method, system, self.way.breaks, t0, end)
+                start, ways = stretches(jumps, t0, end)
+                self.left[i] = ways[::-1]
+                if ways:
+                    goals[0, i] = ways[0][0]
+                if start != t0:
+                    go_on(clocks[:, i], start)
+        for i in np.flatnonzero((self.t_end == self.t0) & ~self.over).tolist():
+            if self._still(i) is not None:
+                clocks[MARK, i] = STUCK
+
+    def _still(self, i: int) -> Any:
+        """What the velocity of a body where its run begins failed of; None if there is one."""
+        begun = self.begun(i)
+        xi = velocity(self.of(i)[0], begun.t, begun.state)
+        return None if accepted(xi, itself) else xi
+
+    def _lanes(self) -> Lanes:
+        """What is laid out and compiled, from other runs of the plan if their starts were alike."""
+        plan, way, curves = self.plan, self.way, self.curves
+        self.rows = curves or not self.bodies
+        example = self.begun(0).state
+        key = layout_of(example), curves, bool(self.bodies)
+        lanes = None if plan.of_each else way.shapes.get(key)
+        if lanes is not None:
+            lanes.stepping.refresh()
+            return lanes
+        system, method = self.of(0)
+        xi: Any = Vec(*[0.0] * system.group.dim)
+        for i in range(self.count):
+            begun = self.begun(i)
+            found = velocity(self.of(i)[0], begun.t, begun.state)
+            if accepted(found, itself):
+                example, xi = begun.state, found
+                break
+        lanes = Lanes(
+            plan.method, plan.system, Tolerance(curves, self.rows), layout_of((example, xi)), example,
+            (xi,) * method.curve_terms if curves else (),
+            self.asked_for, plan._given["progress"],
+            kernel.width() if self.bodies and self.asked_for is not False and kernel.available() is None else 1,
+        )  # fmt: skip
+        if not plan.of_each:
+            way.shapes[key] = lanes
+        return lanes
+
+    def observe(self) -> list[Any]:
+        found: list[Any] = [Dense(self)] if self.keeps_rows else []
+        if self.asked is not None:
+            return [At(self, self.asked), *found]
+        return found or [Every(self, 1)]
+
+    # ---------------------------------------------------------------- between steps
+
+    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+        width, rows = self.lanes.state.width, piece.rows(step)
+        given = np.empty((len(step), rows.shape[1]))
+        given[:, :width] = piece.rows(step, before=True)[:, 1 : 1 + width]
+        given[:, width:-1] = rows[:, 1 + width :]
+        given[:, -1] = (times - piece.a[step]) / (piece.b[step] - piece.a[step])
+        return given
+
+    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
+        point, (system, method) = self.lanes.state, self.of(0)
+        dim = system.group.dim
+        curve = curve_layout(dim, (given.shape[1] - 1 - point.width) // dim)
+        several = self.lanes.arguments[1]
+        retraction = method.retraction
+        if isinstance(self.plan.method, OfBodies) and layout_of(retraction).width:
+            made = [one.retraction for one in self.plan.method]
+            retraction = kernel.Several.of(made, len(made))
+        what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
+        arguments = retraction, several, point, curve
+        return evaluated(along, arguments, given, point.width, self.asked_for, what, body)
+
+    def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
+        width = self.lanes.state.width
+        curve = row[1 + width :].reshape(-1, self.of(0)[0].group.dim)
+        powers = ((at - begun) / (row[0] - begun)) ** np.arange(1, len(curve) + 1)
+        row[1 + width :] = (curve * powers[:, None]).ravel()
+        super().end_at(row, begun, at, numbers)
+
+    def cut(self, clock: np.ndarray, at: float) -> None:
+        super().cut(clock, at)
+        go_on(clock, at)
+
+    # ---------------------------------------------------------------- what came of it
+
+    def samples(self, i: int) -> np.ndarray:
+        first = self.observers[0]
+        return first.rows[:, self.head] if isinstance(first, Dense) else super().samples(i)
+
+    def known(self, i: int | None) -> dict[str, Any]:
+        steps = np.where(self.over, 0.0, self.clocks[TAKEN])
+        rejected = np.where(self.over, 0.0, self.clocks[REJECTED])
+        reached = np.where(self.over, self.t0, self.clocks[TIME])
+        h = (reached - self.t0) / np.maximum(1.0, steps)
+        if i is None:
+            return {"h": float(np.mean(h)), "rejected": int(rejected.sum())}
+        found: dict[str, Any] = {"h": float(h[i]), "rejected": int(rejected[i])}
+        dense, last = self.plan._given["dense"], self.observers[-1]
+        kept = dense is True or (dense is None and self.asked is None and not self.recorder)
+        if kept and isinstance(last, Dense):
+            (system, method), rows = self.of(i), last.rows
+            given = self.lanes.example, rows, method.dense_order, self.asked_for
+            found["dense"] = DenseOutput(system, method.retraction, *given)
+        return found
+
+    def carry(self, i: int, met: Any) -> Any:
+        numbers, clock = self.numbers[:, i].copy(), self.clocks[:, i].copy()
+        if clock[TIME] != self.here[0, i] and not clock[ANEW]:
+            return None
+        width = self.lanes.state.width
+        numbers[:width] = self.here[1:, i]
+        return AdaptiveCarry(
+            numbers, clock, self.small(numbers), float(clock[TIME]), self.cuts.get(i), met
+        )
+
+    def error(self, i: int) -> Any:
+        if self.clocks[TAKEN, i] >= self.limit[i]:
+            told = f"{int(self.limit[i])} steps led to t = {self.clocks[TIME, i]:g} only, not to {self.t_end[i]:g}"
+            return self.explained(
+                StepTooSmall(f"integrate: {told}; loosen rtol and atol or allow more `steps`"), i
+            )
+        return self._too_small(i)
+
+    @property
+    def failed(self) -> np.ndarray:
+        at_end = (self.clocks[TIME] == self.goals[0]) & (self.clocks[MARK] != STUCK)
+        return (
+            ~self.over
+            & ~at_end
+            & ((self.clocks[MARK] == STUCK) | (self.clocks[TAKEN] >= self.limit))
+        )
+
+    def _too_small(self, i: int) -> Any:
+        """Why the steps became too small to go on: what the last trial had to say.  A mistake in a
+        formula is raised itself.
+        """
+        clock, (system, method) = self.clocks[:, i], self.of(i)
+        t, h, steps = float(clock[TIME]), float(clock[STEP]), int(clock[TAKEN])
+        rtol, atol = self.goals[1, i].item(), self.goals[2, i].item()
+        state, xi = build(self.lanes.layout, iter(self.numbers[:, i].tolist()))
+        if not steps:
+            first = velocity(system, t, state)
+            if not accepted(first, itself):
+                error: Any = reason(first)
+                if not is_mistake(error):
+                    error = failure(error, repr(method), f"at the start, t = {self.t0[i]:g}")
+                return self.explained(error, i, goes_on=False)
+        # by the steps that led here: each was at most five times as long as the next
+        raised: list[Any] = []
+        for longer in (1.0, 5.0, 25.0, 125.0):
+            trial = attempt(method.trial, system, t, state, xi, longer * h, rtol, atol, False)
+            noted(raised, trial)
+            if raised or not trial.error <= 1.0:
+                break
+        told = [*raised, *self.failures.get(i, [])[-1:]]
+        error = next((e for e in told if is_mistake(e)), told[0] if told else None)
+        if is_mistake(error):
+            error.add_note(
+                f"[integrate: in step {steps + 1}, from t = {t:g}; the samples before it are in "
+                "`.trajectory`]"
+            )
+            return self.explained(error, i)
+        why = str(error)
+        if error is None:
+            why = f"the error estimate is {trial.error:.1e} of the tolerance even so"
+            if not math.isfinite(trial.error):
+                why = "the motion has no finite velocity there"
+        elif not isinstance(error, ArithmeticError):
+            why = f"{type(error).__name__}: {error}"
+        made = StepTooSmall(
+            f"{method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: "
+            f"{why}. The motion may have a singularity there, or rtol = {rtol:g}, atol = {atol:g} ask "
+            f"for more than rounding allows; {steps} steps are in `.trajectory`"
+        )
+        made.__cause__ = error
+        return self.explained(made, i)
+
+
+def of_bodies(check: Any, values: Any) -> list[Any]:
+    """What is made of a value of each body; what is refused names the body."""
+    found: list[Any] = []
+    try:
+        for value in values:
+            found.append(check(value))
+    except (InvalidInput, InvalidType) as error:
+        error.add_note(f"[integrate: body {len(found)}]")
+        raise
+    return found
+
+
+def velocity(system: Any, t: float, state: Any) -> Any:
+    """The velocity at a start, as `attempt` gives it: not a number if it is complex, as a power of
+    a negative number is.
+    """
+    xi = attempt(system.rate, t, system.essential_part(state))
+    return math.nan if accepted(xi, itself) and any(type(x) is complex for x in xi) else xi
+
+
+def stretches(
+    breaks: tuple[float, ...], t0: float, t_end: float
+) -> tuple[float, list[tuple[float, float]]]:
+    """Where steps begin, to which times they lead, and where they go on: from jump to jump of the
+    velocity, to the end.
+    """
+    if t0 == t_end:
+        return t0, []
+    sign = math.copysign(MARGIN, t_end - t0)
+    start, ways, before = t0, [], t0  # type: float, list[tuple[float, float]], float
+    inside = [b for b in breaks if min(t0, t_end) <= b <= max(t0, t_end)]
+    for b in inside if t_end > t0 else inside[::-1]:
+        if same(b, t0):  # there is nothing between them
+            start = b + sign * float(np.spacing(abs(b)))
+            continue
+        # times of stages are rounded as those of the step are
+        ahead = sign * float(np.spacing(max(abs(b), abs(before))))
+        last = same(b, t_end)
+        ways.append((b - ahead, t_end if last else b + sign * float(np.spacing(abs(b)))))
+        before = b
+    if not ways or ways[-1][1] != t_end:
+        ways.append((t_end, t_end))
+    return start, ways
