@@ -55,6 +55,11 @@ class NotDefined(LiemechError, NotImplementedError):
     """A class leaves a method to its subclasses, or has no formula for it."""
 
 
+def undefined(thing: object, method: str) -> NotDefined:
+    """The error of a method that the class of a thing must define."""
+    return NotDefined(f"{type(thing).__name__} must define `{method}`")
+
+
 class MissingExtra(LiemechError, ImportError):
     """An optional package is needed: the message ends with the command that installs it."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, final
 
-from .errors import IncompatibleSystem, NoConvergence, NotDefined
+from .errors import IncompatibleSystem, NoConvergence, undefined
 from .formulas import (
     Element,
     Mat,
@@ -57,7 +57,7 @@ class Retraction(Record):
 
     def tau(self, group: LieGroup, xi: Vec) -> Element:
         """The group element tau(xi).  xi : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `tau`")
+        raise undefined(self, "tau")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 

@@ -31,13 +31,19 @@ WORDS = ("equations", "gallery", "glossary", "notation")
 """Pages that mention what others explain."""
 
 EVERYWHERE = {
+    "chain": "joints",
+    "check_system": "your_own_system",
+    "coadjoint": "coadjoint_orbits",
     "CovariantVariational": "algorithm_1",
     "GalerkinVariational": "galerkin",
     "HamiltonianSystem": "classical_hamilton_jacobi",
+    "integrate": "options",
+    "Kepler": "symplectic_methods",
     "MoserVeselov": "algorithm_1",
+    "record": "your_own_system",
     "Retraction": "your_own_group",
     "RigidBody": "tutorial",
-    "integrate": "options",
+    "RKMK": "equations_on_groups",
 }
 """Names that many pages use, and the page about each."""
 

@@ -32,15 +32,15 @@ class AlgebraInUnits(AlgebraOfParts):
         """The dimension of the algebra."""
         return self.algebra.dim
 
-    def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+    def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
         """The map of the algebra.  xi, eta : (dim,)."""
         return getattr(self.algebra, name)(self.units * xi, self.units * eta, *more) / self.units
 
-    def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
         """The map of the algebra.  xi, mu : (dim,)."""
         return getattr(self.algebra, name)(self.units * xi, mu / self.units) * self.units
 
-    def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+    def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """The equation of the algebra.  xi, p, mu : (dim,)."""
         u = self.units
         r, by_p, by_xi = getattr(self.algebra, name)(u * xi, p / u, mu / u)

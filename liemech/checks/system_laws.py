@@ -221,47 +221,38 @@ def _leaving(system: BoundBody, at: AtState) -> Iterator[Same]:
     yield vanishes(change, G * max(map(size, speeds)) / at.unit)
 
 
-# ---------------------------------------------------------------- driven systems
+# ---------------------------------------------------------------- canonical and driven systems
 
+CANONICAL: list[Law] = []
 DRIVEN: list[Law] = []
-
-
-@axiom(DRIVEN, "velocity of energy", "velocity(t, q, p) = dH/dp", "velocity", slack=CLOSE)
-def velocity_of_driven(system: DrivenHamiltonianSystem, at: AtState) -> Iterator[Same]:
-    t, q, p = at.t, at.state.q, at.state.p
-    yield _matches(system.velocity(t, q, p), lambda x: system.energy(t, q, x), p)
-
-
-@axiom(DRIVEN, "force of energy", "force(t, q, p) = -dH/dq", "force", slack=CLOSE)
-def force_of_driven(system: DrivenHamiltonianSystem, at: AtState) -> Iterator[Same]:
-    t, q, p = at.t, at.state.q, at.state.p
-    yield _matches(system.force(t, q, p), lambda x: system.energy(t, x, p), q, -1.0)
-
-
 DRIVEN_BODY: list[Law] = []
+
+
+def _of_energy(table: list[Law], t: str) -> None:
+    """The laws of Hamilton's equations, of an energy of (q, p) or of (t, q, p)."""
+
+    def place(at: AtState) -> tuple[Any, Any, Any]:
+        return (at.t,) if t else (), at.state.q, at.state.p
+
+    @axiom(table, "velocity of energy", f"velocity({t}q, p) = dH/dp", "velocity", slack=CLOSE)
+    def velocity_of_energy(system: Any, at: AtState) -> Iterator[Same]:
+        t, q, p = place(at)
+        yield _matches(system.velocity(*t, q, p), lambda x: system.energy(*t, q, x), p)
+
+    @axiom(table, "force of energy", f"force({t}q, p) = -dH/dq", "force", slack=CLOSE)
+    def force_of_energy(system: Any, at: AtState) -> Iterator[Same]:
+        t, q, p = place(at)
+        yield _matches(system.force(*t, q, p), lambda x: system.energy(*t, x, p), q, -1.0)
+
+
+_of_energy(CANONICAL, "")
+_of_energy(DRIVEN, "t, ")
 
 
 @axiom(DRIVEN_BODY, "gradient", "gradient(t, mu) = dK/dmu", "gradient", slack=CLOSE)
 def gradient_of_driven(system: DrivenLiePoissonSystem, at: AtState) -> Iterator[Same]:
     t, mu, K = at.t, at.state.mu, system.hamiltonian
     yield _matches(K.gradient(t, mu), lambda x: K.energy(t, x), mu)
-
-
-# ---------------------------------------------------------------- canonical systems
-
-CANONICAL: list[Law] = []
-
-
-@axiom(CANONICAL, "velocity of energy", "velocity(q, p) = dH/dp", "velocity", slack=CLOSE)
-def velocity_of_energy(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
-    q, p = at.state.q, at.state.p
-    yield _matches(system.velocity(q, p), lambda x: system.energy(q, x), p)
-
-
-@axiom(CANONICAL, "force of energy", "force(q, p) = -dH/dq", "force", slack=CLOSE)
-def force_of_energy(system: CanonicalSystem, at: AtState) -> Iterator[Same]:
-    q, p = at.state.q, at.state.p
-    yield _matches(system.force(q, p), lambda x: system.energy(x, p), q, -1.0)
 
 
 @axiom(

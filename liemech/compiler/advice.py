@@ -1,4 +1,4 @@
-"""What to write instead of what is refused."""
+"""Advice: a replacement for each function and statement that native code refuses."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ _SYNTAX: dict[type, str] = {
 
 
 def instead_of(function: Any) -> str:
-    """What to write instead of a call that native code cannot make."""
+    """A replacement for a call that native code cannot make."""
     if isinstance(function, type) and function.__module__ not in ("builtins", "numpy", "functools"):
         return "make a tuple, or a record (@liemech.record)"
     name = getattr(function, "__qualname__", None) or type(function).__name__
@@ -71,5 +71,5 @@ def instead_of(function: Any) -> str:
 
 
 def instead_of_syntax(node: ast.AST) -> str:
-    """What to write instead of a statement or expression that has no place in a formula."""
+    """A replacement for a statement or expression that has no place in a formula."""
     return _SYNTAX.get(type(node), "write it with plain statements")

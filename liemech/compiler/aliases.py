@@ -102,7 +102,7 @@ def lists(value: Any) -> Iterator[list[Any]]:
 
 
 def _inside(value: Any) -> Iterable[Any]:
-    """What a container holds that may be a list."""
+    """The items of a container that may be lists."""
     if isinstance(value, dict):
         return value.values()
     return value if isinstance(value, (tuple, list)) and type(value) not in (Vec, Mat) else ()

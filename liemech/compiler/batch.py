@@ -105,7 +105,7 @@ def evaluate_rows(batch: Batch) -> Any:
 
 
 def _form(batch: Batch) -> Any:
-    """What batches have in common that run the same native code."""
+    """The form of a batch: batches of one form run the same native code."""
     arrays = tuple([(name, a.shape[1:], a.dtype.char) for name, a in batch.arrays.items()])
     return (
         batch.formula,
@@ -208,7 +208,7 @@ class Values:
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """What native code for a batch is made for: the driver's arguments that are no arrays, and the
+    """The key and the arguments of native code for a batch: the driver's arguments that are no arrays, and the
     parts of a result.
     """
 
@@ -222,13 +222,13 @@ class Job:
     """The arguments of the formula that are the same for all rows."""
 
     def kept(self, batch: Batch) -> Job:
-        """The same without what belongs to this batch: its owner, group and values may go."""
+        """This job without the owner, group and values of the batch, which may be freed."""
         static = {k: None if k in batch.rest else default for k, default in self.static.items()}
         *_, plan, _, results = self.arguments
         return dataclasses.replace(self, arguments=(plan, (), results), static=static)
 
     def of(self, batch: Batch) -> Job:
-        """The same for another batch of this form, whose numbers may be others."""
+        """This job for another batch of its form, with the numbers of that one."""
         static = self.static | batch.rest
         *_, plan, _, results = self.arguments
         arguments = (

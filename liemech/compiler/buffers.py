@@ -176,7 +176,7 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
 
 
 def entrance(module: ir.Module, function: ir.Function, kinds: Any) -> None:
-    """What Python calls, with the address of one block: bodies, begin, end, the integers, the
+    """Add the function that Python calls with the address of one block: bodies, begin, end, the integers, the
     addresses of arrays, the numbers.
     """
     integers = sum(kind in ("integer", "rows") for kind in kinds)

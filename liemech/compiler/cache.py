@@ -91,7 +91,7 @@ def _is_safe(status: os.stat_result) -> bool:
 
 
 def load(key: str, fits: Callable[[Any], Any]) -> tuple[Any, bytes] | None:
-    """What `fits` makes of the first manifest under this key that it accepts (not None), and the
+    """The first manifest under this key that `fits` accepts, as it returns it (not None), and the
     code beside it.
     """
     for file in _files(key):

@@ -40,7 +40,7 @@ class Call:
     parts: list[Any]  # the vectors, records, ... among the arguments and in them
 
     def passed(self, general: bool) -> list[Num]:
-        """What a function of this form is given."""
+        """The numbers that a function of this form is given."""
         return self.all_numbers if general else self.numbers
 
 
@@ -101,8 +101,8 @@ class CallForms:
         return Call((*here, known), (*here, general), of_known, numbers, constants, all_parts)
 
     def _told(self, x: Any) -> Any:
-        """What tells a constant from others: of records and tuples that formulas made, the content;
-        else the identity.
+        """The key of a constant: of records and tuples that formulas made the content, else the
+        identity.
         """
         if x is None or isinstance(x, (bool, int, str, bytes)):
             return type(x), x
@@ -279,7 +279,7 @@ _OBJECTS = (
 
 
 def _parts(x: Any) -> list[Any]:
-    """What a vector, a record, ... is made of."""
+    """The parts of a vector, a record, a list, ..."""
     if isinstance(x, Record):
         return [getattr(x, f.name) for f in dataclasses.fields(x)]  # type: ignore[arg-type]
     if isinstance(x, Table):

@@ -38,7 +38,7 @@ FUNCTIONS: dict[Any, str] = {
 _BY_NAME = {name: function for function, name in FUNCTIONS.items()}
 
 _NO_VALUE = ArithmeticError, ValueError, TypeError
-"""What a function raises where it has no value."""
+"""The errors of a function outside of its domain."""
 
 _PYTHON = (
     "PyFloat_FromDouble PyObject_CallFunctionObjArgs PyFloat_AsDouble Py_DecRef PyErr_Occurred "

@@ -69,7 +69,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def parts(value: Any) -> Iterator[Part]:
-    """What a value consists of."""
+    """The parts of a value: items, fields, attributes."""
     if isinstance(value, (tuple, list)):
         for i, x in enumerate(value):
             yield "item", i, x
@@ -199,13 +199,14 @@ def has_operators(cls: type) -> bool:
 
 
 def _is_written(member: Any) -> bool:
-    """Did somebody write it, other than `dataclass`, `enum` or `collections.namedtuple`?"""
+    """Did somebody write it, other than `record`, `dataclass`, `enum` or `collections.namedtuple`?"""
     if member is None:  # `__hash__` beside an `__eq__`
         return False
     code = getattr(member, "__code__", None)
     if code is None:
         return not isinstance(member, types.BuiltinFunctionType)
-    return not code.co_filename.startswith("<") and str(member.__module__) not in _MAKERS
+    of_dataclass = code.co_filename.startswith("<") or code.co_filename == dataclasses.__file__
+    return not of_dataclass and str(member.__module__) not in _MAKERS
 
 
 _MAKERS = {"enum", "dataclasses", "collections", "typing"}
@@ -352,7 +353,7 @@ def _one_of(common: Any, value: Any, known: Known) -> str:
 
 @functools.lru_cache(4096)
 def code_token(code: types.CodeType) -> str:
-    """What a function does, from its code: comments, docstrings and line numbers make no
+    """A hash of the code of a function: comments, docstrings and line numbers make no
     difference.
     """
     return hashlib.sha256(repr(_code(code)).encode()).hexdigest()

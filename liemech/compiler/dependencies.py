@@ -1,5 +1,5 @@
-"""What a translation reads from outside: names, attributes, code.  All of it is written down, and
-compared before it counts again.
+"""Dependencies: the names, attributes and code that a translation reads from outside.  All of it is
+written down, and compared before the native code is used again.
 
 A read has a path: from an argument of the driver, or the driver itself, over attributes, classes,
 globals and closures to a value.  In this process the values are compared with the present ones by
@@ -10,14 +10,11 @@ of what is found there are compared.
 from __future__ import annotations
 
 import abc
-import collections
 import dataclasses
 import decimal
 import enum
 import functools
 import inspect
-import keyword
-import operator
 import types
 import typing
 from collections.abc import Callable, Sequence
@@ -28,13 +25,9 @@ from ..formulas.numbers import StandIn
 from ..formulas.records import Record
 from ..formulas.signatures import bare
 from . import content_hashes
-from .content_hashes import ATOMS, Known, digest, inner, is_mutable, is_own, of_python, parts, same
+from .content_hashes import ATOMS, Known, digest, inner, is_own, of_python, parts
 from .source import Source
-
-Step = tuple[int, str, Any]
-"""The number of the read that leads to the holder (-1: none), how it is asked, and for what."""
-
-_MISSING = object()
+from .staleness import MISSING, RELATIONS, Guard, Step, asked, member_of
 
 
 class Reads:
@@ -128,7 +121,7 @@ class Reads:
         return any("__setattr__" in inspect.unwrap(c).__code__.co_names for c in checks if c)
 
     def has(self, value: Any, name: str) -> bool:
-        """What `hasattr` says."""
+        """hasattr(value, name)."""
         if id(value) in self._given or (
             isinstance(value, Record) and id(value) not in self._origins
         ):
@@ -145,7 +138,7 @@ class Reads:
         cls = type(value)
         if of_python(cls) and id(cls) in self._origins:
             return bool(self._read(cls, "defines", name))
-        return _member(cls, 0, name) is not _MISSING
+        return member_of(cls, 0, name) is not MISSING
 
     def identical(self, left: Any, right: Any) -> bool:
         """`left is right`.  Of records and containers it is written down: nothing else tells that
@@ -176,6 +169,15 @@ class Reads:
             decides = isinstance(kind, type) and type(kind) is not type
             if decides and self.from_outside(value) and self.from_outside(kind):
                 found = found or self._related(value, "isinstance", kind)
+            elif decides and any(
+                "__instancecheck__" in vars(c)
+                for c in type(kind).__mro__
+                if of_python(c) and c.__module__ not in _OF_PYTHON
+            ):
+                raise NotCompilable(
+                    f"`isinstance` of {kind.__qualname__}, whose class decides it itself, of what is "
+                    "no object from outside: ask before the run"
+                )
             else:
                 found = found or isinstance(value, kind)
         return found
@@ -184,7 +186,7 @@ class Reads:
         """The relation of two things from outside, written down."""
         step = self._number(left), how, self._number(right)
         if step not in self._numbers:
-            value = _RELATIONS[how](self.values[step[0]], self.values[step[2]])
+            value = RELATIONS[how](self.values[step[0]], self.values[step[2]])
             self._note(step, value, digest(value, self.known))
         return bool(self.values[self._numbers[step]])
 
@@ -235,8 +237,8 @@ class Reads:
         if isinstance(owner, type) and is_own(owner):
             return getattr(value, name)
         if isinstance(owner, type):
-            member = _member(cls, after, name)
-            if member is _MISSING or type(cls) not in _PLAIN_CLASSES:
+            member = member_of(cls, after, name)
+            if member is MISSING or type(cls) not in _PLAIN_CLASSES:
                 return self._read(owner, "attribute", name)
             return self._bound(self._read(cls, f"member {after}", name), None, cls, name, call)
         if isinstance(owner, (types.ModuleType, types.FunctionType)):
@@ -251,14 +253,14 @@ class Reads:
             return self._read(owner, "attribute", name)
         if name == "__class__":
             return self.class_of(owner) if after == 0 else cls
-        member = _member(cls, after, name)
+        member = member_of(cls, after, name)
         own = getattr(owner, "__dict__", {}) if after == 0 else {}
         if name in own and not hasattr(type(member), "__set__"):
             copied = id(owner) in self._given or id(owner) not in self._origins
             return own[name] if copied else self._read(owner, "attribute", name)
-        if member is _MISSING and id(owner) in self._before:
+        if member is MISSING and id(owner) in self._before:
             return self.attribute(self._before[id(owner)], name, call)
-        if member is _MISSING or "__getattribute__" in {
+        if member is MISSING or "__getattribute__" in {
             n for c in cls.__mro__[:-1] for n in vars(c)
         }:
             return self._read(owner, "attribute", name)
@@ -271,8 +273,8 @@ class Reads:
     def _bound(
         self, member: Any, owner: Any, cls: type, name: str, call: Callable[..., Any]
     ) -> Any:
-        """What Python makes of a member of a class, asked for through an instance or, if there is
-        none, through the class.
+        """The attribute that a member of a class becomes, through an instance or, if there is none,
+        through the class.
         """
         if isinstance(member, types.FunctionType):
             return member if owner is None else types.MethodType(member, owner)
@@ -345,8 +347,8 @@ class Reads:
         for name in content_hashes.names(formula.__code__):
             if name in formula.__globals__:
                 self._glance(self.outer(formula, name), cls, seen)
-            member = _member(cls, 0, name)
-            if member is not _MISSING:
+            member = member_of(cls, 0, name)
+            if member is not MISSING:
                 member = self._read(cls, "member 0", name)
                 self._glance(
                     getattr(member, "fget", None) or getattr(member, "func", member), cls, seen
@@ -358,9 +360,9 @@ class Reads:
         """The value that the holder gives, written down."""
         step = self._number(holder), how, name
         if step[0] is _OWN:
-            return _asked(holder, how, name)
+            return asked(holder, how, name)
         if step not in self._numbers:
-            value = _asked(self.values[step[0]], how, name)
+            value = asked(self.values[step[0]], how, name)
             self._note(step, value, digest(value, self.known))
             self._admit(value, value, holder, how, name)
         return self.values[self._numbers[step]]
@@ -455,15 +457,15 @@ class Reads:
         return True
 
     def _found_from(self, args: Sequence[Any]) -> tuple[list[Any], Known] | None:
-        """What the paths from these arguments lead to; None if some of it is not what was read."""
+        """The values at the ends of the paths from these arguments; None if some of them have changed."""
         values: list[Any] = []
         known: Known = {}
         try:
             for (parent, how, name), token in zip(self.steps, self.tokens, strict=True):
                 values.append(
-                    _RELATIONS[how](values[parent], values[name])
-                    if how in _RELATIONS
-                    else _asked(values[parent] if parent >= 0 else (self.entry, args), how, name)
+                    RELATIONS[how](values[parent], values[name])
+                    if how in RELATIONS
+                    else asked(values[parent] if parent >= 0 else (self.entry, args), how, name)
                 )
                 if token and digest(values[-1], known) != token:
                     return None
@@ -491,196 +493,10 @@ class Reads:
         return self.follow(args) if verdict is None else verdict
 
 
-class Guard:
-    """Compares the values of reads with the present ones: by one expression of all comparisons,
-    written and compiled for them.
-
-    Where it does not hold, every read is asked for anew, one after the other, which tells what is
-    different.
-    """
-
-    def __init__(
-        self, steps: list[Step], values: list[Any], all_tokens: list[str], known: Known
-    ) -> None:
-        self.steps, self.values, self.tokens, self.known = steps, values, all_tokens, known
-        # relations: the reads that lead to the two
-        self.pairs: list[tuple[tuple[int, int], int]] = []
-        self.compared: list[int] = []
-        self.others: list[Any] = []  # what the comparisons need beside the values
-        self.mutable: list[int] = []
-        self.of_arguments: list[tuple[list[tuple[str, Any]], int]] = []
-        self.parents = collections.Counter(parent for parent, *_ in steps)
-        # from the arguments, of what is a part of them
-        self.paths: list[list[tuple[str, Any]] | None] = []
-        paths = self.paths
-        # by properties: only `_glance` looks at what Python computed from them
-        made: set[int] = set()
-        for i, (parent, how, name) in enumerate(steps):
-            above = [] if how == "argument" else paths[parent] if parent >= 0 else None
-            if how in _RELATIONS:
-                self.pairs.append(((parent, name), i))
-                paths.append(None)
-                continue
-            named = isinstance(values[i], (type, types.FunctionType))
-            if how == "property" or (parent in made and not named):
-                made.add(i)
-                paths.append(None)
-                continue
-            part = above is not None and not all_tokens[i] and not named
-            paths.append([*above, (how, name)] if part and above is not None else None)
-            if all_tokens[i] and above is not None and parent >= 0:
-                self.of_arguments.append(([*above, (how, name)], i))
-            elif all_tokens[i] or (
-                parent >= 0
-                and above is None
-                and how in ("item", "value")
-                and is_mutable(values[parent])
-            ):
-                self.compared.append(i)
-            if all_tokens[i] and name != "__dataclass_fields__" and is_mutable(values[i]):
-                self.mutable.append(i)
-        self.same = self._expressions()
-
-    def _expressions(self) -> list[Callable[[Sequence[Any], list[Any]], bool]]:
-        """One for each module, which sees its names as any function there does, and one for
-        everything else.
-        """
-        general: dict[int, str] = {}
-        modules: dict[tuple[int, int], tuple[Any, list[str]]] = {}
-        known = {f"v{i}": value for i, value in enumerate(self.values)}
-        for i in self.compared:
-            parent, how, name = self.steps[i]
-            holder = self.values[parent]
-            if how == "global" and "__builtins__" in holder.__globals__:
-                space = id(holder.__globals__), id(holder.__builtins__)
-                modules.setdefault(space, (holder, []))[1].append(f"{name} is _values[{i}]")
-            # a method has its formula for ever
-            elif name != "__formula__" or parent not in general:
-                general[i] = self._comparison(i, holder, how, name)
-        found = [*general.values()]
-        for path, i in self.of_arguments:
-            found.append(f"{self._along(path)} is _values[{i}]")
-        for pair, i in self.pairs:
-            left, right = [
-                f"_values[{k}]" if self.paths[k] is None else self._along(self.paths[k])
-                for k in pair
-            ]
-            related = self._other(_RELATIONS[self.steps[i][1]])
-            found.append(f"{related}({left}, {right}) is {self.values[i]}")
-        same = [_expression(found, known | {f"o{i}": value for i, value in enumerate(self.others)})]
-        for holder, names in modules.values():
-            made = _expression(names, holder.__globals__)
-            same.append(made if made.__builtins__ is holder.__builtins__ else _never)
-        return same
-
-    def _along(self, path: Any) -> str:
-        """What a path from the arguments leads to, as a text."""
-        now = "_args"
-        for how, name in path:
-            now = f"{now}[{name}]" if how == "argument" else self._asked(now, how, name)
-        return now
-
-    def _comparison(self, i: int, holder: Any, how: str, name: Any) -> str:
-        """What read number i asks for is what it was, as a text."""
-        now, then = f"v{self.steps[i][0]}", f" is v{i}"
-        if how == "cell":
-            return f"{self._other(holder.__closure__[holder.__code__.co_freevars.index(name)])}.cell_contents{then}"
-        if how.startswith("member"):
-            after = int(how.partition(" ")[2])
-            # Python code answers for it, and takes its time
-            if isinstance(self.values[i], functools.cached_property):
-                spaces = [self._other(vars(c)) for c in holder.__mro__[after:]]
-                home = next(k for k, c in enumerate(holder.__mro__[after:]) if name in vars(c))
-                hidden = [f"{name!r} not in {space} and " for space in spaces[:home]]
-                return f"{now}.__mro__ is {self._other(holder.__mro__)} and {''.join(hidden)}{spaces[home]}[{name!r}]{then}"
-            seen = super(holder.__mro__[after - 1], holder) if after else holder
-            if getattr(seen, name, _MISSING) is self.values[i]:
-                return self._asked(self._other(seen) if after else now, "attribute", name) + then
-        return self._asked(now, how, name) + then
-
-    def _other(self, value: Any) -> str:
-        """A value that is no read, as a text."""
-        self.others.append(value)
-        return f"o{len(self.others) - 1}"
-
-    def _asked(self, holder: str, how: str, name: Any) -> str:
-        """A question to a holder, as a text."""
-        if how == "attribute" and name.isidentifier() and not keyword.iskeyword(name):
-            return f"{holder}.{name}"
-        return f"{self._other(_asked)}({holder}, {how!r}, {name!r})"
-
-    def verdict(self, args: Sequence[Any]) -> bool | None:
-        """Is everything the same?  None: there are other objects, and their tokens must tell."""
-        try:
-            for holds in self.same:
-                if not holds(args, self.values):
-                    break
-            else:
-                return not self.mutable or all(
-                    digest(self.values[i], self.known) == self.tokens[i] for i in self.mutable
-                )
-        except Exception:  # something is no longer there; which, does not matter yet
-            pass
-        try:
-            return self._by_parts(args)
-        except Exception:
-            return False
-
-    def _by_parts(self, args: Sequence[Any]) -> bool | None:
-        unknown = False
-        for i in self.compared:
-            parent, how, name = self.steps[i]
-            now, then = _asked(self.values[parent], how, name), self.values[i]
-            if now is not then:
-                if type(now) in ATOMS and not same(now, then):
-                    return False
-                unknown = unknown or type(now) not in ATOMS
-        if unknown:
-            return None
-        for i in self.mutable:
-            if digest(self.values[i], self.known) != self.tokens[i]:
-                return False
-        for path, i in self.of_arguments:
-            value = self._now(path, args)
-            if value is not self.values[i]:
-                if i in self.parents or digest(value, self.known) != self.tokens[i]:
-                    return None
-                self.values[i] = value
-        for pair, i in self.pairs:
-            left, right = [
-                self.values[k] if self.paths[k] is None else self._now(self.paths[k], args)
-                for k in pair
-            ]
-            if _RELATIONS[self.steps[i][1]](left, right) is not self.values[i]:
-                return False
-        return True
-
-    @staticmethod
-    def _now(path: Any, args: Sequence[Any]) -> Any:
-        value: Any = (None, args)
-        for how, name in path:
-            value = _asked(value, how, name)
-        return value
-
-
-def _expression(comparisons: list[str], names: dict[str, Any]) -> Any:
-    """A function that says whether all of these hold, where a text sees these names.
-
-    A module that has one of the names of its arguments is compared with them, in vain: then
-    everything is asked for anew.
-    """
-    return eval(f"lambda _args, _values: {' and '.join(comparisons) or True}", names)
-
-
-def _never(*_: Any) -> bool:
-    return False
-
-
 _OWN: Any = object()
 _LIBRARY = f"{__name__.partition('.')[0]}."
 _PLAIN_CLASSES = {type, abc.ABCMeta}
-_RELATIONS: dict[str, Callable[[Any, Any], bool]] = {"is": operator.is_, "isinstance": isinstance}
-"""Reads of two things, each known by its number."""
+_OF_PYTHON = {"abc", "typing"}
 _OF_ONE_NAME = (
     bool,
     type,
@@ -689,61 +505,9 @@ _OF_ONE_NAME = (
     types.FunctionType,
     types.BuiltinFunctionType,
 )
-"""What `is` may compare: their tokens say which object it is."""
+"""Types that `is` may compare: their tokens say which object it is."""
 
 
 def varies(value: Any) -> bool:
     """Is a number of the run in it, in a field of a record too?"""
     return isinstance(value, StandIn) or any(varies(x) for *_, x in inner(value))
-
-
-def _member(cls: type, after: int, name: str) -> Any:
-    """What the classes say about a name, from this one of the resolution order on."""
-    for c in cls.__mro__[after:]:
-        if name in vars(c):
-            return vars(c)[name]
-    return _MISSING
-
-
-def _asked(holder: Any, how: str, name: Any) -> Any:
-    """What is there now."""
-    match how.partition(" ")[0]:
-        case "attribute" | "property":
-            return getattr(holder, name)
-        case "global":
-            for names in (holder.__globals__, holder.__builtins__):
-                if name in names:
-                    return names[name]
-            raise NotCompilable(f"the name `{name}` is not defined")
-        case "cell":
-            try:
-                return holder.__closure__[holder.__code__.co_freevars.index(name)].cell_contents
-            except ValueError:
-                raise NotCompilable(f"`{name}` has no value yet") from None
-        case "member":
-            value = _member(holder, int(how.partition(" ")[2]), name)
-            if value is _MISSING:
-                raise AttributeError(name)
-            return value
-        case "item":
-            return holder[name]
-        case "value":
-            return list(holder.values())[name]
-        case "class":
-            return type(holder)
-        case "has":
-            return hasattr(holder, name)
-        case "defines":
-            return _member(holder, 0, name) is not _MISSING
-        case "plain":
-            return not content_hashes.has_operators(holder)
-        case "own":
-            return name in vars(holder)
-        case "argument":
-            return holder[1][name]
-        case "entry":
-            return holder[0]
-        case "decimals":  # how they are rounded
-            now = decimal.getcontext()
-            return f"{now.prec} {now.rounding} {now.Emin} {now.Emax} {now.clamp}"
-    raise NotCompilable(f"a read of an unknown kind, {how}")

@@ -1,5 +1,5 @@
-"""What a driver, the loop that Python starts, needs beyond formulas; in plain Python and, by the
-compiler, in native code.
+"""Reading, writing and attempting for drivers, the loops that Python starts, in plain Python and, by
+the compiler, in native code.
 
 A driver is a plain function of values, integers and arrays of float64.  It reads a state out of an
 array, marches and writes results into arrays.  Compiled for an ensemble it does so for several
@@ -29,7 +29,7 @@ from ..formulas.vectors import Vec
 
 
 class Rejected:
-    """What an attempted step gives in plain Python when it raises.  error : what it raised."""
+    """The result, in plain Python, of an attempted step that raised `error`."""
 
     def __init__(self, error: Exception) -> None:
         self.error = error

@@ -17,7 +17,7 @@ from ..formulas.numbers import ByValue
 from ..formulas.pytree import is_any_number
 from ..formulas.series import Series
 from ..formulas.vectors import Entries, Equal, Mat, Unequal, Vec
-from . import arrays, memory_loops
+from . import arrays, lookups, memory_loops
 from .advice import instead_of_syntax
 from .arrays import Array
 from .content_hashes import looks_itself
@@ -448,7 +448,7 @@ class Expressions(Loops):
         self.fail_if(
             self.emitter.negation(self.emitter.logic("and_", index >= -count, index < count))
         )
-        result = memory_loops.picked(self.emitter, entries, index)
+        result = lookups.picked(self.emitter, entries, index)
         if result is not None:
             return result
         result, *others = entries  # pick by comparison
@@ -492,7 +492,7 @@ class Expressions(Loops):
         return self.choice(ast.copy_location(choice, node), env)
 
     def _others(self, node: ast.BoolOp) -> ast.expr:
-        """What comes after the first operand of `and` or `or`: the same node every time."""
+        """The operands of `and` or `or` after the first, as one node, the same every time."""
         _, *others = node.values
         if len(others) == 1:
             return others[0]
@@ -626,7 +626,7 @@ def _known(test: Any) -> bool:
 
 
 def in_words(error: TypeError) -> str:
-    """What Python says of operands of which one is a number of the run, and what to do."""
+    """Python's message about operands of which one is a number of the run, and a cure."""
     if isinstance(error, InvalidType):
         return str(error)
     said = str(error).replace("'Num'", "a number known only at run time")

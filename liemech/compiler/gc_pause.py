@@ -15,7 +15,7 @@ _inside = 0
 """Translations under way, in all threads."""
 
 _before = gc.get_threshold()
-"""What the first of them found."""
+"""The thresholds that the first of them found."""
 
 
 @contextlib.contextmanager

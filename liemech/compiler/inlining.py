@@ -49,7 +49,7 @@ form: LLVM copies it.
 """
 
 PER_NUMBER = 4
-"""So many more for each number that the formula is given."""
+"""More instructions for each number that the formula is given."""
 
 WIDE = 64
 """Numbers of a state from which this is no longer so: the formulas of large groups take much longer
@@ -186,7 +186,7 @@ class Outliner:
 
     @contextlib.contextmanager
     def _limited(self, begin: int) -> Iterator[None]:
-        """What is being written out may not become huge."""
+        """Raises Growing where the formula that is being written out becomes huge."""
         begun, b = self.t.state.begun, self.e.builder
         begun.append(begin)
         b.room = begun[0] + SLACK * self.t.state.huge

@@ -57,7 +57,7 @@ class Builder(ir.IRBuilder):
         self._anchor += 1
 
     def grow(self, count: int) -> None:
-        """So many instructions more.  Raises Growing, TooLong."""
+        """Count instructions.  Raises Growing, TooLong."""
         self.emitted += count
         if self.emitted > self.room:
             raise Growing

@@ -17,10 +17,10 @@ from concurrent import futures
 from typing import Any
 
 THREAD = f"i{8 * ctypes.sizeof(ctypes.c_ulong)}"
-"""What a thread is known by, as LLVM's type."""
+"""LLVM's type for the identity of a thread."""
 
 _raised = (ctypes.c_void_p * 4)()
-"""What is held: type, value and traceback, as Python's C functions have them, and the thread that
+"""The error that is held: type, value and traceback, as Python's C functions have them, and the thread that
 raises it.
 """
 

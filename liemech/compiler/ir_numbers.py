@@ -124,10 +124,16 @@ class Emitter:
             return value.values
         if isinstance(value.value, ir.Constant):
             return self.constant(value.value.constant, kind, True).values
-        undefined = ir.Constant(self.type(kind, True), ir.Undefined)
-        first = b.insert_element(undefined, value.value, ir.Constant(I32, 0))
-        zeros = ir.Constant(ir.VectorType(I32, self.width), [0] * self.width)
-        return (b.shuffle_vector(first, undefined, zeros),) * self.registers(True)
+        return (self.spread(value.value, self.width),) * self.registers(True)
+
+    def spread(self, value: ir.Value, width: int) -> ir.Value:
+        """A vector of so many times the same value, of one the value itself."""
+        if width == 1:
+            return value
+        undefined = ir.Constant(ir.VectorType(value.type, width), ir.Undefined)
+        first = self.builder.insert_element(undefined, value, ir.Constant(I32, 0))
+        zeros = ir.Constant(ir.VectorType(I32, width), [0] * width)
+        return self.builder.shuffle_vector(first, undefined, zeros)
 
     def alike(
         self, *items: Any, kind: str = "b", varying: bool = False
@@ -427,7 +433,7 @@ class Emitter:
 
 
 def kind_of(x: Any) -> str:
-    """What a number is in Python: a float, an integer or a truth value."""
+    """The kind of a number in Python: a float, an integer or a truth value."""
     if isinstance(x, Num):
         return x.kind
     if isinstance(x, (bool, int, float)):
@@ -447,6 +453,30 @@ def _float_below(n: int) -> float:
     except OverflowError:
         return sys.float_info.max if n > 0 else -math.inf
     return x if x <= n else math.nextafter(x, -math.inf)
+
+
+def _operator(function: Callable[[Emitter], Callable[..., Any]]) -> tuple[Any, Any]:
+    """The two methods of an operator, with the number to its left and to its right."""
+    return (
+        lambda self, other: self._of(function(self.emitter), self, other),
+        lambda self, other: self._of(function(self.emitter), other, self),
+    )
+
+
+def _arithmetic(op: str) -> tuple[Any, Any]:
+    """The two methods of the commonest operators: numbers of the run are not asked for their kind."""
+    left, right = _operator(lambda e: functools.partial(e.arithmetic, op))
+
+    def method(self: Num, other: Any) -> Any:
+        if type(other) is Num:
+            return self.emitter.arithmetic(op, self, other)
+        return left(self, other)
+
+    return method, right
+
+
+def _comparison(op: str) -> Any:
+    return _operator(lambda e: functools.partial(e.compare, op))[0]
 
 
 class Num(StandIn):
@@ -500,35 +530,6 @@ class Num(StandIn):
         """The numbers that lie side by side in this one."""
         return self.emitter.single.apart(self)
 
-    def __add__(self, other: Any) -> Any:
-        return self._binary("add", self, other)
-
-    def __radd__(self, other: Any) -> Any:
-        return self._binary("add", other, self)
-
-    def __sub__(self, other: Any) -> Any:
-        return self._binary("sub", self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        return self._binary("sub", other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        return self._binary("mul", self, other)
-
-    def __rmul__(self, other: Any) -> Any:
-        return self._binary("mul", other, self)
-
-    def __truediv__(self, other: Any) -> Any:
-        return self._binary("div", self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return self._binary("div", other, self)
-
-    def _binary(self, op: str, a: Any, b: Any) -> Any:
-        if type(a) is Num and type(b) is Num:
-            return self.emitter.arithmetic(op, a, b)
-        return self._of(functools.partial(self.emitter.arithmetic, op), a, b)
-
     def _of(self, function: Callable[..., Any], *items: Any) -> Any:
         """A function of this number and another one, if it is one.  NumPy's integers are integers,
         where theirs are not shorter.
@@ -564,26 +565,14 @@ class Num(StandIn):
             raise NotCompilable("NumPy has no negative powers of integers: write float(k) ** -1.0")
         return self._of(self.emitter.power, self, other)
 
-    def __rpow__(self, other: Any) -> Any:
-        return self._of(self.emitter.power, other, self)
-
-    def __divmod__(self, other: Any) -> Any:
-        return self._of(self.emitter.divided, self, other)
-
-    def __rdivmod__(self, other: Any) -> Any:
-        return self._of(self.emitter.divided, other, self)
-
-    def __floordiv__(self, other: Any) -> Any:
-        return self._of(lambda *x: self.emitter.divided(*x)[0], self, other)
-
-    def __rfloordiv__(self, other: Any) -> Any:
-        return self._of(lambda *x: self.emitter.divided(*x)[0], other, self)
-
-    def __mod__(self, other: Any) -> Any:
-        return self._of(lambda *x: self.emitter.divided(*x)[1], self, other)
-
-    def __rmod__(self, other: Any) -> Any:
-        return self._of(lambda *x: self.emitter.divided(*x)[1], other, self)
+    __add__, __radd__ = _arithmetic("add")
+    __sub__, __rsub__ = _arithmetic("sub")
+    __mul__, __rmul__ = _arithmetic("mul")
+    __truediv__, __rtruediv__ = _arithmetic("div")
+    __divmod__, __rdivmod__ = _operator(lambda e: e.divided)
+    __floordiv__, __rfloordiv__ = _operator(lambda e: lambda *x: e.divided(*x)[0])
+    __mod__, __rmod__ = _operator(lambda e: lambda *x: e.divided(*x)[1])
+    _, __rpow__ = _operator(lambda e: e.power)
 
     def __neg__(self) -> Num:
         e = self.emitter
@@ -606,17 +595,7 @@ class Num(StandIn):
         size.mixed = self.mixed
         return size
 
-    def __lt__(self, other: Any) -> Any:
-        return self._of(functools.partial(self.emitter.compare, "<"), self, other)
-
-    def __le__(self, other: Any) -> Any:
-        return self._of(functools.partial(self.emitter.compare, "<="), self, other)
-
-    def __gt__(self, other: Any) -> Any:
-        return self._of(functools.partial(self.emitter.compare, ">"), self, other)
-
-    def __ge__(self, other: Any) -> Any:
-        return self._of(functools.partial(self.emitter.compare, ">="), self, other)
+    __lt__, __le__, __gt__, __ge__ = map(_comparison, ("<", "<=", ">", ">="))
 
     def __eq__(self, other: object) -> Any:
         return self._equality("==", other)
@@ -634,15 +613,8 @@ class Num(StandIn):
             raise NotCompilable("`&` or `|` of floats: use `and`, `or`")
         return self.emitter.each(getattr(self.emitter.builder, op), *pair)
 
-    def __and__(self, other: Any) -> Any:
-        return self._bits("and_", other)
-
-    __rand__ = __and__
-
-    def __or__(self, other: Any) -> Any:
-        return self._bits("or_", other)
-
-    __ror__ = __or__
+    __and__ = __rand__ = functools.partialmethod(_bits, "and_")
+    __or__ = __ror__ = functools.partialmethod(_bits, "or_")
 
     def __hash__(self) -> int:
         raise NotCompilable(

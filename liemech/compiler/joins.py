@@ -252,8 +252,8 @@ class Joins:
         return True
 
     def _together(self, into: ir.Block, blocks: list[ir.Block], items: list[Any]) -> Any:
-        """What a variable is where these blocks, in which it is one of the items each, come
-        together.
+        """The value of a variable where these blocks come together, in each of which it is one of
+        the items.
         """
         return (
             items[0]
@@ -301,7 +301,7 @@ class Joins:
 
 
 def leveled(items: list[Any]) -> list[Any]:
-    """The same values, a number made a pair (of derivative, of what it remembers, zero) where it
+    """These values at one level: a number becomes a pair (of derivative, of what it remembers, zero) where it
     meets one.
     """
     makers: dict[Any, Any] = {

@@ -147,7 +147,7 @@ class Kernel:
         self.on(*args, bodies=bodies)(begin, end)
 
     def on(self, *args: Any, bodies: int = 1) -> Callable[[int, int], None]:
-        """The same for any of the bodies: the arguments are laid out once."""
+        """Lay the arguments out once, to run on any of the bodies."""
         numbers: list[float] = []
         integers: list[int] = []
         arrays: list[np.ndarray] = []
@@ -233,7 +233,7 @@ _kept: collections.OrderedDict[Any, _Kept] = collections.OrderedDict()
 
 
 def _after_fork() -> None:
-    """What other threads were making when the process was forked, the child makes itself."""
+    """The child of a fork makes itself what other threads were making."""
     for kept in _kept.values():
         kept.lock = threading.RLock()
 
@@ -289,7 +289,7 @@ def _get(entry: Callable[..., Any], args: tuple[Any, ...], lanes: int, make: boo
 
 
 def known(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:
-    """Such a kernel, if this process has it already."""
+    """The kernel for arguments like these, if this process has it already."""
     kept = _kept.get((entry, tuple(map(kind_of, args)), lanes))
     return kept.find(args) if kept else None
 
@@ -305,7 +305,9 @@ def forget() -> None:
 
 
 def stored(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | None:
-    """Such a kernel, if this process has it or finds it on disk; nothing is compiled."""
+    """The kernel for arguments like these, if this process has it or finds it on disk; nothing is
+    compiled.
+    """
     try:
         return _get(entry, args, lanes, make=False)
     except NotCompilable:
@@ -313,7 +315,7 @@ def stored(entry: Callable[..., Any], *args: Any, lanes: int = 1) -> Kernel | No
 
 
 def kind_of(value: Any) -> Kind:
-    """What an argument is for native code."""
+    """The kind of an argument of native code."""
     if isinstance(value, Rows):
         return "rows"
     if isinstance(value, Several):
@@ -381,7 +383,7 @@ def _translated(
     lanes: int,
     given: Sequence[Any] | None = None,
 ) -> tuple[Any, str]:
-    """What the driver reads, and the kernel in LLVM's language.
+    """The dependencies of the driver, and the kernel in LLVM's language.
 
     In lanes each number gets a register, and two if the kernel is short.  One that is long is made
     in half the time, and is the faster one too, because the others would not find room beside each

@@ -44,7 +44,7 @@ if hasattr(os, "register_at_fork"):
 
 @functools.cache
 def machine() -> tuple[str, ...]:
-    """What object code depends on besides what it was made of: LLVM and the processor."""
+    """LLVM's version and the processor, for which object code is made."""
     with _lock:
         features = ",".join(f"{k}={v}" for k, v in sorted(llvm.get_host_cpu_features().items()))
         return VERSION, triple(), llvm.get_host_cpu_name(), features

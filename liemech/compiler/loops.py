@@ -166,8 +166,8 @@ class Loops(Branches):
 
 @dataclasses.dataclass
 class Form:
-    """What translations of a loop that were taken back have shown: does it need a mask, which
-    numbers change their types, and which variables their structure.
+    """The form of a loop, as translations that were taken back have shown it: does it need a mask,
+    which numbers change their types, and which variables their structure.
     """
 
     masked: bool
@@ -406,7 +406,7 @@ def _grows(value: Any, new: Any, layout: Layout) -> bool:
 
 
 def forms(env: Env) -> Any:
-    """What a loop's translation may depend on in the variables: their structure, the kinds of their
+    """The form of variables, on which the translation of a loop may depend: their structure, the kinds of their
     numbers, and the integers and truth values known now, which decide about branches.
     """
     return tuple([(name, _form(value)) for name, value in env.items()])

@@ -275,7 +275,7 @@ class NativeFunctions:
     def _results(
         self, made: NativeFunction, structure: ir.Value, arguments: list[ir.Value]
     ) -> Iterator[ir.Value]:
-        """What a call has returned, or written into memory, one after the other."""
+        """The values that a call has returned, or written into memory, one after the other."""
         b = self.e.builder
         for i in itertools.count():
             if made.memory is None:

@@ -1,5 +1,5 @@
-"""What the functions of Python, `math` and NumPy mean where run-time numbers are among their
-arguments.
+"""Functions of Python, `math` and NumPy: native code for each, where numbers of the run are among
+its arguments.
 """
 
 from __future__ import annotations
@@ -146,25 +146,29 @@ class PythonFunctions:
         return arrays.made(self.e, x, options)
 
     def type(self, value: Any) -> Any:
-        if isinstance(value, Array):
-            return np.ndarray
-        if isinstance(value, (Num, Closure, Stream)):
-            return self.of_class("type", value, lambda cls: cls)
-        return self.t.reads.class_of(value)
+        return self.asked("type", value, lambda cls: cls, self.t.reads.class_of)
 
     def isinstance(self, value: Any, kind: Any) -> Any:
-        if isinstance(value, Array):
-            return issubclass(np.ndarray, kind)
-        if isinstance(value, (Num, Closure, Stream)):
-            return self.of_class("isinstance", value, lambda cls: issubclass(cls, kind))
-        return self.t.reads.instance(value, kind)
+        reads = self.t.reads
+        question = lambda cls: issubclass(cls, kind)  # noqa: E731
+        return self.asked("isinstance", value, question, lambda x: reads.instance(x, kind))
 
     def hasattr(self, value: Any, name: str) -> Any:
+        reads = self.t.reads
+        question = lambda cls: hasattr(cls, name)  # noqa: E731
+        return self.asked("hasattr", value, question, lambda x: reads.has(x, name))
+
+    def asked(
+        self, name: str, value: Any, of_class: Callable[..., Any], of_object: Callable[..., Any]
+    ) -> Any:
+        """The answer to a question about an object, for what the compiler computes with about its
+        class.
+        """
         if isinstance(value, Array):
-            return hasattr(np.ndarray, name)
+            return of_class(np.ndarray)
         if isinstance(value, (Num, Closure, Stream)):
-            return self.of_class("hasattr", value, lambda cls: hasattr(cls, name))
-        return self.t.reads.has(value, name)
+            return self.of_class(name, value, of_class)
+        return of_object(value)
 
     def of_class(self, name: str, value: Any, question: Callable[..., Any]) -> Any:
         """The answer to a question about the class of what the compiler computes with, if it is one

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 Env = dict[str, Any]
 FOUND, HAS_FOUND = "<found in the loop>", "<a loop has ended by return>"
-"""What a `return` inside of a loop of the run gives, and whether one was met."""
+"""The value of a `return` inside of a loop of the run, and whether one was met."""
 RETURN = "<return>"  # the variable of what lanes that have left the call return
 
 Function = ast.FunctionDef | ast.Lambda
@@ -61,7 +61,7 @@ class Frame:
     node: ast.AST | None = None  # the statement being translated
 
     def value(self, name: str) -> tuple[Any, Any]:
-        """What a name means here: a variable of this function, of one around it, of the module, of
+        """The value of a name here: a variable of this function, of one around it, of the module, of
         Python.
 
         With it the condition under which it has a value here.
@@ -180,7 +180,7 @@ def stored_names(body: list[Any]) -> set[str]:
 
 @functools.cache
 def acts_unexecuted(node: Function) -> ast.AST | None:
-    """What makes of a function another thing although control may never come to it."""
+    """The first yield, global or nonlocal, which counts even if control never comes to it."""
     kinds = ast.Global, ast.Nonlocal, ast.Yield, ast.YieldFrom, ast.Await
     return next((n for n in _of_scope(_body(node)) if isinstance(n, kinds)), None)
 

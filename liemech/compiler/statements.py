@@ -23,7 +23,7 @@ from .stop_checks import EVERY
 
 
 class Statements(Expressions):
-    """What a statement does to the variables, and whether control goes on behind it."""
+    """Translates statements: each changes the variables, and says whether control goes on behind it."""
 
     def block(self, statements: list[ast.stmt], env: Env) -> bool:
         """Translate statements; False if control never comes to their end."""

@@ -47,7 +47,7 @@ from ..formulas.records import Record
 from ..formulas.series import Series
 from ..formulas.signatures import bare
 from ..formulas.vectors import Mat, Vec
-from . import content_hashes, driver, memory_loops
+from . import content_hashes, driver, lookups, memory_loops
 from .advice import instead_of, instead_of_syntax
 from .arrays import Array, refuse, vector
 from .content_hashes import of_python
@@ -105,7 +105,7 @@ class Interpreter(Statements):
             sums.antisymmetric_map: lambda *x: memory_loops.sums(
                 emitter, sums.antisymmetric_map, *x
             ),
-            tables.entry: lambda *x: memory_loops.entry(emitter, *x),
+            tables.entry: lambda *x: lookups.entry(emitter, *x),
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
         }
 
@@ -211,7 +211,7 @@ class Interpreter(Statements):
         return made if promised is None else self.promised(promised, function, vector(made))
 
     def promised(self, promised: Any, function: types.FunctionType, made: Any) -> Any:
-        """What a method gives, a list as a vector; refused if it is not what its base says."""
+        """The value of a method, a list as a vector; refused if it is not what its base promises."""
         try:
             return kept(promised, function.__qualname__, made)
         except InvalidType as error:

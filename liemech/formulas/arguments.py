@@ -35,7 +35,7 @@ def checked(
     for name, value in arguments.items():
         if name not in signature.kinds:  # a float too, where there is no vector beside it
             arguments[name] = _option(signature, owner, where, name, value)
-    space = _space(owner, arguments)
+    space = arguments.get("group", arguments.get("action", owner))  # who knows the shapes
     numbers = [
         name
         for name, value in arguments.items()
@@ -55,11 +55,6 @@ def checked(
                 arguments[name] = _number(where, name, arguments[name])
         return _small(signature, owner, space, where, arguments)
     return broadcast(signature, owner, space, where, arguments, numbers)
-
-
-def _space(owner: Any, arguments: dict[str, Any]) -> Any:
-    """The group, action or owner that knows the shapes."""
-    return arguments.get("group", arguments.get("action", owner))
 
 
 def _option(signature: Signature, owner: Any, where: str, name: str, value: Any) -> Any:
@@ -221,7 +216,8 @@ def blame(signature: Signature, owner: Any, args: tuple[Any, ...], error: Except
         return
     if isinstance(error, AttributeError):
         owner._explain(arguments)
-    space, where = _space(owner, arguments), f"{type(owner).__name__}.{signature.name}"
+    space = arguments.get("group", arguments.get("action", owner))
+    where = f"{type(owner).__name__}.{signature.name}"
     try:
         _check_shapes(signature, space, where, arguments)
         for name, value in arguments.items():

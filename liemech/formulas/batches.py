@@ -66,7 +66,7 @@ def broadcast(
     if not math.prod(leading):  # an element of the right shape tells the shape of nothing
         some = {k: _some(space, kinds[k], a.shape[1:])[None] for k, a in flat.items()}
         one = dataclasses.replace(batch, arrays=some, leading=(1,))
-        return _unflattened(_parts(lambda part: part[:0], _stacked([one.row(0)], where)), leading)
+        return _unflattened(_none_of(_stacked([one.row(0)], where)), leading)
     results = batch.in_numpy() if owner.is_large else None
     return _unflattened(evaluate_rows(batch) if results is None else results, leading)
 
@@ -188,7 +188,11 @@ evaluator here.
 
 def row_of(arrays: dict[str, np.ndarray], i: int) -> dict[str, Any]:
     """The arguments number i, as small vectors and plain floats."""
-    return {name: small(a[i]) for name, a in arrays.items()}
+    return {name: _SMALL[a.ndim](a[i].tolist()) for name, a in arrays.items()}
+
+
+_SMALL: tuple[Any, ...] = None, float, Vec.of, Mat.of
+"""By the axes of an array, how a formula takes a row of it."""
 
 
 def _is_element(group: Any, array: np.ndarray) -> bool:
@@ -216,13 +220,9 @@ def _who_knows_elements(space: Any) -> Any:
 # ------------------------------------------------------------------ arrays of results
 
 
-def _parts(function: Callable[[Any], Any], results: Any) -> Any:
-    """A function of an array, or of the arrays in a tuple, the results of a formula with several
-    values.
-    """
-    if isinstance(results, tuple):
-        return tuple([_parts(function, part) for part in results])
-    return function(results)
+def _none_of(results: Any) -> Any:
+    """The results without their rows."""
+    return tuple(map(_none_of, results)) if isinstance(results, tuple) else results[:0]
 
 
 def _first_not_finite(results: Any) -> int | None:
@@ -246,11 +246,10 @@ def _flattened(array: np.ndarray, leading: tuple[int, ...], core: tuple[int, ...
 
 
 def _unflattened(results: Any, leading: tuple[int, ...]) -> Any:
-    def shaped(part: np.ndarray) -> Any:
-        array = part.reshape(leading + part.shape[1:])
-        return array if array.ndim else array.item()
-
-    return _parts(shaped, results)
+    if isinstance(results, tuple):
+        return tuple([_unflattened(part, leading) for part in results])
+    array = results.reshape(leading + results.shape[1:])
+    return array if array.ndim else array.item()
 
 
 def _real(value: Any) -> Any:

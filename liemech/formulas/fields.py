@@ -143,6 +143,7 @@ def converters(cls: Any) -> tuple[tuple[str, Convert, set[type], bool], ...]:
     """
     found: list[tuple[str, Convert, set[type], bool]] = []
     for field in dataclasses.fields(cls):
+        _require_types(cls, field)
         convert = _conversion(field.type, _places(cls, field.name))
         if convert is None:
             found.append((field.name, cls._held, set(CONSTANT), True))
@@ -156,6 +157,24 @@ def converters(cls: Any) -> tuple[tuple[str, Convert, set[type], bool], ...]:
                 )
             )
     return tuple(found)
+
+
+def _require_types(cls: Any, field: Any) -> None:
+    """Raise InvalidType for an annotation that is a value, as that of `x: 3` or `x: Vec(1.0)`, or
+    gives a length, `Vec[3]`.
+    """
+    name = f"{cls.__name__}.{field.name}"
+    for kind in members(field.type, *_places(cls, field.name)):
+        if isinstance(kind, (int, float, complex, tuple, list, dict, set, np.ndarray, np.generic)):
+            raise InvalidType(
+                f"{name} is annotated by the value {kind!r}: annotate it by a type, float, lm.Vec, "
+                "lm.Mat or tuple, and give a value as the default, `x: lm.Vec = ...`"
+            )
+        if get_origin(kind) in (Vec, Mat):
+            raise InvalidType(
+                f"{name} is annotated {field.type!r}: write lm.{get_origin(kind).__name__} alone; how "
+                "long it is, its value says"
+            )
 
 
 def _places(cls: Any, name: str) -> Places:

@@ -14,8 +14,10 @@ import dataclasses
 import inspect
 import operator
 import reprlib
+import sys
 import types
 from collections.abc import Callable
+from dataclasses import KW_ONLY, InitVar  # noqa: F401 (found here by annotations of classes without a module)
 from typing import Any, ClassVar, TypeVar, dataclass_transform
 
 from .annotations import own_annotations
@@ -85,7 +87,9 @@ def _own_fields(cls: Any) -> dict[str, Any]:
             raise TypeError(f"{name!r} is a field but has no type annotation")
     if not annotations:
         return {}
-    carrier: Any = type(cls.__name__, (), {"__module__": cls.__module__, "__doc__": "of fields"})
+    # where `dataclasses` looks for ClassVar, InitVar and KW_ONLY of an annotation that is a text
+    home = cls.__module__ if cls.__module__ in sys.modules else __name__
+    carrier: Any = type(cls.__name__, (), {"__module__": home, "__doc__": "of fields"})
     carrier.__annotations__ = dict(annotations)
     for name in annotations:
         if hasattr(cls, name):
@@ -173,6 +177,14 @@ class _WhenAsked:
         value = self.make(self.cls)
         setattr(self.cls, self.name, value)
         return value.__get__(owner, cls) if hasattr(value, "__get__") else value
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A class that is sent to another process takes what was made along."""
+        return _itself, (self.__get__(None, self.cls),)
+
+
+def _itself(value: Any) -> Any:
+    return value
 
 
 def _initialiser(cls: Any) -> Any:

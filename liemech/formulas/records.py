@@ -30,8 +30,10 @@ from .signatures import bare, keywords, misspelt
 
 T = TypeVar("T", bound=type)
 
-_complete: dict[type, frozenset[str]] = {}
-"""Classes known to be frozen dataclasses, and the keywords that they take."""
+_complete: dict[type, tuple[frozenset[str], Callable[[type], Any]]] = {}
+"""Classes known to be frozen dataclasses, with the keywords that they take, and what makes an empty
+object.
+"""
 
 _known: weakref.WeakValueDictionary[tuple[str, str], type] = weakref.WeakValueDictionary()
 
@@ -58,14 +60,12 @@ class Record(Broadcasting):
                 setattr(cls, name, _then_checked(vars(cls)[name]))
 
     def __new__(cls, *args: Any, **options: Any) -> Any:
-        known = _complete.get(cls)
-        if known is None:
-            known = _completed(cls)
+        known, new = _complete.get(cls) or _completed(cls)
         if options and not known.issuperset(options):
             wanted = keywords(inspect.unwrap(cls.__init__))
             if wanted is not None:
                 raise misspelt(cls.__qualname__, wanted, options)
-        return super().__new__(cls)
+        return new(cls)
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields, without what is only remembered beside them."""
@@ -149,13 +149,14 @@ def _blame(self: Any, error: Exception) -> None:
                 continue
 
 
-def _completed(cls: Any) -> frozenset[str]:
-    """The keywords that a class takes, once it has been looked at."""
+def _completed(cls: Any) -> tuple[frozenset[str], Callable[[type], Any]]:
+    """The entry of a class in `_complete`, once it has been looked at."""
     _require_dataclass(cls)
     _require_methods_in_sight(cls)
     require_signatures(cls, bare)
     _require_final_methods(cls)
-    _complete[cls] = frozenset(keywords(inspect.unwrap(cls.__init__)) or ())
+    known = frozenset(keywords(inspect.unwrap(cls.__init__)) or ())
+    _complete[cls] = known, super(Record, cls).__new__
     return _complete[cls]
 
 

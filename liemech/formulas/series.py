@@ -367,34 +367,35 @@ def _integral(y: Series, slope: Callable[[Series], Any], x: Series) -> Series:
     return y.by(lambda k: _each(lambda c: c * (1.0 / k), cauchy(weighted, g, k)))
 
 
+def _divided(y: Series, x: Series, d: Series, rest: Callable[[int], Any]) -> Series:
+    """y, a function of x, given its first term, with d_0 y_k = rest(k)."""
+    y._rank, y._products = x._rank + 1, x._products
+    inverse = _inverse(d)
+    return y.by(lambda k: _each(lambda c: c * inverse[0], rest(k)))
+
+
 def _power(y: Series, n: Any, x: Series) -> Series:
     """y = x^n, given its first term: x y' = n x' y.
 
     x_0 y_k = sum_j (n j/k - (k-j)/k) x_j y_(k-j),  j > 0
     """
-    y._rank, y._products = x._rank + 1, x._products
-    inverse = _inverse(x)
 
-    def rule(k: int) -> Any:
+    def rest(k: int) -> Any:
         weighted = _Rule(lambda j: _each(lambda c: ((n * j - (k - j)) / k) * c, x.term(j)))
-        return _each(lambda c: c * inverse[0], cauchy(weighted, y, k, first=1))
+        return cauchy(weighted, y, k, first=1)
 
-    return y.by(rule)
+    return _divided(y, x, x, rest)
 
 
 def _sqrt(x: Series) -> Series:
     """The root y of y^2 = x."""
     y = Series(f.sqrt(x[0]))
-    y._rank, y._products = x._rank + 1, x._products
-    inverse = _inverse(y)
 
-    def rule(k: int) -> Any:
+    def rest(k: int) -> Any:
         known = _Rule(lambda j: y.term(j) if 0 < j < k else None)
-        return _each(
-            lambda c: 0.5 * inverse[0] * c, _difference(x.term(k), cauchy(known, known, k))
-        )
+        return _difference(x.term(k), cauchy(known, known, k))
 
-    return y.by(rule)
+    return _divided(y, x, 2.0 * y, rest)
 
 
 def _rule(
@@ -414,14 +415,12 @@ def _over(
 
     def of(x: Series) -> Series:
         y, d = Series(function(x[0])), steepness(x)
-        y._rank, y._products = x._rank + 1, x._products
-        inverse = _inverse(d)
 
-        def rule(k: int) -> Any:
+        def rest(k: int) -> Any:
             known = _Rule(lambda j: _each(lambda c: (j / k) * c, y.term(j) if 0 < j < k else None))
-            return _each(lambda c: c * inverse[0], _difference(x.term(k), cauchy(known, d, k)))
+            return _difference(x.term(k), cauchy(known, d, k))
 
-        return y.by(rule)
+        return _divided(y, x, d, rest)
 
     return of
 

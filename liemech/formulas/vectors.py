@@ -293,7 +293,7 @@ _NO_TRUTH = (
 
 
 def _numbers(components: Iterable[Any]) -> None:
-    """Raise InvalidType if a component is a vector or a matrix itself."""
+    """Raise InvalidType if a component is a vector or a matrix itself, or no number at all."""
     for x in components:
         if isinstance(x, np.ndarray) and x.ndim:
             raise InvalidType("a NumPy array where a number belongs, write liemech.vec")
@@ -301,6 +301,11 @@ def _numbers(components: Iterable[Any]) -> None:
             raise InvalidType(
                 f"a Vec holds numbers; got {type(x).__name__} among them: liemech.mat(u, v) is the "
                 "matrix with rows u, v, liemech.vec(*u, *v) has them one after the other"
+            )
+        if isinstance(x, _NO_NUMBERS):
+            raise InvalidType(
+                f"a Vec holds numbers; got {x!r} among them: numbers in a string are float(x), what "
+                "may be missing is a field of its own, `lm.Vec | None`"
             )
 
 
@@ -327,7 +332,7 @@ def small(x: Any) -> Any:
     if isinstance(x, np.ndarray):
         if not x.ndim:
             return x.item()
-        x = x if x.dtype == bool else x.tolist()
+        x = x if x.dtype.kind == "b" else x.tolist()
     return Mat.of(x) if len(x) and isinstance(x[0], _VECTORS) else Vec.of(x)
 
 
@@ -523,7 +528,7 @@ class Mat(Operand):
 
 
 _NESTED = (*_VECTORS, Mat)
-_NO_NUMBERS = (Mat, type(None), str, bytes, dict, set, slice)
+_NO_NUMBERS = (Mat, type(None), str, bytes, dict, set, slice, type)
 _set_rows: Any = Mat.rows.__set__  # type: ignore[attr-defined, misc]
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import NotDefined
+from ..errors import undefined
 from ..formulas import Mat, Vec, record
 from .lie_algebra import LieAlgebra
 
@@ -16,8 +16,8 @@ class AlgebraOfParts(LieAlgebra):
     """An algebra whose maps are those of its parts: direct sums, the opposite algebra, extended
     poses.
 
-    must:     `dim`, and what takes a map of the parts to the whole: `of_velocities`, `of_momenta`,
-              `of_equations`, `is_exp_chart`
+    must:     `dim`, and what takes a map of the parts to the whole: `_of_velocities`, `_of_momenta`,
+              `_of_equations`, `is_exp_chart`
     follows:  all maps, of both charts
 
     Each of these calls the method of a part by its name, `getattr(part, name)(x, y, ...)`.
@@ -26,78 +26,78 @@ class AlgebraOfParts(LieAlgebra):
     sums).
     """
 
-    def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+    def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
         """A map of the velocity eta at xi, such as "dexp".  xi, eta : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `of_velocities`")
+        raise undefined(self, "_of_velocities")
 
-    def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
         """A map of the momentum mu at xi, such as "ad_star".  xi, mu : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `of_momenta`")
+        raise undefined(self, "_of_momenta")
 
-    def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+    def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """A residual and its derivatives, "exp_residual" or "cayley_residual".  xi, p, mu : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `of_equations`")
+        raise undefined(self, "_of_equations")
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
         """[xi, eta]."""
-        return self.of_velocities("bracket", xi, eta)
+        return self._of_velocities("bracket", xi, eta)
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """ad*_xi mu."""
-        return self.of_momenta("ad_star", xi, mu)
+        return self._of_momenta("ad_star", xi, mu)
 
     # the exponential
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """Ad*_exp(xi) mu."""
-        return self.of_momenta("exp_Ad_star", xi, mu)
+        return self._of_momenta("exp_Ad_star", xi, mu)
 
     def dexp(self, xi: Vec, eta: Vec) -> Vec:
         """dexp_xi eta."""
-        return self.of_velocities("dexp", xi, eta)
+        return self._of_velocities("dexp", xi, eta)
 
     def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
         """(dexp_xi)* mu."""
-        return self.of_momenta("dexp_dual", xi, mu)
+        return self._of_momenta("dexp_dual", xi, mu)
 
     def dexp_inv(self, xi: Vec, eta: Vec) -> Vec:
         """dexp_xi^-1 eta.  Raises OutsideChart where a part does."""
-        return self.of_velocities("dexp_inv", xi, eta)
+        return self._of_velocities("dexp_inv", xi, eta)
 
     def dexp_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """(dexp_xi^-1)* mu.  Raises OutsideChart where a part does."""
-        return self.of_momenta("dexp_inv_dual", xi, mu)
+        return self._of_momenta("dexp_inv_dual", xi, mu)
 
     def dexp_inv_series(self, xi: Vec, eta: Vec, terms: int) -> Vec:
         """The series of dexp_xi^-1 eta, cut after ad_xi^terms."""
-        return self.of_velocities("dexp_inv_series", xi, eta, terms)
+        return self._of_velocities("dexp_inv_series", xi, eta, terms)
 
     def exp_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """The residual of the exponential."""
-        return self.of_equations("exp_residual", xi, p, mu)
+        return self._of_equations("exp_residual", xi, p, mu)
 
     # the Cayley map
 
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """Ad*_cay(xi) mu."""
-        return self.of_momenta("cayley_Ad_star", xi, mu)
+        return self._of_momenta("cayley_Ad_star", xi, mu)
 
     def dcayley(self, xi: Vec, eta: Vec) -> Vec:
         """dcay_xi eta."""
-        return self.of_velocities("dcayley", xi, eta)
+        return self._of_velocities("dcayley", xi, eta)
 
     def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
         """(dcay_xi)* mu."""
-        return self.of_momenta("dcayley_dual", xi, mu)
+        return self._of_momenta("dcayley_dual", xi, mu)
 
     def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
         """dcay_xi^-1 eta."""
-        return self.of_velocities("dcayley_inv", xi, eta)
+        return self._of_velocities("dcayley_inv", xi, eta)
 
     def dcayley_inv_dual(self, xi: Vec, mu: Vec) -> Vec:
         """(dcay_xi^-1)* mu."""
-        return self.of_momenta("dcayley_inv_dual", xi, mu)
+        return self._of_momenta("dcayley_inv_dual", xi, mu)
 
     def cayley_residual(self, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """The residual of the Cayley map."""
-        return self.of_equations("cayley_residual", xi, p, mu)
+        return self._of_equations("cayley_residual", xi, p, mu)

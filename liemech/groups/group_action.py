@@ -8,7 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
-from ..errors import InvalidType, NotDefined
+from ..errors import InvalidType, NotDefined, undefined
 from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec
 from ..formulas.batches import MEMBERSHIP
 from ..formulas.derived import derived
@@ -49,7 +49,7 @@ class GroupAction(Record):
 
     def act(self, g: Element, x: Vec) -> Vec:
         """The point g . x.  g : an element, x : a point."""
-        raise NotDefined(f"{type(self).__name__} must define `act`")
+        raise undefined(self, "act")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 

@@ -8,7 +8,7 @@ from typing import Any, final
 
 import numpy as np
 
-from ..errors import InvalidType, LawViolation, NotDefined
+from ..errors import InvalidType, LawViolation, NotDefined, undefined
 from ..formulas import (
     Mat,
     Record,
@@ -71,7 +71,7 @@ class LieAlgebra(Record):
     @property
     def dim(self) -> int:
         """The dimension of the algebra and of its group."""
-        raise NotDefined(f"{type(self).__name__} must define `dim`")
+        raise undefined(self, "dim")
 
     @cached_property
     def structure_constants(self) -> Constants:

@@ -9,7 +9,7 @@ from typing import Any, final
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NotDefined
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import (
     Ambient,
     Element,
@@ -105,11 +105,11 @@ class LieGroup(Record):
     @property
     def algebra(self) -> LieAlgebra:
         """The Lie algebra of the group."""
-        raise NotDefined(f"{type(self).__name__} must define `algebra`")
+        raise undefined(self, "algebra")
 
     def identity(self) -> Element:
         """The neutral element e."""
-        raise NotDefined(f"{type(self).__name__} must define `identity`")
+        raise undefined(self, "identity")
 
     def compose(self, g: Element, h: Element) -> Element:
         """The product g h.  g, h : elements."""
@@ -117,11 +117,11 @@ class LieGroup(Record):
 
     def inverse(self, g: Element) -> Element:
         """The inverse g^-1.  g : an element."""
-        raise NotDefined(f"{type(self).__name__} must define `inverse`")
+        raise undefined(self, "inverse")
 
     def exp(self, xi: Vec) -> Element:
         """The exponential: where the constant velocity xi leads from e in unit time.  xi : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `exp`")
+        raise undefined(self, "exp")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 

@@ -36,15 +36,15 @@ class OppositeAlgebra(AlgebraOfParts):
         """The invariant form of the algebra."""
         return self.algebra.invariant_form
 
-    def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+    def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
         """The map of the algebra at -xi.  xi, eta : (dim,)."""
         return getattr(self.algebra, name)(-xi, eta, *more)
 
-    def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
         """The map of the algebra at -xi.  xi, mu : (dim,)."""
         return getattr(self.algebra, name)(-xi, mu)
 
-    def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
+    def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float | Mat, Mat]:
         """The equation of the algebra at -xi.  xi, p, mu : (dim,)."""
         r, by_p, by_xi = getattr(self.algebra, name)(-xi, p, mu)
         return r, by_p, -by_xi

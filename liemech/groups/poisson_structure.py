@@ -10,7 +10,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
+from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined, undefined
 from ..formulas import Mat, Record, Vec, dot, exp, gradient, jacobian, log, mat, plain, record, vec
 from ..formulas.arrays import check_finite, real_array
 from ..formulas.derived import derived
@@ -54,7 +54,7 @@ class PoissonStructure(Record):
 
     def matrix(self, y: Vec) -> Mat:
         """B(y), (n, n).  y : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `matrix`")
+        raise undefined(self, "matrix")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 

@@ -35,16 +35,16 @@ class ProductAlgebra(AlgebraOfParts):
             [xi[start:end] for start, end in spans([factor.dim for factor in self.factors])]
         )
 
-    def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+    def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
         """The map of each factor.  xi, eta : (dim,)."""
         shares = zip(self.factors, self.parts(xi), self.parts(eta))
         return joined([getattr(f, name)(x, y, *more) for f, x, y in shares])
 
-    def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
         """The map of each factor.  xi, mu : (dim,)."""
-        return self.of_velocities(name, xi, mu)
+        return self._of_velocities(name, xi, mu)
 
-    def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
+    def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, Mat, Mat]:
         """The equations of the factors, and block diagonal derivatives.  xi, p, mu : (dim,)."""
         shares = zip(self.factors, self.parts(xi), self.parts(p), self.parts(mu))
         return _stacked([getattr(f, name)(x, q, m) for f, x, q, m in shares])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..errors import InvalidInput, InvalidType, NotDefined
+from ..errors import InvalidInput, InvalidType, undefined
 from ..formulas import (
     Element,
     Vec,
@@ -51,7 +51,7 @@ class Representation(GroupAction):
     @property
     def space_dim(self) -> int:
         """The dimension k of the space."""
-        raise NotDefined(f"{type(self).__name__} must define `space_dim`")
+        raise undefined(self, "space_dim")
 
     @property
     def point_shape(self) -> tuple[int, ...]:

@@ -44,21 +44,21 @@ class SE23Algebra(AlgebraOfParts):
         W, a, u, _ = parts(matrix)
         return vec(*SO3Algebra().vee(W), *a, *u)
 
-    def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+    def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
         """The map of both rigid motions, whose angular parts are the same.  xi, eta : (dim,)."""
         (w, a, u), (w2, a2, u2), formula = thirds(xi), thirds(eta), getattr(SE3Algebra(), name)
         first = formula(join(w, a), join(w2, a2), *more)
         _, second = halves(formula(join(w, u), join(w2, u2), *more))
         return vec(*first, *second)
 
-    def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
         """The map of both rigid motions, whose angular parts are added.  xi, mu : (dim,)."""
         (w, a, u), (m, k, p), formula = thirds(xi), thirds(mu), getattr(SE3Algebra(), name)
         turned, first = halves(formula(join(w, a), join(m, k)))
         more, second = halves(formula(join(w, u), join(vec(*ZERO), p)))
         return vec(*(turned + more), *first, *second)
 
-    def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+    def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """The equations of both rigid motions, whose angular parts are added; dr/dxi is
         [[B_1 + B_2, A_1, A_2], [A_1, 0, 0], [A_2, 0, 0]].  xi, p, mu : (dim,).
         """

@@ -48,15 +48,15 @@ class AbelianAlgebra(AlgebraOfParts):
         """Zero: momenta are constant."""
         return vec(*[0.0] * self.n)
 
-    def of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
+    def _of_velocities(self, name: str, xi: Vec, eta: Vec, *more: Any) -> Vec:
         """eta: every map is the identity.  xi, eta : (dim,)."""
         return eta
 
-    def of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
+    def _of_momenta(self, name: str, xi: Vec, mu: Vec) -> Vec:
         """mu.  xi, mu : (dim,)."""
         return mu
 
-    def of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
+    def _of_equations(self, name: str, xi: Vec, p: Vec, mu: Vec) -> tuple[Vec, float, Mat]:
         """r = p - mu, dr/dp = 1, dr/dxi = 0.  xi, p, mu : (dim,)."""
         return p - mu, 1.0, mat(*[vec(*[0.0] * self.n) for _ in range(self.n)])
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InvalidInput, OutsideChart
+from ..errors import IncompatibleSystem, InvalidInput, OutsideChart, undefined
 from ..formulas import (
     Dual,
     Mat,
@@ -67,23 +67,23 @@ class ClassFunction(Record):
 
     def momentum(self, group: LieGroup, retraction: Retraction, xi: Vec) -> Vec:
         """P at tau(xi).  xi : (dim,)."""
-        raise NotImplementedError(f"{type(self).__name__} must define `momentum`")
+        raise undefined(self, "momentum")
 
     def turn(self, group: LieGroup, retraction: Retraction, mu: Vec) -> Vec:
         """The xi with P = mu.  mu : (dim,).  Raises OutsideChart if there is none."""
-        raise NotImplementedError(f"{type(self).__name__} must define `turn`")
+        raise undefined(self, "turn")
 
     def along(self, group: LieGroup, retraction: Retraction, xi: Vec, u: Vec) -> Vec:
         """P on the way h' = -h u from h = tau(xi), as series in t.  xi : (dim,) numbers, u : (dim,)
         series.
         """
-        raise NotImplementedError(f"{type(self).__name__} must define `along`")
+        raise undefined(self, "along")
 
     def size(self, group: LieGroup, retraction: Retraction, mu: Vec) -> float:
         """The factor with which S_0 turns by about `reach`, an angle, where the momentum is mu.
         mu : (dim,).
         """
-        raise NotImplementedError(f"{type(self).__name__} must define `size`")
+        raise undefined(self, "size")
 
 
 @record

@@ -130,7 +130,7 @@ class DarbouxLieChart(DarbouxChart):
     def point(self, z: Vec) -> Vec:
         """y.  z : (n,)."""
         n = len(self.levels)
-        y = vec(*[z[i] for i in range(2 * n, len(z))])
+        y = z[2 * n :]
         for k in range(n - 1, -1, -1):
             y = self._along(k, _embedded(self.levels[k], y), z[n + k])
             y = self._flow(k, y, z[k])
@@ -157,7 +157,7 @@ class DarbouxLieChart(DarbouxChart):
         m, whole = len(y), dot(level.b, y - level.centre)
 
         def rate(x: Vec) -> Vec:
-            velocity = self._matrix(k, vec(*[x[i] for i in range(m)])) @ level.a
+            velocity = self._matrix(k, x[:m]) @ level.a
             crossing = dot(level.b, velocity)
             if not crossing > 0.0:
                 raise OutsideChart(
@@ -166,7 +166,7 @@ class DarbouxLieChart(DarbouxChart):
             return vec(*(velocity / crossing), 1.0 / crossing)
 
         end = self._integrated(rate, vec(*y, 0.0), -whole)
-        return vec(*[end[i] for i in range(m)]), -end[m]
+        return end[:m], -end[m]
 
     def _along(self, k: int, y: Vec, change: Any) -> Vec:
         """Follow the motion of q, on the section, until p has changed by so much."""

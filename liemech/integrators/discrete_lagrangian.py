@@ -7,7 +7,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any, ClassVar
 
-from ..errors import InvalidInput, NotDefined
+from ..errors import InvalidInput, undefined
 from ..formulas import Element, Mat, Record, Vec, gradient, jacobian, record, vec, vectors
 from ..groups.lie_group import LieGroup
 from ..retractions import Exponential, Retraction
@@ -37,7 +37,7 @@ class DiscreteLagrangian(Record):
 
     def value(self, xi: Vec, h: float) -> float:
         """l_d(xi), an action.  xi : (dim,), the mean velocity of a step of length h."""
-        raise NotDefined(f"{type(self).__name__} must define `value`")
+        raise undefined(self, "value")
 
     def action(self, system: Any, retraction: Retraction, xi: Vec, h: float) -> float:
         """l_d(xi) for a system and a retraction, of which `value` knows nothing.  xi : (dim,)."""
@@ -67,7 +67,7 @@ class GroupLagrangian(DiscreteLagrangian):
 
     def on_group(self, g: Element, h: float) -> float:
         """L_d(g), an action.  g : an element."""
-        raise NotDefined(f"{type(self).__name__} must define `on_group`")
+        raise undefined(self, "on_group")
 
     def action(self, system: Any, retraction: Retraction, xi: Vec, h: float) -> float:
         """L_d(tau(h xi)).  xi : (dim,)."""

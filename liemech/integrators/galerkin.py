@@ -293,4 +293,4 @@ def _force(system: MechanicalSystem, t: float, xi: Vec, g: Any) -> Vec:
 def _half(y: Vec, which: int) -> Vec:
     """The first half of a vector, or the second."""
     n = len(y) // 2
-    return vec(*[y[which * n + i] for i in range(n)])
+    return y[which * n : which * n + n]

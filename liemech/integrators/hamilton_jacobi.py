@@ -198,7 +198,7 @@ class HamiltonJacobi(Method):
         n = len(x)
         turned = self.kind == "pP"
         rate = system.rate(t, CanonicalState(-y, x) if turned else CanonicalState(x, y))
-        v, f = vec(*[rate[i] for i in range(n)]), vec(*[rate[n + i] for i in range(n)])
+        v, f = rate[:n], rate[n : 2 * n]
         return (f, -v) if turned else (v, f)
 
     def _motion(

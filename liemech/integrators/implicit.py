@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import NoConvergence, OutsideChart
+from ..errors import NoConvergence, OutsideChart, undefined
 from ..formulas import record, sqrt
 from ..solvers import LIMIT
 from ..systems.lie_poisson import BodyState
@@ -25,7 +25,7 @@ class Implicit(Remembering):
 
     def first(self, system: Any, state: BodyState, h: float) -> Any:
         """The guess for the first step."""
-        raise NotImplementedError(f"{type(self).__name__} must define `first`")
+        raise undefined(self, "first")
 
     def beginning(self, system: Any, state: BodyState, h: float) -> tuple[Any, Any, Any]:
         """A past in which every step had the first guess as its unknown."""

@@ -216,4 +216,4 @@ def _turned(system: Any, h: float, p: Vec, w: Vec) -> Vec:
 
 def _half(y: Vec, first: int) -> Vec:
     """The half of a vector that begins at the component `first`."""
-    return vec(*[y[first + i] for i in range(len(y) // 2)])
+    return y[first : first + len(y) // 2]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import IncompatibleSystem, InvalidType
+from ..errors import IncompatibleSystem, InvalidType, undefined
 from ..formulas import Record, record
 from ..formulas.pytree import fields_of
 from ..retractions import Retraction
@@ -64,7 +64,7 @@ class Method(Record):
 
     def step(self, system: Any, t: float, state: Any, h: float) -> Any:
         """The state after one step of length h from time t: a formula, without side effects."""
-        raise NotImplementedError(f"{type(self).__name__} must define `step`")
+        raise undefined(self, "step")
 
     def start(self, system: Any, state: Any, h: float) -> Any:
         """The first memory of a run, from a state; the state itself unless the method has a memory."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any, ClassVar
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, undefined
 from ..formulas import Mat, Vec, jacobian, norm, plain, record, sqrt, vec, where
 from ..solvers import newton
 from ..systems.canonical import CanonicalState
@@ -33,7 +33,7 @@ class Projected(OnConstraints, Remembering):
     @property
     def shares(self) -> tuple[float, float]:
         """b and a, b + a = 1."""
-        raise NotImplementedError(f"{type(self).__name__} must define `shares`")
+        raise undefined(self, "shares")
 
     def beginning(self, system: Any, state: CanonicalState, h: float) -> tuple[Vec, Vec, Vec]:
         """Impulses, the multipliers times h: half of those of the state, as a guess."""
@@ -118,7 +118,7 @@ class Projected(OnConstraints, Remembering):
         )
 
         def residual(z: Vec) -> Vec:
-            ph, there = p + vec(*[z[n + i] for i in range(n)]), q + vec(*[z[i] for i in range(n)])
+            ph, there = p + z[n : 2 * n], q + z[:n]
             x = vec(*[z[2 * n + k] for k in range(m)])
             moved, kicked = 0.0 * q, -(x @ G)
             if before != 0.0:
@@ -136,7 +136,7 @@ class Projected(OnConstraints, Remembering):
         z, size, enough, _ = newton(
             lambda z: (residual(z), jacobian(residual, z), 1.0), guesses, solved=in_order
         )
-        drift, kick = vec(*[z[i] for i in range(n)]), vec(*[z[n + i] for i in range(n)])
+        drift, kick = z[:n], z[n : 2 * n]
         impulses = vec(*[z[2 * n + k] for k in range(m)])
         return q + drift, drift, kick, 0.0 * p, impulses, size, enough
 

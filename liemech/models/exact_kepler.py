@@ -25,6 +25,7 @@ import numpy as np
 
 from ..compiler import batch
 from ..compiler.driver import accepted, attempt, itself, read, write
+from ..errors import InvalidInput
 from ..formulas import Record, Vec, asinh, cbrt, record, sqrt, vec, where
 from ..formulas.pytree import NUMBER, vector_layout
 from .decimals import DIGITS, PI, cos_sin
@@ -47,20 +48,23 @@ class Conic(Record):
     """The constants of an orbit.
 
     period : its three parts, the first two of so few digits that 2^26 of them are exact; zero on
-    open orbits.  per : revolutions in a unit of time, zero on open orbits.  since : the time from
-    the pericentre to the start, in two parts.  pace : 1/(the unit of time).
-    b, e, pericentre, eta : as in the first lines of this module.
+    open orbits.  per : revolutions in a unit of time, zero on open orbits.  half : a little more
+    than half of the period, infinite on open orbits, in the unit of time.  since : the time from the
+    pericentre to the start, in two parts.  pace : 1/(the unit of time).
+    b, e, pericentre, eta : as in the first lines of this module.  bend : (e/6)^(1/3).
     places, speeds : what takes x, y and v_x, v_y to the frame of the start, rows of 2.
     """
 
     period: Vec
     per: float
+    half: float
     since: Vec
     pace: float
     b: float
     e: float
     pericentre: float
     eta: float
+    bend: float
     places: Vec
     speeds: Vec
 
@@ -73,6 +77,7 @@ def place(c: Conic, t: float) -> Vec:
     a, lost_0 = _sum(t - n * c.period[0], -(n * c.period[1]))
     a, lost_1 = _sum(a, c.since[0])
     tau = c.pace * (a + ((lost_0 + lost_1) + (c.since[1] - n * c.period[2])))
+    tau = where(abs(tau) <= c.half, tau, 0.0)  # else the phase has no digit left
     G1, G2, _, ended = solved(c.pericentre, 0.0, 1.0, c.b, tau, first_guess(c, tau))
     r = where(ended, c.pericentre + c.e * G2, NAN)
     x, y, u, v = c.pericentre - G2, c.eta * G1, -G1 / r, c.eta * (1.0 - c.b * G2) / r
@@ -86,7 +91,8 @@ def place(c: Conic, t: float) -> Vec:
 
 def first_guess(c: Conic, tau: float) -> float:
     """The s with  tau = p s + e s^3/6, nearly; far out on a hyperbola a logarithm."""
-    s = tau / (c.pericentre + cbrt((c.e / 6.0) * (tau * tau)))
+    root = cbrt(tau)
+    s = tau / (c.pericentre + c.bend * (root * root))
     if c.b < 0.0:
         root = sqrt(-c.b)
         mean = -c.b * root * tau
@@ -152,7 +158,9 @@ def _prepared(q: Vec, p: Vec, attraction: float) -> _Prepared:
 
 
 def conic(q: Vec, p: Vec, attraction: float) -> Conic:
-    """The orbit through q, not zero, with the velocity p."""
+    """The orbit through q with the velocity p.  Raises InvalidInput for q = 0."""
+    if not any(q):
+        raise InvalidInput("Kepler.exact: q is zero: the planet starts in the sun")
     with localcontext(Context(prec=DIGITS + 20)):
         k = Decimal(attraction)
         (x, y), (u, v) = [Decimal(a) for a in q], [Decimal(a) for a in p]
@@ -181,12 +189,14 @@ def conic(q: Vec, p: Vec, attraction: float) -> Conic:
         return Conic(
             vec(*parts),
             float(1 / period) if parts[0] else 0.0,
+            1.001 * math.pi * float(b) ** -1.5 if parts[0] else math.inf,
             vec(*begun),
             float(1 / unit),
             float(b),
             float(e),
             float(pericentre),
             float(eta),
+            float(e / 6) ** (1.0 / 3.0),
             vec(*[float(r0 * a) for row in frame for a in row]),
             vec(*[float(speed * a) for row in frame for a in row]),
         )

@@ -17,7 +17,7 @@ from ..systems.hamiltonian import Hamiltonian
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
-from ..systems.system import exact_motion, exact_times
+from ..systems.system import alone, exact_motion, exact_times
 from .gravity import FixedPointGravity
 from .rigid_body import RigidBody
 
@@ -102,8 +102,7 @@ class LagrangeTop(HeavyTop):
         """
         from .exact_top import lagrange_top, quaternion
 
-        if start.bodies is not None:
-            raise InvalidInput("LagrangeTop.exact takes one top at a time; loop over the ensemble")
+        alone(start, "LagrangeTop.exact", "top")
         if self.load is not None:
             raise InvalidInput("LagrangeTop.exact knows no motion under a load; integrate it")
         times = exact_times(t, "LagrangeTop.exact")

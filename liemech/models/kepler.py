@@ -10,7 +10,7 @@ from ..errors import InvalidInput
 from ..formulas import Vec, dot, norm, record, vec
 from ..systems.canonical import CanonicalState
 from ..systems.separable import SeparableSystem
-from ..systems.system import exact_times
+from ..systems.system import alone, exact_times
 from .pendulums import check_positive
 
 
@@ -96,7 +96,7 @@ class Kepler(SeparableSystem):
 
     def period(self, start: CanonicalState) -> float:
         """The time of a revolution, 2 pi (a^3/k)^(1/2), in s."""
-        _alone(start, "Kepler.period")
+        alone(start, "Kepler.period", "planet")
         energy = float(self.energy(start.q, start.p))
         if not energy < 0.0:
             raise InvalidInput(
@@ -119,7 +119,7 @@ class Kepler(SeparableSystem):
         from .exact_kepler import exact_kepler
 
         name = "Kepler.exact"
-        _alone(start, name)
+        alone(start, name, "planet")
         times = exact_times(t, name)
         rows = exact_kepler(start.q, start.p, self.attraction, times.reshape(-1))
         if not np.isfinite(rows).all():
@@ -130,8 +130,3 @@ class Kepler(SeparableSystem):
         return CanonicalState(
             rows[:, :2].reshape(*times.shape, 2), rows[:, 2:].reshape(*times.shape, 2)
         )
-
-
-def _alone(start: CanonicalState, name: str) -> None:
-    if start.bodies is not None:
-        raise InvalidInput(f"{name} takes one planet at a time; loop over the ensemble")

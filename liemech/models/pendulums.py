@@ -11,7 +11,7 @@ from ..formulas import Vec, cos, real_array, record, sin, vec
 from ..formulas.fields import frozen_array
 from ..systems.canonical import CanonicalState, HamiltonianSystem
 from ..systems.separable import SeparableSystem
-from ..systems.system import exact_motion, exact_times
+from ..systems.system import alone, exact_motion, exact_times
 
 
 @record
@@ -98,8 +98,7 @@ class Pendulum(SeparableSystem):
 
 
 def _single(start: CanonicalState, name: str) -> tuple[float, float]:
-    if start.bodies is not None:
-        raise InvalidInput(f"{name} takes one pendulum at a time; loop over the ensemble")
+    alone(start, name, "pendulum")
     return float(start.q[0]), float(start.p[0])
 
 

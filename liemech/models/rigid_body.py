@@ -14,7 +14,7 @@ from ..groups.so3 import SO3
 from ..groups.unit_quaternions import UnitQuaternions
 from ..systems.kinetic_energy import MAX, KineticEnergy, kinetic_energy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
-from ..systems.system import exact_times
+from ..systems.system import alone, exact_times
 from .inertia import checked_inertia
 
 
@@ -66,7 +66,7 @@ class RigidBody(LiePoissonSystem):
         """
         from .exact_rigid_body import exact_rigid_body
 
-        _single(start, "RigidBody.exact")
+        alone(start, "RigidBody.exact")
         times = exact_times(t, "RigidBody.exact")
         group, g = self.group, start.g
         if isinstance(group, UnitQuaternions) and g is not None:
@@ -83,13 +83,8 @@ class RigidBody(LiePoissonSystem):
         """The time after which the body momentum returns; infinite on the separatrix."""
         from .exact_rigid_body import momentum_period
 
-        _single(start, "RigidBody.period")
+        alone(start, "RigidBody.period")
         return momentum_period(self.inertia, start.mu)
-
-
-def _single(start: BodyState, name: str) -> None:
-    if start.bodies is not None:
-        raise InvalidInput(f"{name} takes one body at a time; loop over the ensemble")
 
 
 def _inertia(value: Any) -> Vec | Mat:

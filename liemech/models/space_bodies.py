@@ -15,7 +15,7 @@ from ..groups.vector_space import VectorSpace
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
-from ..systems.system import exact_times, members_of, points
+from ..systems.system import alone, exact_times, members_of, points
 from .gravity import CentralGravity, UniformGravity
 from .kirchhoff import KirchhoffBody
 from .rigid_body import RigidBody
@@ -53,8 +53,7 @@ class FallingBody(MechanicalSystem):
         """The exact motion: a free rigid body and a parabola.  t : (n,) or (), in s.  Returns
         mu : (..., 6), g : (..., 4, 4).
         """
-        if start.bodies is not None:
-            raise InvalidInput("FallingBody.exact takes one body at a time; loop over the ensemble")
+        alone(start, "FallingBody.exact")
         if start.g is None:
             raise InvalidInput(
                 "FallingBody.exact: start has no pose g, without which down is not known; take "

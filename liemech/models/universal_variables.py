@@ -14,6 +14,8 @@ from ..formulas import sqrt, where
 
 LIMIT = 60
 """Iterations; a good start takes three to six."""
+MOST = 520
+"""Halvings of the root of the largest number there is."""
 
 
 def solved(
@@ -56,7 +58,7 @@ def stumpff(z: float) -> tuple[float, float, float, float]:
     Source: Danby, Fundamentals of Celestial Mechanics, 2nd ed., section 6.9.
     """
     halvings = 0
-    while abs(z) > 0.1:
+    while abs(z) > 0.1 and halvings < MOST:
         z, halvings = 0.25 * z, halvings + 1
     c3, c2 = 1.0, 1.0
     for j in range(6, 0, -1):

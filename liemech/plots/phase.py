@@ -40,13 +40,8 @@ def phase_portrait(
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.1.3.
     """
-    q, p = canonical(run, "plots.phase_portrait")
+    q, p = canonical(run, "plots.phase_portrait", degree=degree)
     n = run.system.degrees
-    if not -n <= degree < n:
-        raise InvalidInput(
-            f"plots.phase_portrait: degree = {degree} is not there; "
-            f"{run.system!r} has {n} degrees of freedom"
-        )
     if wrap is None and isinstance(run.system, (Pendulum, DoublePendulum)):
         wrap = 2.0 * np.pi
     index = f"_{degree % n + 1}" if n > 1 else ""
@@ -78,11 +73,19 @@ def _curve(ax: Axes, q: Array, p: Array, wrap: float | None, color: Any) -> None
     )
 
 
-def canonical(run: Any, where: str) -> tuple[Array, Array]:
+def canonical(run: Any, where: str, **degrees: int) -> tuple[Array, Array]:
+    """The positions and momenta of a run, which has the degrees of freedom that are asked for."""
     needs_run(run, where)
     if not isinstance(run.system, CanonicalSystem):
         raise InvalidInput(
             f"{where} is for canonical systems, with positions q and "
             f"momenta p; this run is of {run.system!r}"
         )
+    n = run.system.degrees
+    for name, degree in degrees.items():
+        if not -n <= degree < n:
+            raise InvalidInput(
+                f"{where}: {name} = {degree} is not there; "
+                f"{run.system!r} has {n} degrees of freedom"
+            )
     return part(run, "q", where), part(run, "p", where)

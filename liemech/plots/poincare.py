@@ -34,13 +34,8 @@ def section(
     Source: Henon and Heiles, Astron. J. 69 (1964), 73; Hairer, Norsett, Wanner, Solving Ordinary
     Differential Equations I, II.6.
     """
-    q, p = canonical(run, "plots.section")
+    q, p = canonical(run, "plots.section", coordinate=coordinate)
     n = run.system.degrees
-    if not -n <= coordinate < n:
-        raise InvalidInput(
-            f"plots.section: coordinate = {coordinate} is not "
-            f"there; {run.system!r} has {n} positions"
-        )
     if run.bodies is None:
         q, p = q[:, None], p[:, None]
     above = q[..., coordinate] - value >= 0.0
@@ -89,19 +84,15 @@ def poincare_section(
     Source: Henon and Heiles, The applicability of the third integral of motion, Astron. J. 69
     (1964), 73.
     """
+    canonical(run, "plots.poincare_section", shown=shown)
     q, p, member = section(run, coordinate, value, direction)
     if not len(q):
         raise InvalidInput(
             "plots.poincare_section: the motion never pierces "
             f"q_{coordinate + 1} = {value:g}; follow it for longer"
         )
-    n = run.system.degrees
-    if not -n <= shown < n:
-        raise InvalidInput(
-            f"plots.poincare_section: shown = {shown} is not there; "
-            f"{run.system!r} has {n} degrees of freedom"
-        )
-    ax = plane_axes(ax, title, f"$q_{shown % n + 1}$", f"$p_{shown % n + 1}$", (4.2, 3.8))
+    number = shown % run.system.degrees + 1
+    ax = plane_axes(ax, title, f"$q_{number}$", f"$p_{number}$", (4.2, 3.8))
     for k in range(run.bodies or 1):
         own = member == k
         ax.plot(

@@ -74,10 +74,7 @@ def momentum_sphere(
         )
     ax, frame = globe(ax, view, title, PI)
     if inertia is not None:
-        for curve in energy_levels(inertia, levels):
-            line(ax, curve @ frame.T, back=0.35, zorder=1.0, **LEVEL)
-        for curve in separatrix(inertia):
-            line(ax, curve @ frame.T, back=0.35, zorder=1.1, **SEPARATRIX)
+        _of_inertia(ax, frame, inertia, levels)
     draw_energies(ax, frame, system, size, levels)
     dots(ax, points / size @ frame.T, color, marker, label)
     if exact is not None:
@@ -94,16 +91,16 @@ def draw_energies(ax: Axes, frame: Any, system: Any, radius: float, levels: int)
     """
     if not levels or not isinstance(system, LiePoissonSystem) or not radius > 0.0:
         return
-    if not isinstance(system, RigidBody):
-        chords(
-            ax,
-            contours(system.energy, radius, levels) / radius @ frame.T,
-            back=0.35,
-            zorder=1.0,
-            **LEVEL,
-        )
+    if isinstance(system, RigidBody):
+        _of_inertia(ax, frame, np.array(system.inertia), levels)
         return
-    for curve in energy_levels(np.array(system.inertia), levels):
+    curves = contours(system.energy, radius, levels) / radius
+    chords(ax, curves @ frame.T, back=0.35, zorder=1.0, **LEVEL)
+
+
+def _of_inertia(ax: Axes, frame: Any, inertia: ArrayLike, levels: int) -> None:
+    """The curves of constant energy of a rigid body, and the separatrix."""
+    for curve in energy_levels(inertia, levels):
         line(ax, curve @ frame.T, back=0.35, zorder=1.0, **LEVEL)
-    for curve in separatrix(np.array(system.inertia)):
+    for curve in separatrix(inertia):
         line(ax, curve @ frame.T, back=0.35, zorder=1.1, **SEPARATRIX)

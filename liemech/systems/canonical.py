@@ -6,7 +6,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, NotDefined
+from ..errors import InvalidInput, undefined
 from ..formulas import Vec, gradient, record, vec
 from ..formulas.derived import derived
 from ..formulas.remembered import common
@@ -75,7 +75,7 @@ class PhaseSpace(System):
         """(q, p) + omega."""
         y = retraction.compose_tau(self.group, vec(*state.q, *state.p), omega)
         n = len(state.q)
-        return CanonicalState(vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)]))
+        return CanonicalState(y[:n], y[n : 2 * n])
 
     @final
     def variation(self, state: CanonicalState, omega: Vec) -> tuple[Vec, Vec]:
@@ -122,7 +122,7 @@ class CanonicalSystem(PhaseSpace):
 
     def energy(self, q: Vec, p: Vec) -> float:
         """H(q, p).  q, p : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `energy`")
+        raise undefined(self, "energy")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from numbers import Real
 from typing import Any, ClassVar, final
 
-from ..errors import InvalidInput, InvalidType, NotDefined, OutsideChart
+from ..errors import InvalidInput, InvalidType, NotDefined, OutsideChart, undefined
 from ..formulas import Record, Vec, derivative, dot, gradient, jacobian, record, solve, sqrt, vec
 from ..formulas.dual import Dual, value_of
 from ..formulas.series import Series
@@ -63,7 +63,7 @@ class CanonicalTransformation(Record):
 
     def generating(self, t: float, q: Vec, P: Vec) -> float:
         """G(t, q, P).  q, P : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `generating`")
+        raise undefined(self, "generating")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
@@ -72,8 +72,8 @@ class CanonicalTransformation(Record):
         n = len(q)
 
         def off(P: Vec, known: Vec) -> Vec:
-            at = vec(*[known[1 + i] for i in range(n)])
-            wanted = vec(*[known[1 + n + i] for i in range(n)])
+            at = known[1 : n + 1]
+            wanted = known[n + 1 :]
             return self.of_positions(known[0], at, P) - wanted
 
         P = self._root(off, vec(t, *q, *p), p, "momentum P with dG/dq(q, P) = p")
@@ -84,8 +84,8 @@ class CanonicalTransformation(Record):
         n = len(Q)
 
         def off(q: Vec, known: Vec) -> Vec:
-            wanted = vec(*[known[1 + i] for i in range(n)])
-            at = vec(*[known[1 + n + i] for i in range(n)])
+            wanted = known[1 : n + 1]
+            at = known[n + 1 :]
             return self.of_momenta(known[0], q, at) - wanted
 
         q = self._root(off, vec(t, *Q, *P), Q, "position q with dG/dP(q, P) = Q")

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InconsistentState, InvalidInput, NoConvergence, NotDefined
+from ..errors import InconsistentState, InvalidInput, NoConvergence, undefined
 from ..formulas import (
     Mat,
     Record,
@@ -95,7 +95,7 @@ class ConstrainedSystem(CanonicalSystem):
 
     def constraint(self, q: Vec) -> Vec:
         """g(q), (m,): zero on the way.  q : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `constraint`")
+        raise undefined(self, "constraint")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
@@ -227,9 +227,7 @@ class ConstrainedSystem(CanonicalSystem):
 
     def _hidden(self, y: Vec, n: int) -> Vec:
         """The hidden constraint of y = (q, p)."""
-        return self.hidden_constraint(
-            vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)])
-        )
+        return self.hidden_constraint(y[:n], y[n : 2 * n])
 
     # ---------------------------------------------------------------- how it moves
 
@@ -328,7 +326,7 @@ class ConstrainedSystem(CanonicalSystem):
             there = self.across(near, p, near)
 
         def off(z: Vec) -> Vec:
-            y, x = vec(*[z[i] for i in range(n)]), vec(*[z[i] for i in range(n, len(z))])
+            y, x = z[:n], z[n:]
             return vec(*(y - q - x @ self.normals(y, p)), *self.constraint(y))
 
         z = vec(*there, *[0.0 for _ in self.constraint(q)])
@@ -336,7 +334,7 @@ class ConstrainedSystem(CanonicalSystem):
             change = solve(jacobian(off, z), off(z))
             z = z - change
             if max(abs(change)) <= CONSISTENT * max(abs(z)):
-                y = vec(*[z[i] for i in range(n)])
+                y = z[:n]
                 if max(abs(y - there)) <= max(abs(there - q)):
                     there = self.across(y, p, y)
                 break
@@ -460,11 +458,11 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
 
     def mass(self, q: Vec) -> Mat:
         """M(q), (n, n), symmetric and positive.  q : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `mass`")
+        raise undefined(self, "mass")
 
     def potential(self, q: Vec) -> float:
         """U(q).  q : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `potential`")
+        raise undefined(self, "potential")
 
     @final
     def energy(self, q: Vec, p: Vec) -> float:
@@ -544,7 +542,7 @@ class ConstrainedLagrangianSystem(ConstrainedSystem):
         upper = [vec(*row, *column) for row, column in zip(self.mass(q), G.T)]
         lower = [vec(*row, *[0.0 for _ in G]) for row in G]
         x = solve(mat(*upper, *lower), vec(*f, *-bending))
-        return vec(*[x[i] for i in range(n)]), vec(*[x[n + k] for k in range(len(G))])
+        return x[:n], vec(*[x[n + k] for k in range(len(G))])
 
 
 @record
@@ -555,7 +553,7 @@ class Surface(Record):
 
     def value(self, q: Vec) -> Vec:
         """g(q), (m,).  q : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `value`")
+        raise undefined(self, "value")
 
 
 @record

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence, NotDefined
+from ..errors import InconsistentState, InvalidInput, InvalidType, NoConvergence, undefined
 from ..formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
@@ -90,7 +90,7 @@ class BoundBody(System):
 
     def _count(self, g: Any) -> int:
         """The number of conditions, seen at an element."""
-        raise NotDefined(f"{type(self).__name__} must define `_count`")
+        raise undefined(self, "_count")
 
     def _connect(self, conditions: int) -> None:
         """The blocks and conditions that depend on each other, for sums that leave out what is known to be zero: `connections`.

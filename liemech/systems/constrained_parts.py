@@ -8,7 +8,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, LiemechError, NotDefined
+from ..errors import InvalidInput, InvalidType, LiemechError, undefined
 from ..formulas import Record, Vec, derivative, dot, gradient, plain, record, vec, where
 from ..formulas.anything import looked_at, made_of
 from ..formulas.vectors import Vec as SmallVec
@@ -38,7 +38,7 @@ class ConstrainedPart(Record):
 
     def energy(self, q: Vec, p: Vec) -> float:
         """H_i(q, p).  q, p : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `energy`")
+        raise undefined(self, "energy")
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """dH_i/dp, (n,).  q, p : (n,)."""
@@ -158,7 +158,7 @@ class SplitConstrainedSystem(OfParts, ConstrainedSystem):
             n = self.degrees
             energy, reason = looked_at(
                 lambda y, part=part, n=n: part.energy(  # type: ignore[misc]
-                    vec(*[y[i] for i in range(n)]), vec(*[y[n + i] for i in range(n)])
+                    y[:n], y[n : 2 * n]
                 ),
                 [1] * (2 * n),
             )

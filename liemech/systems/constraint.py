@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import NotDefined
+from ..errors import NotDefined, undefined
 from ..formulas import Element, Mat, Record, Vec, jacobian, record, vec
 from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
@@ -34,7 +34,7 @@ class Constraint(Record):
 
     def value(self, g: Any) -> Vec:
         """c(g), (m,).  g : an element."""
-        raise NotDefined(f"{type(self).__name__} must define `value`")
+        raise undefined(self, "value")
 
     @derived
     def jacobian(self, group: LieGroup, g: Element) -> Mat:
@@ -70,7 +70,7 @@ class VelocityConstraint(Constraint):
 
     def matrix(self, g: Any) -> Mat:
         """A(g), (m, dim), for left-trivialised velocities.  g : an element."""
-        raise NotDefined(f"{type(self).__name__} must define `matrix`")
+        raise undefined(self, "matrix")
 
     def value(self, g: Any) -> Vec:
         """None: raises NotDefined."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined, OutsideChart
+from ..errors import InvalidInput, InvalidType, OutsideChart, undefined
 from ..formulas import (
     Mat,
     Record,
@@ -54,16 +54,16 @@ class DarbouxChart(Record):
     def degrees(self) -> int:
         """Half the rank of the structure: by default the one that it names."""
         if self.structure.rank is None:
-            raise NotDefined(f"{type(self).__name__} must define `degrees`")
+            raise undefined(self, "degrees")
         return self.structure.rank // 2
 
     def coordinates(self, y: Vec) -> Vec:
         """z = (q, p, c), (n,).  y : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `coordinates`")
+        raise undefined(self, "coordinates")
 
     def point(self, z: Vec) -> Vec:
         """The point y with these coordinates, (n,).  z : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `point`")
+        raise undefined(self, "point")
 
     # ---------------------------------------------------------------- what follows
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidType, NotDefined
+from ..errors import InvalidType, undefined
 from ..formulas import Record, Vec, gradient, record, vec
 from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
@@ -36,7 +36,7 @@ class DrivenHamiltonianSystem(PhaseSpace):
 
     def energy(self, t: float, q: Vec, p: Vec) -> float:
         """H(t, q, p).  q, p : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `energy`")
+        raise undefined(self, "energy")
 
     @derived
     def velocity(self, t: float, q: Vec, p: Vec) -> Vec:
@@ -82,7 +82,7 @@ class DrivenHamiltonian(Record):
 
     def energy(self, t: float, mu: Vec) -> float:
         """K(t, mu).  mu : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `energy`")
+        raise undefined(self, "energy")
 
     @derived
     def gradient(self, t: float, mu: Vec) -> Vec:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar, final
 
-from ..errors import NotDefined
+from ..errors import undefined
 from ..formulas import Element, Vec, record
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
@@ -33,7 +33,7 @@ class GroupEquation(System):
 
     def velocity(self, t: float, g: Element) -> Vec:
         """The velocity xi(t, g) in the Lie algebra, (dim,).  g : an element."""
-        raise NotDefined(f"{type(self).__name__} must define `velocity`")
+        raise undefined(self, "velocity")
 
     # ---------------------------------------------------------------- how it moves
 
@@ -85,7 +85,7 @@ class LinearGroupEquation(GroupEquation):
 
     def drive(self, t: float) -> Vec:
         """The velocity xi(t), (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `drive`")
+        raise undefined(self, "drive")
 
     @final
     def velocity(self, t: float, g: Element) -> Vec:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..errors import NotDefined
+from ..errors import undefined
 from ..formulas import Record, Vec, gradient, record
 from ..formulas.derived import derived
 
@@ -17,7 +17,7 @@ class Hamiltonian(Record):
 
     def energy(self, mu: Vec) -> float:
         """H(mu).  mu : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `energy`")
+        raise undefined(self, "energy")
 
     @derived
     def gradient(self, mu: Vec) -> Vec:

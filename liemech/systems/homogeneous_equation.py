@@ -6,7 +6,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, NotDefined
+from ..errors import InvalidInput, undefined
 from ..formulas import Vec, record, vec
 from ..groups.actions import GroupAction
 from ..groups.lie_group import LieGroup
@@ -47,7 +47,7 @@ class HomogeneousEquation(System):
 
     def velocity(self, t: float, x: Vec) -> Vec:
         """The velocity A(t, x) in the Lie algebra, (dim,).  x : a point."""
-        raise NotDefined(f"{type(self).__name__} must define `velocity`")
+        raise undefined(self, "velocity")
 
     # ---------------------------------------------------------------- how it moves
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..errors import NotDefined
+from ..errors import undefined
 from ..formulas import Mat, Record, Vec, gradient, jacobian, record
 from ..formulas.derived import derived
 
@@ -17,7 +17,7 @@ class Lagrangian(Record):
 
     def value(self, xi: Vec) -> float:
         """l(xi).  xi : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `value`")
+        raise undefined(self, "value")
 
     @derived
     def momentum(self, xi: Vec) -> Vec:

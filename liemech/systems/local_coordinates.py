@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined
+from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import (
     Mat,
     Record,
@@ -46,11 +46,11 @@ class LocalChart(Record):
 
     def embedding(self, y: Vec) -> Vec:
         """(q, p), (2N,).  y : (dim,)."""
-        raise NotDefined(f"{type(self).__name__} must define `embedding`")
+        raise undefined(self, "embedding")
 
     def coordinates(self, x: Vec) -> Vec:
         """The coordinates of (q, p) on the submanifold, (dim,).  x : (2N,)."""
-        raise NotDefined(f"{type(self).__name__} must define `coordinates`")
+        raise undefined(self, "coordinates")
 
 
 @record
@@ -79,9 +79,7 @@ class InducedStructure(PoissonStructure):
         """X'^T J X': what the symplectic form is for velocities y'.  y : (dim,)."""
         columns = [derivative(lambda x: self.chart.embedding(x), y, unit) for unit in axes(y)]
         n = len(columns[0]) // 2
-        halves = [
-            (vec(*[c[i] for i in range(n)]), vec(*[c[n + i] for i in range(n)])) for c in columns
-        ]
+        halves = [(c[:n], c[n : 2 * n]) for c in columns]
         return mat(*[vec(*[dot(a[1], b[0]) - dot(a[0], b[1]) for b in halves]) for a in halves])
 
     def matrix(self, y: Vec) -> Mat:
@@ -110,9 +108,7 @@ class InducedEnergy(Hamiltonian):
         """H at the point of the coordinates.  mu : (dim,), the coordinates."""
         x = self.chart.embedding(mu)
         n = len(x) // 2
-        return self.system.energy(
-            vec(*[x[i] for i in range(n)]), vec(*[x[n + i] for i in range(n)])
-        )
+        return self.system.energy(x[:n], x[n : 2 * n])
 
     def gradient(self, mu: Vec) -> Vec:
         """dK.  mu : (dim,)."""

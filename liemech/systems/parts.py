@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined
+from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Mat, Vec, derivative, gradient, jacobian, plain, record, vec
 from ..formulas.anything import Anything, degree, looked_at, made_of
 from ..formulas.vectors import Vec as SmallVector
@@ -41,11 +41,11 @@ class OfParts(System):
 
     def in_turn(self, state: Any, turns: list[tuple[int, float]]) -> Any:
         """The state after the motions of parts, by number and time, one after the other."""
-        raise NotDefined(f"{type(self).__name__} must define `in_turn`")
+        raise undefined(self, "in_turn")
 
     def unknown_motion(self) -> str:
         """Why the motion of some part is not known; empty if all are."""
-        raise NotDefined(f"{type(self).__name__} must define `unknown_motion`")
+        raise undefined(self, "unknown_motion")
 
 
 @record
@@ -62,7 +62,7 @@ class Part(Hamiltonian):
         """Where y is after the time t, if this part is all the energy.  structure : the Poisson
         structure.  y : (n,).
         """
-        raise NotDefined(f"{type(self).__name__} must define `flow`")
+        raise undefined(self, "flow")
 
 
 @record

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import NotDefined
+from ..errors import undefined
 from ..formulas import Element, Record, Vec, gradient, record, vec
 from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
@@ -25,7 +25,7 @@ class Potential(Record):
 
     def energy(self, g: Any) -> float:
         """V(g).  g : an element."""
-        raise NotDefined(f"{type(self).__name__} must define `energy`")
+        raise undefined(self, "energy")
 
     @derived
     def force(self, group: LieGroup, g: Element) -> Vec:
@@ -81,4 +81,4 @@ class Force(Record):
         """The force in the body at time t and body velocity xi, (dim,): <F, xi> is its power.
         xi : (dim,), g : an element.
         """
-        raise NotDefined(f"{type(self).__name__} must define `covector`")
+        raise undefined(self, "covector")

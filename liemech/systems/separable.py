@@ -7,7 +7,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any, ClassVar, final
 
-from ..errors import InvalidTimeScale, NotDefined
+from ..errors import InvalidTimeScale, undefined
 from ..formulas import Vec, gradient, record, vec
 from ..formulas.anything import choice
 from ..formulas.derived import derived
@@ -24,11 +24,11 @@ class SeparableEnergy(CanonicalSystem):
 
     def kinetic(self, p: Vec) -> float:
         """T(p).  p : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `kinetic`")
+        raise undefined(self, "kinetic")
 
     def potential(self, q: Vec) -> float:
         """V(q).  q : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `potential`")
+        raise undefined(self, "potential")
 
     @final
     def energy(self, q: Vec, p: Vec) -> float:

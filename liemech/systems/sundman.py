@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, NotDefined, OrderWarning, warn
+from ..errors import IncompatibleSystem, OrderWarning, undefined, warn
 from ..formulas import Vec, record, vec
 from ..formulas.remembered import common
 from ..groups.lie_group import LieGroup
@@ -50,17 +50,17 @@ class InFictiveTime(System):
 
     def extended(self, start: Any, t0: float) -> Any:
         """A start of the system, or an ensemble of them, with its time."""
-        raise NotDefined(f"{type(self).__name__} must define `extended`")
+        raise undefined(self, "extended")
 
     def apart(
         self, states: dict[str, np.ndarray]
     ) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray | None]:
         """The samples taken apart: the times, and the parts of the states of the system itself."""
-        raise NotDefined(f"{type(self).__name__} must define `apart`")
+        raise undefined(self, "apart")
 
     def clock(self, state: Any) -> Any:
         """The physical time of a state."""
-        raise NotDefined(f"{type(self).__name__} must define `clock`")
+        raise undefined(self, "clock")
 
     def of_tangent(self, components: int) -> list[int]:
         """Of the components of states with their clock those of the system itself, and then that of
@@ -140,9 +140,7 @@ class SundmanTransformed(InFictiveTime):
     def displaced(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
         """The state of the system displaced, and t + the last component."""
         n = self.system.group.dim
-        moved = self.system.displaced(
-            retraction, state.without_clock(), vec(*[omega[i] for i in range(n)])
-        )
+        moved = self.system.displaced(retraction, state.without_clock(), omega[:n])
         parts = [getattr(moved, name) for name in state.names]
         return type(state)(*parts, state.time + omega[n])
 
@@ -155,9 +153,7 @@ class SundmanTransformed(InFictiveTime):
     def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
         """The variation of the system, and that of the time."""
         n = self.system.group.dim
-        change, large = self.system.variation(
-            state.without_clock(), vec(*[omega[i] for i in range(n)])
-        )
+        change, large = self.system.variation(state.without_clock(), omega[:n])
         return vec(*change, omega[n]), vec(*large, abs(state.time))
 
     # ---------------------------------------------------------------- starts and samples

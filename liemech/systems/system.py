@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, NotDefined
+from ..errors import InvalidInput, undefined
 from ..formulas import Complex, Record, Vec, check_finite, real_array, record, vec
 from ..formulas.arrays import at_a_glance
 from ..formulas.batches import MEMBERSHIP
@@ -124,11 +124,11 @@ class System(Record):
 
     def rate(self, t: float, state: Any) -> Vec:
         """The velocity xi in the Lie algebra, (dim,), at time t and in this state."""
-        raise NotDefined(f"{type(self).__name__} must define `rate`")
+        raise undefined(self, "rate")
 
     def displaced(self, retraction: Retraction, state: Any, omega: Vec) -> Any:
         """The state after a displacement tau(omega)."""
-        raise NotDefined(f"{type(self).__name__} must define `displaced`")
+        raise undefined(self, "displaced")
 
     @property
     def unit_blocks(self) -> tuple[int, ...]:
@@ -283,6 +283,12 @@ def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None) -> Any:
 
 
 # ------------------------------------------------------------------ exact motions
+
+
+def alone(start: Any, name: str, what: str = "body") -> None:
+    """Refuse an ensemble.  name : of the method that is asked, for one such thing at a time."""
+    if start.bodies is not None:
+        raise InvalidInput(f"{name} takes one {what} at a time; loop over the ensemble")
 
 
 def exact_times(t: Any, name: str) -> np.ndarray:

@@ -16,7 +16,7 @@ from ..errors import (
     InvalidTimeScale,
     InvalidType,
     LiemechError,
-    NotDefined,
+    undefined,
 )
 from ..formulas import Record, Vec, derivative, dot, gradient, norm, record, sqrt, vec
 from ..formulas.derived import derived
@@ -57,7 +57,7 @@ class TimeScale(Record):
 
     def value(self, system: Any, state: Any) -> float:
         """sigma, in s for each unit of fictive time."""
-        raise NotDefined(f"{type(self).__name__} must define `value`")
+        raise undefined(self, "value")
 
     def value_at(self, system: Any, t: float, state: Any) -> float:
         """sigma at time t; `value`, unless a subclass depends on time."""

@@ -47,7 +47,7 @@ class ExtendedSystem(InFictiveTime, HamiltonianSystem):
 
     def without(self, x: Vec) -> Vec:
         """Positions without the time, or momenta without -H_0, (n,).  x : (n + 1,)."""
-        return vec(*[x[i] for i in range(self.degrees - 1)])
+        return x[: self.degrees - 1]
 
     def clock(self, state: Any) -> Any:
         """The physical time of a state."""

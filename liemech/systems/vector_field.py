@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, NotDefined
+from ..errors import InvalidInput, InvalidType, NotDefined, undefined
 from ..formulas import Mat, Vec, derivative, plain, record, vec
 from ..formulas.anything import looked_at
 from ..formulas.remembered import common
@@ -64,13 +64,13 @@ class VectorField(System):
 
     def velocity(self, y: Vec) -> Vec:
         """f(y), (n,).  y : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `velocity`")
+        raise undefined(self, "velocity")
 
     # ---------------------------------------------------------------- 2. closed forms are welcome
 
     def flow(self, y: Vec, t: float) -> Vec:
         """Where y is after the time t.  y : (n,)."""
-        raise NotDefined(f"{type(self).__name__} must define `flow`")
+        raise undefined(self, "flow")
 
     # ---------------------------------------------------------------- what follows
 

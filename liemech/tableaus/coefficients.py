@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
-from ..errors import NotDefined
+from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
 from ..formulas import Record, record
 from .trees import Row
 
@@ -14,8 +14,13 @@ from .trees import Row
 class Coefficients(Record):
     """Numbers with a name and a source, which know the laws that they obey; abstract.
 
-    A subclass writes `_tidy`, which makes its fields what they should be, and `check`.
+    A subclass has a `name` and an `order`; it writes `_tidy`, which makes its fields what they should
+    be, and `check`.
     """
+
+    if TYPE_CHECKING:
+        name: str
+        order: int
 
     def __post_init__(self) -> None:
         self._tidy()
@@ -27,6 +32,33 @@ class Coefficients(Record):
     def check(self) -> None:
         """Raise LawViolation, naming the law, unless the numbers are what they claim to be."""
         raise NotDefined(f"{type(self).__name__} must define `check`")
+
+    def _rows(self, *fields: str) -> None:
+        """Make fields rows of floats.  Raises InvalidType."""
+        for field in fields:
+            given: Any = getattr(self, field)
+            try:
+                row = tuple(map(float, given))
+            except (TypeError, ValueError):
+                raise InvalidType(
+                    f"{self.name}: {field} is a sequence of numbers; got {given!r}"
+                ) from None
+            object.__setattr__(self, field, row)
+
+    def _failing(self, order: int) -> str:
+        """The condition of an order that does not hold, in words; empty if all do."""
+        raise NotDefined(f"{type(self).__name__} must define `_failing`")
+
+    def _reaches(self, most: int) -> None:
+        """Raise an error unless the order claimed is a whole number, and reached."""
+        order: Any = self.order
+        if type(order) is not int or not 1 <= order <= most:
+            raise InvalidInput(
+                f"{self.name}: the order is a whole number from 1 to {most}; got {order!r}"
+            )
+        for q in range(1, order + 1):
+            if failing := self._failing(q):
+                raise LawViolation(f"{self.name} is of order {q - 1}, not {order}: {failing}")
 
     @classmethod
     def shipped(cls, *values: Any, **more: Any) -> Self:

@@ -62,13 +62,7 @@ class CompositionTableau(Coefficients):
         return cls(name, order, tableau.gamma, base_order)
 
     def _tidy(self) -> None:
-        try:
-            gamma = tuple(map(float, self.gamma))
-        except (TypeError, ValueError):
-            raise InvalidType(
-                f"{self.name}: gamma is a sequence of numbers; got {self.gamma!r}"
-            ) from None
-        object.__setattr__(self, "gamma", gamma)
+        self._rows("gamma")
 
     # ---------------------------------------------------------------- what follows
 
@@ -99,14 +93,10 @@ class CompositionTableau(Coefficients):
         """Raise an error, naming the law, unless the coefficients are symmetric and of the order
         claimed.
         """
-        name, gamma, order, base = self.name, self.gamma, self.order, self.base_order
+        name, gamma, base = self.name, self.gamma, self.base_order
         if type(base) is not int or base < 2 or base % 2:
             raise InvalidInput(
                 f"{name}: symmetric methods have even orders; got base_order = {base!r}"
-            )
-        if type(order) is not int or not 1 <= order <= MOST:
-            raise InvalidInput(
-                f"{name}: the order is a whole number from 1 to {MOST}; got {order!r}"
             )
         if not gamma or not all(map(math.isfinite, gamma)):
             raise InvalidInput(f"{name}: gamma is one finite number for each substep; got {gamma}")
@@ -116,10 +106,7 @@ class CompositionTableau(Coefficients):
                     f"{name} is not symmetric: gamma_{i + 1} = {x!r} "
                     f"and gamma_{self.stages - i} = {y!r}"
                 )
-        for q in range(1, order + 1):
-            failing = self._failing(q)
-            if failing:
-                raise LawViolation(f"{name} is of order {q - 1}, not {order}: {failing}")
+        self._reaches(MOST)
 
     def _failing(self, degree: int) -> str:
         """The first condition of this degree that does not hold, in words; empty if all do."""

@@ -23,7 +23,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, LawViolation
+from ..errors import InvalidInput, LawViolation
 from ..formulas import record
 from .coefficients import Coefficients, numbers
 from .compositions import CompositionTableau
@@ -65,14 +65,7 @@ class SplittingTableau(Coefficients):
     symmetric: bool = True
 
     def _tidy(self) -> None:
-        for field in ("kicks", "drifts"):
-            try:
-                row = tuple(map(float, getattr(self, field)))
-            except (TypeError, ValueError):
-                raise InvalidType(
-                    f"{self.name}: {field} is a sequence of numbers; got {getattr(self, field)!r}"
-                ) from None
-            object.__setattr__(self, field, row)
+        self._rows("kicks", "drifts")
 
     # ---------------------------------------------------------------- what follows
 
@@ -178,11 +171,7 @@ class SplittingTableau(Coefficients):
         """Raise an error, naming the law, unless the coefficients are symmetric and of the order
         claimed.
         """
-        name, order = self.name, self.order
-        if type(order) is not int or not 1 <= order <= MOST:
-            raise InvalidInput(
-                f"{name}: the order is a whole number from 1 to {MOST}; got {order!r}"
-            )
+        name = self.name
         if len(self.kicks) != len(self.drifts) + 1 or not all(
             map(math.isfinite, (*self.kicks, *self.drifts))
         ):
@@ -195,10 +184,7 @@ class SplittingTableau(Coefficients):
                 raise LawViolation(
                     f"{name} is not symmetric: {field} are {row}, not the same backwards"
                 )
-        for q in range(1, order + 1):
-            failing = self._failing(q)
-            if failing:
-                raise LawViolation(f"{name} is of order {q - 1}, not {order}: {failing}")
+        self._reaches(MOST)
 
     def _failing(self, length: int) -> str:
         """The worst condition of words of this length, in words; empty if all hold."""

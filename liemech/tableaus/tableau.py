@@ -79,9 +79,7 @@ class ButcherTableau(Coefficients):
         """The tableau with the row sums of A as nodes, of the order that the trees find unless one
         is claimed.
         """
-        rows = tuple(
-            _row(row, f"{name}: row {i + 1} of A") for i, row in enumerate(_listed(A, f"{name}: A"))
-        )
+        rows = _rows(A, name, "A")
         weights = _row(b, f"{name}: b")
         if order is None:
             order = order_of(rows, weights)
@@ -278,52 +276,43 @@ class ButcherTableau(Coefficients):
         if not isinstance(name, str):
             raise InvalidType(f"ButcherTableau: name is a string; got {name!r}")
         b, c = _row(self.b, f"{name}: b"), _row(self.c, f"{name}: c")
+        A, extra = _rows(self.A, name, "A"), _rows(self.A_extra, name, "A_extra")
+        c_extra = _row(self.c_extra, f"{name}: c_extra")
+        given = _rows(self.interpolant, name, "interpolant", "the interpolant")
         s = len(b)
-        A = tuple(
-            _row(row, f"{name}: row {i + 1} of A")
-            for i, row in enumerate(_listed(self.A, f"{name}: A"))
-        )
+        shaped: dict[str, Any] = {"A": A, "b": b, "c": c, "A_extra": extra, "c_extra": c_extra}
+        shaped |= {"interpolant": given}
         if not s or len(A) != s or len(c) != s:
             raise InvalidInput(
                 f"{name}: A has {len(A)} rows, b {s} weights and c "
                 f"{len(c)} nodes; a stage has one of each"
             )
         if not _triangular(A, 0) and not all(len(row) == s for row in A):
-            lengths = [len(row) for row in A]
             raise InvalidInput(
-                f"{name}: the rows of A have {lengths} entries; they need "
+                f"{name}: the rows of A have {_lengths(A)} entries; they need "
                 f"{s} each, or 0, ..., {s - 1} if explicit"
             )
         if not any(any(row[i:]) for i, row in enumerate(A)):
-            A = tuple(row[:i] for i, row in enumerate(A))
-        listed = _listed(self.A_extra, f"{name}: A_extra")
-        extra = tuple(_row(row, f"{name}: row {i + 1} of A_extra") for i, row in enumerate(listed))
+            shaped["A"] = tuple(row[:i] for i, row in enumerate(A))
         if not _triangular(extra, s):
-            lengths = [len(row) for row in extra]
             raise InvalidInput(
-                f"{name}: the rows of A_extra need {s}, {s + 1}, ... entries; they have {lengths}"
+                f"{name}: the rows of A_extra need {s}, {s + 1}, ... entries; they have {_lengths(extra)}"
             )
-        c_extra = _row(self.c_extra, f"{name}: c_extra")
         if len(c_extra) != len(extra):
             raise InvalidInput(
                 f"{name}: A_extra has {len(extra)} rows and c_extra {len(c_extra)} nodes"
             )
-        shaped: dict[str, Any] = {"A": A, "b": b, "c": c, "A_extra": extra, "c_extra": c_extra}
         for letter in "b_hat", "b_low":
             shaped[letter] = _row(getattr(self, letter), f"{name}: {letter}")
             if shaped[letter] and len(shaped[letter]) != s:
                 raise InvalidInput(
                     f"{name}: {letter} has {len(shaped[letter])} weights, A {s} stages"
                 )
-        given = _listed(self.interpolant, f"{name}: interpolant")
-        shaped["interpolant"] = tuple(
-            _row(row, f"{name}: row {i + 1} of the interpolant") for i, row in enumerate(given)
-        )
-        lengths = [len(row) for row in shaped["interpolant"]]
-        if given and (len(given) != s + len(extra) or len(set(lengths)) != 1 or not lengths[0]):
+        long = _lengths(given)
+        if given and (len(given) != s + len(extra) or len(set(long)) != 1 or not long[0]):
             raise InvalidInput(
                 f"{name}: the interpolant needs {s + len(extra)} rows of "
-                f"one length; they have {lengths} entries"
+                f"one length; they have {long} entries"
             )
         for letter, field, present in (
             ("b", "order", True),
@@ -443,6 +432,18 @@ def _row(value: Any, what: str) -> Row:
             raise InvalidInput(f"{what} has finite entries; entry {i + 1} is {entry}")
         row.append(entry)
     return tuple(row)
+
+
+def _rows(value: Any, name: str, field: str, shown: str = "") -> tuple[Row, ...]:
+    """Rows of a field of a tableau, all of finite floats."""
+    return tuple(
+        _row(row, f"{name}: row {i + 1} of {shown or field}")
+        for i, row in enumerate(_listed(value, f"{name}: {field}"))
+    )
+
+
+def _lengths(rows: Sequence[Row]) -> list[int]:
+    return [len(row) for row in rows]
 
 
 def _triangular(rows: Sequence[Row], first: int) -> bool:

@@ -4,6 +4,7 @@ forms where there are some.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -18,6 +19,8 @@ from liemech.formulas import cos, sin
 from liemech.tableaus import DOP853, KAHAN_LI8, SPLITTINGS, VERNER6, SplittingTableau
 
 Start = tuple[Any, Any]  # a system and its state
+WARM = 1.0
+"""Seconds of a closed form, after which native code for it, that is made when it pays, is there."""
 
 
 @lm.record
@@ -132,7 +135,7 @@ def plain(race: Race, orders: tuple[int, ...] = ORDERS, follow: bool = False) ->
 def exact(
     race: Race, at: Start, outputs: Callable[..., np.ndarray], parts: tuple[str, ...]
 ) -> Entry:
-    """The closed form at all outputs."""
+    """The closed form at all outputs, its native code made beforehand, as that of others is."""
 
     def prepare(_: float) -> Run:
         system, start = at
@@ -141,6 +144,9 @@ def exact(
             states = system.exact(start, race.times)
             return [np.asarray(getattr(states, part)) for part in parts]
 
+        begun = time.process_time()
+        while time.process_time() - begun < WARM:
+            run()
         return run
 
     return Entry(

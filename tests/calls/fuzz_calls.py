@@ -304,7 +304,7 @@ def wrong(method: Method, name: str, text: str, rng: np.random.Generator) -> Any
         lambda: np.where(rng.integers(0, 2, size=shape), one, np.inf),
         lambda: np.zeros(shape), lambda: masked, lambda: np.ma.masked_array(one, mask=False), lambda: np.matrix(np.eye(3)),
         lambda: lm.vec(*[1.0] * (shape[0] + 1)), lambda: lm.vec(*[1.0] * max(shape[0] - 1, 0)), lambda: lm.vec(),
-        lambda: lm.mat(lm.vec(1.0, 2.0), lm.vec(3.0, 4.0)), lambda: lm.vec("a", None, 2.0)[:2],
+        lambda: lm.mat(lm.vec(1.0, 2.0), lm.vec(3.0, 4.0)),
         lambda: lm.SO3(), lambda: lm.SO3, lambda: lm.RigidBody([1.0, 1.6, 2.3]), lambda: lm.Exponential(),
         lambda: Rotation.identity(),
         lambda: Rotation.random(4, random_state=1), lambda: Rotation, lambda: (x for x in (1.0, 2.0, 3.0)), lambda: iter([1.0]),

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler.reads import Guard, Reads, Step, _asked
-from liemech.compiler.tokens import Known, digest
+from liemech.compiler.content_hashes import Known, digest
+from liemech.compiler.dependencies import Reads
+from liemech.compiler.staleness import Guard, Step, asked
 
 TEXT = """
 import functools
@@ -84,7 +85,7 @@ def guarded(paths: tuple[Step, ...] = PATHS) -> tuple[Any, Guard]:
     values: list[Any] = []
     for parent, how, name in paths:
         values.append(
-            _asked(values[parent] if parent >= 0 else (vars(module)["formula"], ()), how, name)
+            asked(values[parent] if parent >= 0 else (vars(module)["formula"], ()), how, name)
         )
     known: Known = {}
     return module, Guard(list(paths), values, ["", *[digest(x, known) for x in values[1:]]], known)

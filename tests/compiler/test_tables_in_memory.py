@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.compiler import kernel, llvm
+from liemech.compiler import cache, kernel, llvm
 from liemech.compiler.content_hashes import digest
 
 pytestmark = pytest.mark.compiled
@@ -114,7 +114,7 @@ def test_the_code_does_not_grow_with_the_table(monkeypatch: pytest.MonkeyPatch) 
         llvm, "object_code", lambda text: (sizes.append(llvm.size(text)), code(text))[1]
     )
     monkeypatch.setattr(kernel, "_kept", type(kernel._kept)())
-    monkeypatch.setenv("LIEMECH_CACHE_DIR", "/dev/null")
+    monkeypatch.setattr(cache, "load", lambda *_: None)
     for n in (50, 10_000):
         monkeypatch.setitem(globals(), "FLOATS", [0.5 * i for i in range(n)])
         monkeypatch.setitem(globals(), "N", n)

@@ -164,3 +164,28 @@ def test_columns_blocks_and_sums_in_all_worlds() -> None:
         return v, m[1:, :2][0], m[0:2][1], sum([v, m[:, 2]]), v.T @ m @ v, m.dot(v), v[1:] + v[:2]
 
     same_in_all_worlds(formula, ROWS)
+
+
+@pytest.mark.parametrize("wrong", ["1.0", None, b"1", {}, {1.0}, float])
+def test_what_is_no_number_is_refused_in_a_vector(wrong: Any) -> None:
+    with pytest.raises(InvalidType, match=r"a Vec holds numbers; got .* among them"):
+        lm.vec(1.0, wrong)
+
+
+@pytest.mark.parametrize("annotation", [3, "lm.Vec(1.0, 2.0)", lm.vec(1.0), [float]])
+def test_an_annotation_that_is_a_value_is_refused(annotation: Any) -> None:
+    space = {"__annotations__": {"x": annotation}, "__module__": __name__}
+    made = lm.record(type("Wrong", (lm.Record,), space))
+    with pytest.raises(
+        InvalidType, match=r"Wrong\.x is annotated by the value .* by a type, float"
+    ):
+        made(1.0)
+
+
+def test_a_length_in_an_annotation_is_refused() -> None:
+    space = {"__annotations__": {"x": "lm.Vec[3]"}, "__module__": __name__}
+    made = lm.record(type("Long", (lm.Record,), space))
+    with pytest.raises(
+        InvalidType, match=r"Long\.x is annotated 'lm\.Vec\[3\]': write lm\.Vec alone"
+    ):
+        made([1.0, 2.0, 3.0])

@@ -77,8 +77,8 @@ def test_curves_of_runge_kutta_pairs(tableau: Any) -> None:
 
 @pytest.mark.parametrize("order", [2, 5, 12])
 def test_estimates_of_taylor_methods(order: int) -> None:
-    """r^p, r = max(e_p^(1/p), e_(p-1)^(1/(p-1))), of the last two terms of the series of the whole
-    step; the step is the share of it that r allows.
+    """max(e_p, e_(p-1)), of the last two terms of the series of the whole step; the step is the share
+    of it that r = max(e_p^(1/p), e_(p-1)^(1/(p-1))) allows, to a hundredth.
     """
     for rtol in (1e-2, 1e-9):
         found = trial(lm.Taylor(order), rtol, 1e-4)
@@ -88,9 +88,9 @@ def test_estimates_of_taylor_methods(order: int) -> None:
         allowed = 1e-4 + rtol * np.maximum(np.abs(Y), taylor.NEAR * np.abs(terms[0]))
         last, before = (np.sqrt(np.mean((terms[i] / allowed) ** 2)) for i in (-1, -2))
         r = max(last ** (1 / order), before ** (1 / (order - 1)))
-        assert found.error == pytest.approx(r**order, rel=1e-9)
+        assert found.error == pytest.approx(max(last, before), rel=1e-9)
         wanted = taylor.SAFETY / r
-        assert found.share == (pytest.approx(wanted) if wanted < taylor.WHOLE else 1.0)
+        assert found.share == (pytest.approx(wanted, rel=0.01) if wanted < taylor.WHOLE else 1.0)
         # each term is the derivative of those before
         exact = lm.integrate(
             SYSTEM,

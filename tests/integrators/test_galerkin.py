@@ -157,7 +157,7 @@ def test_the_action_is_stationary(method: GalerkinVariational) -> None:
     group, tau, h = top.configurations, method.retraction, 0.3
     A, b, _, _ = (np.array(x) for x in method.tableau)
     memory = method.step(top, 0.0, method.start(top, start, h), h)
-    V = np.array(memory.last)
+    V = np.array(memory.past[0])
 
     def action(V: np.ndarray) -> float:
         total = 0.0
@@ -170,7 +170,7 @@ def test_the_action_is_stationary(method: GalerkinVariational) -> None:
 
     assert (
         np.abs(
-            np.array(group.compose(start.g, tau.tau(group, h * b @ V))) - np.array(memory.g)
+            np.array(group.compose(start.g, tau.tau(group, h * b @ V))) - np.array(memory.state.g)
         ).max()
         < 1e-15
     )

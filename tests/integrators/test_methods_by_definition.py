@@ -295,7 +295,7 @@ def test_a_force_is_carried_on_where_a_step_begins_with_a_kick() -> None:
             memory = method.start(top, start, 0.05)
             after = method.step(top, 0.0, memory, 0.05)
             kicks = tableau.kicks[0] != 0.0
-            assert (memory.force is not None) == (after.force is not None) == kicks
+            assert (memory.node is not None) == (after.node is not None) == kicks
             seen.add(kicks)
     assert seen == {True, False}
 

@@ -155,3 +155,21 @@ def test_the_guess_is_near_at_all_times(e: float, monkeypatch: pytest.MonkeyPatc
         seen[0] = 0
         assert np.isfinite(exact_kepler.place(made, t)).all()
         assert seen[0] <= 6, t
+
+
+def test_sizes_and_times_of_all_kinds() -> None:
+    """Units of 1e-200 to 1e200, times whose phase no digit knows, far out on a hyperbola, and a start
+    in the sun.
+    """
+    system = lm.Kepler()
+    for size in (1e-200, 1e-100, 1e100):
+        start = system.state([size, 0.0], [0.0, size**-0.5])
+        turned = system.exact(start, size**1.5).q / size
+        assert turned == pytest.approx([np.cos(1.0), np.sin(1.0)], rel=1e-14)
+    late = system.exact(system.pericentre(0.5), np.array([1e17, 1e300]))
+    assert (np.hypot(*late.q.T) <= 1.5 + 1e-14).all()
+    t = 1e300
+    far = system.exact(system.state([1.0, 0.0], [0.0, 2.0]), t).q / t
+    assert np.hypot(*far) == pytest.approx(2.0**0.5, rel=1e-14)  # |v|^2 - 2 k/r
+    with pytest.raises(InvalidInput, match=r"Kepler\.exact: q is zero"):
+        system.exact(system.state([0.0, 0.0], [0.0, 1.0]), 1.0)

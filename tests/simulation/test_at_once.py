@@ -15,7 +15,7 @@ import pytest
 from scenes import Fenced
 
 import liemech as lm
-from liemech.compiler.dependencies import Guard
+from liemech.compiler.staleness import Guard
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput
 from liemech.formulas.pytree import compensated, gatherer, layout_of, leaves
 from liemech.simulation.fixed_run import FixedRun

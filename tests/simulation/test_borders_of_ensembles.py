@@ -129,3 +129,27 @@ def test_the_step_of_chunks_without_a_rejection_is_their_mean(monkeypatch: Any) 
         run = plan.run(starts, t_end=0.5, executor=executor)
     assert whole.rejected == run.rejected == 0
     assert run.h == pytest.approx(whole.h, rel=1e-12)
+
+
+MANY = [lm.RigidBody([1.0, 1.5, 1.6 + 0.02 * i]) for i in range(19)]
+
+
+def test_what_the_systems_of_an_ensemble_must_be() -> None:
+    starts = BODY.state(mu=np.linspace([0.5, 0.1, 0.8], [0.6, 0.3, 0.9], 19))
+    given = dict(h=0.1, steps=2)
+    for systems, message in (
+        (MANY[:3], "3 systems for 19 bodies"),
+        (
+            [*MANY[:18], lm.RigidBody(np.diag([1.0, 1.5, 2.0]))],
+            "system 18, .* is of another kind than system 0",
+        ),
+        ([], "one for each body"),
+        ([*MANY[:18], 3.0], "got 3.0"),
+    ):
+        with pytest.raises(InvalidInput, match=message):
+            lm.integrate(systems, lm.RKMK(order=4), starts, **given)  # type: ignore[arg-type]
+    with pytest.raises(InvalidInput, match="19 systems for a start of one"):
+        lm.integrate(MANY, lm.RKMK(order=4), ONE, **given)  # type: ignore[arg-type]
+    plan = lm.Plan(MANY, lm.RKMK(order=4), 0.1, compiled=False)
+    with pytest.raises(InvalidInput, match="another system"):
+        plan.replace(system=MANY[::-1]).resume(plan.run(starts, steps=1), steps=1)

@@ -66,69 +66,6 @@ def test_what_is_kept_is_that_of_the_samples(every, start, monkeypatch):
     same(lm.integrate(BODY, start=start, steps=100, every=every, record=KEPT, **STEPS), full)
 
 
-@pytest.mark.compiled
-def test_native_code_keeps_the_same_bits():
-    plain, native = (
-        lm.integrate(BODY, start=START, steps=300, record=KEPT, **STEPS | {"compiled": compiled})
-        for compiled in (False, True)
-    )
-    assert (
-        plain.states.keys()
-        == native.states.keys()
-        == {"mu", "energy", "casimirs", "tilt", "turned", "far"}
-    )
-    for name, values in plain.states.items():
-        assert np.array_equal(values, native.states[name])
-
-
-@pytest.mark.parametrize(
-    "options",
-    [{}, {"t_eval": [0.0, 0.37, 2.0]}, {"breaks": [1.0, 3.0]}, {"events": lambda t, s: s.mu[0]}],
-    ids=[0, 1, 2, 3],
-)
-def test_adaptive_steps(options):
-    how = dict(method=lm.RKMK(order=5), start=START, t_end=3.0, compiled=False) | options
-    full = lm.integrate(BODY, **how)
-    run = lm.integrate(BODY, record=("energy", tilt), **how)
-    assert (
-        np.array_equal(run.t, full.t)
-        and np.array_equal(run.tilt, full.g[:, 2, 2])
-        and np.array_equal(run.energy, full.energy)
-    )
-    assert len(run.events) == len(full.events)
-
-
-def test_samples_at_times_events_and_fictive_time():
-    for options in ({"t_eval": [0.0, 0.37, 2.0]}, {"events": lambda t, s: s.mu[0] - 0.1}):
-        full = lm.integrate(BODY, start=START, steps=20, **STEPS | options)
-        run = lm.integrate(BODY, start=START, steps=20, record=("energy", tilt), **STEPS | options)
-        assert np.array_equal(run.t, full.t) and np.array_equal(run.energy, full.energy)
-    kepler = lm.Kepler()
-    method, start = (
-        lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.EqualArc()),
-        kepler.state(q=[0.5, 0.0], p=[0.0, 1.7]),
-    )
-    for end in ({"steps": 20}, {"t_end": 0.2}):
-        full, run = (
-            lm.integrate(kepler, method, start, h=0.01, record=r, **end) for r in (None, "energy")
-        )
-        assert (
-            np.array_equal(run.energy, full.energy)
-            and np.array_equal(run.tau, full.tau)
-            and set(run.states) == {"energy"}
-        )
-
-
-def test_bodies_with_parameters_of_their_own():
-    bodies = [lm.RigidBody([1.0, 1.5, x]) for x in (1.8, 2.0, 2.2)]
-    run = lm.integrate(bodies, start=MANY, steps=10, record=("energy", tilt), **STEPS)
-    for i, body in enumerate(bodies):
-        alone = lm.integrate(body, start=body.state(mu=MANY.mu[i], g=np.eye(3)), steps=10, **STEPS)
-        assert np.array_equal(run.energy[:, i], alone.energy) and np.array_equal(
-            run.tilt[:, i], alone.g[:, 2, 2]
-        )
-
-
 def test_resumed_saved_joined_and_its_last_state(tmp_path: Path):
     plan = lm.Plan(BODY, lm.RKMK(order=2), h=0.1, record=("energy", tilt), compiled=False)
     first = plan.run(START, steps=10)

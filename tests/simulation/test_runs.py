@@ -18,7 +18,13 @@ import scenes_of_runs as scenes
 from scenes_of_runs import COVARIANT, EQUAL, FICTIVE, TABLE_TOLERANCE, Scene
 
 import liemech as lm
-from liemech.errors import IntegrationFailure, IntegrationInterrupted, InvalidInput, NotCompilable
+from liemech.errors import (
+    IntegrationFailure,
+    IntegrationInterrupted,
+    InvalidInput,
+    NotCompilable,
+    StepTooSmall,
+)
 
 TOLERANCE = replace(scenes.TOLERANCE, first=1.1, rest=3.0)
 FICTIVE_STEPS = replace(FICTIVE, first=11, rest=13)
@@ -138,6 +144,7 @@ def body_of(run: lm.Trajectory, i: int) -> tuple[np.ndarray, dict[str, np.ndarra
 # ---------------------------------------------------------------- worlds, lanes, workers
 
 
+@pytest.mark.sample(30)
 @pytest.mark.compiled
 @over(*ALL, *BACK)
 @BODIES
@@ -148,14 +155,18 @@ def test_native_code_gives_the_bits_of_plain_python(
     same_runs(whole(scene, bodies, observer), whole(scene, bodies, observer, compiled=True))
 
 
+@pytest.mark.sample(40)
 @over(*ALL, *BACK)
 @watched(*WATCHED)
 def test_bodies_of_an_ensemble_go_as_alone(scene: Scene, observer: str) -> None:
     """Samples, events, and where a terminal event has ended it."""
-    together = whole(scene, 3, observer)
+    together, singles = whole(scene, 3, observer), []
     for i in range(3):
-        single = plan_of(scene, observer).run(member(scene, 3, i), **span_of(scene, observer))
-        as_alone(together, i, single)
+        singles += [plan_of(scene, observer).run(member(scene, 3, i), **span_of(scene, observer))]
+        as_alone(together, i, singles[-1])
+    if together.rejected is not None:
+        assert together.rejected == sum(single.rejected for single in singles)
+        assert together.steps == max(single.steps for single in singles)
 
 
 def as_alone(together: lm.Trajectory, i: int, single: lm.Trajectory) -> None:
@@ -185,27 +196,37 @@ OWN = [
 ]
 
 
+@pytest.mark.sample(24)
 @pytest.mark.parametrize(("scene", "name"), OWN)
 @watched("all", "functions", "events")
 def test_bodies_with_numbers_of_their_own_go_as_alone(
     scene: Scene, name: str, observer: str
 ) -> None:
+    """To the end, and from there on; so do their energies."""
     options, span = scenes.own(scene)[name]
-    together = plan_of(scene, observer, **options).run(
-        scene.start(5), **span_of(scene, observer, **span)
-    )
+    plan = plan_of(scene, observer, **options)
+    together = plan.run(scene.start(5), **span_of(scene, observer, **span))
+    further: dict[str, Any] = {"t_end": 8.0} if scene.by_time else {"steps": 3}
+    gone = plan.resume(together, **further) if observer == "all" else None
+    if scene is EQUAL and gone is not None:
+        assert together.drift()["Casimir 1"].verdict == "exact"
     for i in range(5):
         mine = {key: x[i] for key, x in options.items()}
         until = {
             key: [row[i] for row in x] if key == "t_eval" else x[i] if isinstance(x, list) else x
             for key, x in span.items()
         }
-        single = plan_of(scene, observer, **mine).run(
-            member(scene, 5, i), **span_of(scene, observer, **until)
-        )
+        alone = plan_of(scene, observer, **mine)
+        single = alone.run(member(scene, 5, i), **span_of(scene, observer, **until))
         as_alone(together, i, single)
+        if gone is not None:
+            onwards = alone.resume(single, **further)
+            as_alone(gone, i, onwards)
+            n = len(onwards) if not (together.rejected is not None and len(gone) == 2) else 1
+            assert same(gone.energy[:n, i], onwards.energy[:n])
 
 
+@pytest.mark.sample(10)
 @over(*ALL)
 @watched("all", "t_eval", "functions", "events")
 def test_workers_and_executors_give_the_bits_of_one_thread(scene: Scene, observer: str) -> None:
@@ -213,6 +234,86 @@ def test_workers_and_executors_give_the_bits_of_one_thread(scene: Scene, observe
     same_runs(plan_of(scene, observer, workers=2).run(start, **span), alone)
     with ThreadPoolExecutor(2) as executor:
         same_runs(plan_of(scene, observer).run(start, executor=executor, **span), alone)
+
+
+@pytest.mark.compiled
+@over(EQUAL, COVARIANT, TOLERANCE, FICTIVE)
+@BODIES
+@watched("all", "t_eval", "functions", "events")
+def test_a_plan_that_has_run_gives_the_same_again(scene: Scene, bodies: int, observer: str) -> None:
+    """However it makes its later runs, and whatever becomes of the samples of the first."""
+    wanted = whole(scene, bodies, observer)
+    plan, start = plan_of(scene, observer, compiled=True), scene.start(bodies)
+    for prepared in (plan, plan, plan.replace(system=scene.system)):
+        run = prepared.run(start, **span_of(scene, observer))
+        same_runs(run, wanted)
+        last = {name: np.array(x) for name, x in run.carry.state.arrays.items()}
+        for x in run.states.values():
+            x[:] = 7.0
+        for name, x in run.carry.state.arrays.items():
+            assert same(x, last[name]), name
+
+
+@pytest.mark.compiled
+@over(TOLERANCE, BACK[1])
+@pytest.mark.parametrize(
+    "options",
+    [{"dense": False}, {"h": 0.01, "max_step": 0.1}, {"breaks": (0.5, 1.0)}],
+    ids=["no way between", "lengths of steps", "breaks"],
+)
+def test_options_of_adaptive_steps(scene: Scene, options: dict[str, Any]) -> None:
+    """In both worlds, first and later; no step is longer than allowed, and the first as given."""
+    span, options = span_of(scene), dict(options)
+    if "breaks" in options:  # parts of the way
+        options["breaks"] = [scene.t0 + x * (scene.end - scene.t0) for x in options["breaks"]]
+    wanted = plan_of(scene, **options).run(scene.start(1), **span)
+    plan = plan_of(scene, compiled=True, **options)
+    for _ in range(2):
+        run = plan.run(scene.start(1), **span)
+        same_runs(run, wanted)
+        assert (run.dense is None) == (options.get("dense") is False)
+    taken = np.abs(np.diff(wanted.t))
+    if "h" in options:
+        assert taken.max() < 0.1 * (1.0 + 1e-12) and abs(taken[0] - 0.01) < 1e-12
+    elif "breaks" in options:
+        for at in options["breaks"]:  # or some roundings before, where the velocity is the old one
+            assert np.abs(wanted.t - at).min() <= 8.0 * np.spacing(np.abs(wanted.t).max())
+        assert wanted.t[-1] == scene.end
+        whole_one = whole(scene, 1)
+        assert np.abs(wanted.mu[-1] - whole_one.mu[-1]).max() < 1e-3
+        energies = plan_of(scene, "functions", **options).run(scene.start(1), **span)
+        assert same(energies.t, wanted.t) and same(energies.states["mu"], wanted.mu)
+    else:
+        same_runs(wanted, whole(scene, 1))
+
+
+LONG = {"equal": {"steps": 3000}, "covariant": {"steps": 3000}, "tolerance": {"t_end": 300.0}}
+
+
+@pytest.mark.compiled
+@over(EQUAL, COVARIANT, TOLERANCE)
+@BODIES
+def test_a_run_of_many_pieces_is_one(scene: Scene, bodies: int) -> None:
+    """Of which a long one is made, and between which one looks at the clock: it ends where runs of
+    a hundred steps do that go on from each other.
+    """
+    fine = {"rtol": 1e-9} if "rtol" in scene.options else {}
+    plan, start, span = plan_of(scene, compiled=True, **fine), scene.start(bodies), LONG[scene.name]
+    one = plan.run(start, **span)
+    if "steps" in span:
+        parts = plan.run(start, steps=100)
+        for _ in range(29):
+            parts = plan.resume(parts, steps=100)
+        assert one.steps == 3000 and same(parts.t[-1], one.t[-1])
+    else:
+        parts = plan.replace(workers=2).run(start, t_eval=[0.0, 300.0], **span)
+        assert one.steps > 500 and parts.steps == one.steps and parts.rejected == one.rejected
+    for name, x in one.states.items():
+        assert same(parts.states[name][-1], x[-1]), name
+    if bodies == 1:
+        assert len(one) == one.steps + 1 and (np.diff(one.t) > 0.0).all()
+        size = np.linalg.norm(one.mu, axis=1)
+        assert np.abs(size - size[0]).max() < 1e-12
 
 
 # ---------------------------------------------------------------- going on
@@ -317,7 +418,7 @@ INTERRUPTED = lm.LiePoissonSystem(lm.SO3(), Interrupting())
 @over(EQUAL, TOLERANCE)
 @BODIES
 @watched("all", "every", "functions", "events")
-@pytest.mark.parametrize("part", [0.2, 0.7])
+@pytest.mark.parametrize("part", [0.2, 0.6])
 def test_a_run_that_was_interrupted_goes_on(
     scene: Scene, bodies: int, observer: str, part: float, request: pytest.FixtureRequest
 ) -> None:
@@ -325,7 +426,10 @@ def test_a_run_that_was_interrupted_goes_on(
     if scene is EQUAL and bodies > 1:
         why = "an ensemble with fixed steps in plain Python is no more than its samples then"
         request.applymarker(pytest.mark.xfail(strict=False, reason=why))
-    scene = replace(scene, system=INTERRUPTED, functions=("energy",))
+    finer = (
+        {"rtol": 1e-9} if scene.by_time else {}
+    )  # many steps are left, of which each hangs on all before
+    scene = replace(scene, system=INTERRUPTED, functions=("energy",), options=scene.options | finer)
     with not_yet(scene, bodies, observer, False):
         plan, span = plan_of(scene, observer), span_of(scene, observer)
     LOOKS[0] = 10**9
@@ -389,6 +493,48 @@ def test_states_at_times_lie_on_the_motion_between_the_steps(scene: Scene) -> No
         else:
             assert same(x, at.arrays[name]), name
         assert same(x[0], full.states[name][0]) and same(x[-1], full.states[name][-1])
+
+
+TIMES = {
+    "twice": [0.0, 0.0, 0.25, 0.25, 0.5, 1.0, 1.0],
+    "inside": [0.125, 0.53125],
+    "the end": [1.0],
+    "the start": [0.0],
+    "none": [],
+}
+
+
+@pytest.mark.sample(40)
+@over(EQUAL, TOLERANCE, TABLE_TOLERANCE, *BACK[:2])
+@BODIES
+@WORLDS
+@pytest.mark.parametrize("times", TIMES.values(), ids=TIMES)
+def test_any_times_may_be_asked_for(
+    scene: Scene, bodies: int, compiled: bool, times: list[float]
+) -> None:
+    """None, the same again, the ends or not: the states are those at the time alone, and the steps
+    those of any other run.
+    """
+    at = [scene.t0 + (scene.end - scene.t0) * x for x in times]
+    with not_yet(scene, bodies, "t_eval", compiled):
+        plan = plan_of(scene, compiled=compiled)
+        span = scene.spans({})[0]
+        run = plan.run(scene.start(bodies), t_eval=at, **span)
+    full = whole(scene, 1 if bodies == 1 else bodies, "all", compiled)
+    assert same(run.t, np.array(at)) and run.steps == full.steps and run.rejected == full.rejected
+    assert run.dense is None and len(run) == len(at)
+    for k, t in enumerate(at):
+        if bodies == 1:
+            for name, x in full.at(t).arrays.items():
+                assert same(run.states[name][k], x), name
+        else:
+            single = plan_of(scene).run(member(scene, bodies, 2), t_eval=[t], **span)
+            for name, x in single.states.items():
+                assert same(run.states[name][k, 2], x[0]), name
+    onwards = {"t_end": scene.end + 0.5 * np.sign(scene.end)} if scene.by_time else {"steps": 3}
+    ends = [plan.resume(r, **onwards).states for r in (run, plan.run(scene.start(bodies), **span))]
+    for name, x in ends[0].items():
+        assert same(x[-1], ends[1][name][-1]), name
 
 
 @over(*ALL, *BACK)
@@ -572,6 +718,40 @@ def test_a_run_that_fails_keeps_its_samples(scene: Scene, observer: str, compile
     assert same(told.t[:n], short.t[:n])
     for name, x in told.states.items():
         assert same(x[:n], short.states[name][:n]), name
+
+
+@over(TOLERANCE, TABLE_TOLERANCE)
+@watched("all", "t_eval", "functions")
+@WORLDS
+def test_too_few_steps_leave_the_samples_before(
+    scene: Scene, observer: str, compiled: bool
+) -> None:
+    """`steps` is the largest number of them; the plan may have run before."""
+    full, plan = whole(scene, 1, observer), plan_of(scene, observer, compiled)
+    for _ in range(2):
+        with pytest.raises(StepTooSmall, match="7 steps led to") as caught:
+            plan.run(scene.start(1), **span_of(scene, observer), steps=7)
+        told: Any = caught.value.trajectory
+        n = len(told)
+        assert told.steps == 7 and 0 < n < len(full) and same(told.t, full.t[:n])
+        assert observer == "t_eval" or n == 8
+        for name, x in told.states.items():
+            assert same(x, full.states[name][:n]), name
+
+
+@pytest.mark.compiled
+@over(*scenes.FAILING)
+@watched("all", "t_eval", "events")
+def test_a_failure_is_told_in_native_code_as_in_plain_python(scene: Scene, observer: str) -> None:
+    """With the same words and the same samples; again, where the plan has failed before."""
+    said = []
+    for compiled in (False, True, True):
+        with pytest.raises(IntegrationFailure) as caught:
+            plan_of(scene, observer, compiled).run(scene.start(1), **span_of(scene, observer))
+        said.append((type(caught.value), str(caught.value), caught.value.trajectory))
+    assert said[0][:2] == said[1][:2] == said[2][:2]
+    for _, _, run in said[1:]:
+        same_runs(run, said[0][2])  # type: ignore[arg-type]
 
 
 @over(*scenes.FAILING)

@@ -176,3 +176,19 @@ def test_bodies_that_go_each_its_own_way_are_warned_of_large_steps(how: dict[str
     plan = lm.Plan(BODY, method, h, events=events, compiled=False)
     with pytest.warns(StepWarning):
         plan.run(STARTS, **how)
+
+
+@pytest.mark.compiled
+def test_columns_of_large_ensembles_lie_apart() -> None:
+    """2^13 bodies would have all their numbers a multiple of a page apart, where few of them find
+    room in the cache: more columns are laid out, of which nothing is seen.
+    """
+    body, method, n = lm.RigidBody([1.0, 1.5, 2.0]), lm.RKMK(order=4), 2**13
+    mu, h = np.random.default_rng(5).normal(size=(n, 3)), np.linspace(0.05, 0.1, 2**13)
+    plan = lm.Plan(body, method, h, every=2, compiled=True)
+    run = plan.run(body.state(mu=mu), steps=2)
+    assert run.carry.shape.columns(n) % 2**8 and run.mu.shape == (2, n, 3)
+    whole = plan.resume(run, steps=2)
+    for i in (0, 4095, n - 1):
+        alone = lm.integrate(body, method, body.state(mu=mu[i]), h=h[i], steps=4, compiled=True)
+        assert np.array_equal(alone.mu[-1], whole.mu[-1, i])

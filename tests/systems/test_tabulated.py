@@ -139,7 +139,7 @@ def test_no_adaptive_step_goes_across_two_pulses():
     assert abs(run.g[-1, 0] - 0.2) < 10.0 * 1e-13
 
 
-# ------------------------------------------------------------------ steps of one length
+# ------------------------------------------------------------------ fixed steps
 
 
 @lm.record
