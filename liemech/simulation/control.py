@@ -70,7 +70,7 @@ class Clock(Record):
 
 
 FRESH = 1.0, 0.0, 0.0, 0.0, 1.0
-"""What a clock has at a start, behind time and step."""
+"""Numbers of a clock at a start, behind time and step."""
 
 CLOCK = layout_of(Clock(0.0, 0.0, *FRESH))
 
@@ -268,7 +268,7 @@ class Fictive(Record):
 
 
 def stepped(method: Any, system: Any, t: float, carry: Any, h: float, layout: Any) -> Any:
-    """What the method carries along after one step, and the sample that shows it.  Raises
+    """Make one step: the memory of the method after it, and the sample that shows it.  Raises
     InvalidType if the step returns something else than it was given.
     """
     new = method.step(system, t, carry, h)
@@ -279,7 +279,7 @@ def stepped(method: Any, system: Any, t: float, carry: Any, h: float, layout: An
 
 
 def begun(method: Any, system: Any, state: Any, h: float) -> Any:
-    """What the method carries along from a start, and the sample that shows it."""
+    """Begin at a state: the memory of the method, and the sample that shows it."""
     carry = method.start(system, state, h)
     return carry, rounded(method.observe(carry))
 

@@ -107,7 +107,7 @@ class Between:
         return self.within(np.clip(times, low, high))
 
     def within(self, times: np.ndarray) -> np.ndarray:
-        """The same of times that are known to be in the run."""
+        """Numbers of states at times that are known to be in the run."""
         t, points = self.t, self.points
         if len(t) == 1:
             return np.repeat(points, len(times), axis=0)
@@ -291,7 +291,7 @@ def observe(function: Any, point: Any, result: Any, given: Any, out: Any, failur
 
 _executions: dict[Any, tuple[Execution, bytes]] = {}
 FEW = 64
-"""So many are remembered."""
+"""Executions that are remembered."""
 
 
 def execution_of(

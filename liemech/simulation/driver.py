@@ -131,7 +131,7 @@ def begin(
 
 @record
 class Samples(Record):
-    """What a piece of a run has done: how many states it has written, and whether one failed."""
+    """Count of the states at given times that were written, and whether one failed."""
 
     written: float
     failed: float

@@ -79,7 +79,7 @@ class EqualRun(Run):
         self.here[0, self.over] = self.t0[self.over]
 
     def _from(self) -> Any:
-        """What the run begins with."""
+        """The start as one state or carry."""
         if isinstance(self.start, Carries):
             return stacked([one.state for one in self.start.members])
         return self.start
@@ -97,7 +97,7 @@ class EqualRun(Run):
                 numbers[:, i], heads[:, i] = one.numbers.ravel()[:-1], one.last.ravel()
 
     def _lanes(self, shape: Any, method: Any, system: Any) -> Lanes:
-        """What is laid out and compiled, kept by the shape."""
+        """Layouts and native code, kept by the shape."""
         many = bool(self.bodies)
         lanes = shape.others.get(many)
         if lanes is None:

@@ -42,7 +42,7 @@ class Met(tuple[tuple[str, int], ...]):
         return Met, (tuple(self),)
 
     def counts(self, events: tuple[Event, ...]) -> list[int]:
-        """What counts for these events: nothing, if they are not the same.  Where only names are
+        """Zeros that count for these events: none, if they are not the same.  Where only names are
         left, a name tells which event it is, but not that of a lambda.
         """
         names = [name_of(event) for event in events]
@@ -63,7 +63,7 @@ Zero = tuple[int, float, int, np.ndarray]
 
 
 class Watch:
-    """What one body has met.
+    """Zeros that one body has met.
 
     values : of all events where the body stands.  found : of every event the times and the numbers
     of the states, in the order in which the motion meets them.

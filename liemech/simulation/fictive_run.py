@@ -259,9 +259,9 @@ class FictiveRun(EqualRun):
             rows = np.concatenate([rows, here[None]])  # where it stands
         return rows
 
-    def steps_of(self, i: int) -> float:
-        landed = float(self.clocks[ANEW, i])
-        return super().steps_of(i) + (0.0 if self.over[i] else landed)
+    @property
+    def made(self) -> np.ndarray:
+        return super().made + np.where(self.over, 0.0, self.clocks[ANEW])
 
     def carry(self, i: int, met: Any) -> Any:
         whole, h = int(self.clocks[TAKEN, i]), self.h.item(i)
@@ -308,7 +308,7 @@ class FictiveRun(EqualRun):
 
     def ended(self, i: int, error: Any) -> Ended:
         z = self._apart(self.here[None, 1:, i])[2]
-        steps, last = int(self.first[i] + self.steps_of(i)), None if z is None else float(z[0])
+        steps, last = int(self.first[i] + self.made[i]), None if z is None else float(z[0])
         return Ended(
             self.states_here(i), float(self.here[0, i]), steps, error, float(self.here[-1, i]), last,
             self.origins[i],

@@ -49,7 +49,7 @@ class Lanes:
         self.stepping = Execution(asked, progress, *call, lanes=side, silent=side > 1)
 
     def of_system(self, system: Any) -> Lanes:
-        """The same for another system of the same layout."""
+        """These lanes for another system of the same layout."""
         method, _, *rest = self.arguments
         made: Lanes = like(
             self,
@@ -77,7 +77,7 @@ class Lanes:
         return [columns[begin:end] for begin, end in self._parts]
 
     def natively(self, columns: np.ndarray, out: np.ndarray, turns: int, workers: int) -> None:
-        """So many trials of the bodies in these columns, whole lanes, perhaps in threads."""
+        """Run native code for `turns` trials of whole lanes of bodies, perhaps in threads."""
         numbers, clocks, goals, *own = self.parts(columns)
         padded, side = columns.shape[1], self.stepping.lanes
         native: Any = self.stepping.native
@@ -93,7 +93,7 @@ class Lanes:
     def plainly(
         self, body: int, column: np.ndarray, out: np.ndarray, turns: int, failures: list[Any]
     ) -> None:
-        """So many trials of a body in plain Python.  column : numbers, clock, goal.  out : rows,
+        """Run `turns` trials of a body in plain Python.  column : numbers, clock, goal.  out : rows,
         (turns, ...).
         """
         numbers, clock, goal = [x.copy() for x in self.parts(column)[:3]]
@@ -108,7 +108,7 @@ class Lanes:
         self, bodies: np.ndarray, columns: np.ndarray, out: np.ndarray, turns: int, workers: int,
         failures: dict[int, list[Any]], native: bool,
     ) -> None:  # fmt: skip
-        """So many trials of some bodies; the step that native code could not make is plain Python's.
+        """Run `turns` trials of some bodies; a step that native code cannot make is made in plain Python.
 
         columns : a column for each body, and for lanes that are left over.  out : (turns + 1, width,
         columns) rows, of which the first is there.

@@ -35,7 +35,7 @@ REFUSED: dict[str, dict[str, str]] = {
 
 
 class Options(NamedTuple):
-    """What a plan is made of beside system and method; each as for `integrate`."""
+    """The options of a plan, each as for `integrate`."""
 
     h: Any = None
     rtol: Any = None
@@ -53,7 +53,7 @@ class Options(NamedTuple):
     workers: int = 1
 
     def checked(self) -> Options:
-        """The same, each a value that it may have."""
+        """Checked options: each is a value that it may have."""
         for name in ("compensated", "compiled", "progress", "dense"):
             arguments.choice(getattr(self, name), name)
         arguments.digits(self.precision, self.compensated)

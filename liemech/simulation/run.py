@@ -70,7 +70,9 @@ class Run:
             (lambda i: Waiting(member(start, i), t0)) if members is None else members.__getitem__
         )
         self.t0 = np.full(self.count, t0) if members is None else np.array([m.t for m in members])
-        self.over = np.array([isinstance(m, Ended) for m in members or [None] * self.count])
+        self.over = np.zeros(self.count, dtype=bool)
+        if members is not None:
+            self.over[:] = [isinstance(m, Ended) for m in members]
         self.failures: dict[int, list[Any]] = {}  # what plain Python saw failing steps raise
         self.errors: dict[int, IntegrationFailure] = {
             i: self.begun(i).error
@@ -120,7 +122,7 @@ class Run:
         return [Every(self, self.way.every)]
 
     def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """What `moved` needs for states at times inside of steps, a row for each."""
+        """Rows of numbers from which `moved` finds states at times inside of steps."""
         raise NotImplementedError
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
@@ -210,13 +212,18 @@ class Run:
 
     # ---------------------------------------------------------------- stepping
 
+    def _open(self, some: Any) -> np.ndarray:
+        """Which of some bodies have steps to make?"""
+        clocks, goals = self.clocks, self.goals
+        onward = clocks[TIME, some] != goals[0, some]
+        onward &= clocks[TAKEN, some] < goals[LIMIT, some]
+        left: np.ndarray = onward & (clocks[MARK, some] != STUCK) & ~self.over[some]
+        return left
+
     @property
     def open(self) -> np.ndarray:
         """Which bodies have steps to make?"""
-        clocks, goals = self.clocks, self.goals
-        return (
-            (clocks[TIME] != goals[0]) & (clocks[MARK] != STUCK) & (clocks[TAKEN] < goals[LIMIT])
-        ) & ~self.over
+        return self._open(slice(None))
 
     @property
     def failed(self) -> np.ndarray:
@@ -269,10 +276,10 @@ class Run:
         if self.recorder is not None:
             self._flush()
         queue = np.flatnonzero(self.open)
-        bodies, done = queue[:0], 0
-        columns: Any = None
+        bodies, columns = queue[:0], None  # type: Any, Any
         while True:
-            was, native = self.native, stepping.ready(self.part())
+            done = 0.0 if stepping.native is not None else self.part()
+            was, native = self.native, stepping.ready(done)
             self.native = native
             size = room if native else 1
             if columns is None or len(bodies) > size or native is not was:
@@ -294,15 +301,16 @@ class Run:
             if not native and used < 0.5 * LOOK:
                 span = min(2 * span, LONGEST)
             made = int(columns[self._clock + TAKEN, :m].sum() - taken)
-            if kept is not None and kept.due(made):
+            if kept is not None and kept.due(made) and (self.adaptive or self.open.any()):
                 kept.save(self.result())
-            going = self.open[bodies]
+            going = self._open(bodies)
             ended = m - int(going.sum())
             at_once = len(queue) or self.events or self.left or not native
             if ended and (at_once or 4 * ended >= m):
                 bodies, columns = bodies[going], None
-                done += ended
-            bar.advance(ended if self.bodies else int(1000 * self.part()) - bar.done)
+                bar.advance(ended if self.bodies else 0)
+            if not self.bodies:
+                bar.advance(int(1000 * self.part()) - bar.done)
 
     @property
     def _clock(self) -> int:
@@ -457,11 +465,11 @@ class Run:
         return self.small(self.here[1:, i])
 
     def _stopped(self, error: Any) -> Any:
-        """What ends a run, with the run so far."""
+        """The error or interrupt that ends a run, with the run so far."""
         goes_on = self.adaptive or isinstance(error, KeyboardInterrupt)
         goes_on &= not hasattr(error, "kept")
         if isinstance(error, KeyboardInterrupt) and not isinstance(error, IntegrationInterrupted):
-            told = f"integrate: interrupted at t = {self.here.item(0):g}, after {int(self.steps_of(0))} steps"
+            told = f"integrate: interrupted at t = {self.here.item(0):g}, after {int(self.made[0])} steps"
             if self.bodies:
                 left = int(self.open.sum())
                 told = (
@@ -475,9 +483,10 @@ class Run:
         error.trajectory = self.result(goes_on)
         return error
 
-    def steps_of(self, i: int) -> float:
-        """How many steps a body took."""
-        return float(self.clocks[TAKEN, i] - self.first[i]) if not self.over[i] else 0.0
+    @property
+    def made(self) -> np.ndarray:
+        """How many steps every body took."""
+        return np.where(self.over, 0.0, self.clocks[TAKEN] - self.first)
 
     def samples(self, i: int) -> np.ndarray:
         """The samples of a body, rows of time, state, and fictive time."""
@@ -512,7 +521,7 @@ class Run:
             "t": t,
             "states": states,
             "bodies": None,
-            "steps": int(self.steps_of(i)),
+            "steps": int(self.made[i]),
             "compiled": self.compiled or self.lanes.stepping.native is not None,
             "events": self.events.shown(i) if self.events else (),
             "ended": None if watch is None else watch.ended,
@@ -527,7 +536,7 @@ class Run:
     kind: ClassVar[Any] = Trajectory
 
     def clocks_of(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """What a run in fictive time has beside states."""
+        """Fictive times, and z, of samples; nothing in physical time."""
         return {}
 
     def _carry(self, i: int) -> Any:
@@ -571,9 +580,10 @@ class Run:
         rest = np.where(
             ((self.asked is not None) | failed | (told == 0))[:, None], heads, last
         )  # where they came to
-        shown = np.empty((n, *rows.shape[1:]))
-        have = min(n, len(rows))
-        shown[:have] = rows[:have]
+        shown = rows
+        if n != len(rows):
+            shown = np.empty((n, *rows.shape[1:]))
+            shown[: len(rows)] = rows[:n]
         np.copyto(shown, rest, where=(np.arange(n)[:, None] >= told)[..., None])
         t = shown[..., 0]
         if self.asked is not None:  # who has failed has the times that were asked for
@@ -590,14 +600,13 @@ class Run:
             members = tuple([self.member(i) for i in range(self.count)])
             return None if all(isinstance(one, Ended) for one in members) else Carries(members)
 
-        steps = [int(self.steps_of(i)) for i in range(self.count)]
         fields = {
             "system": self.plan.system,
             "method": self.plan.method,
             "t": t,
             "states": self.arrays(shown[..., 1:]),
             "bodies": self.count,
-            "steps": max(steps),
+            "steps": int(self.made.max()),
             "compiled": self.compiled or self.lanes.stepping.native is not None,
             "stopped": Stopped(stopped, self.why),
             "dense": None,

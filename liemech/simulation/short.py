@@ -30,7 +30,7 @@ CLOCKS = struct.Struct(f"{CLOCK.width}d")
 
 
 class Prepared:
-    """What short runs of one body share: where everything is in their memory.
+    """Places in the memory of short runs of one body, which they share.
 
     clock, goal : how many bytes lie before them.  kept : numbers before what is kept; before : of
     what is kept those before the states at times.

@@ -61,7 +61,7 @@ class AdaptiveSteps:
         return shape in self.shapes.values()
 
     def of_system(self, system: Any) -> AdaptiveSteps:
-        """The same for a system of the same layout; what is laid out and compiled is shared."""
+        """These steps for a system of the same layout; layouts and native code are shared."""
         return dataclasses.replace(
             self,
             system=system,
@@ -196,13 +196,13 @@ class ToleranceRun(Run):
                 clocks[MARK, i] = STUCK
 
     def _still(self, i: int) -> Any:
-        """What the velocity of a body where its run begins failed of; None if there is one."""
+        """The rejected velocity of a body where its run begins; None if there is one."""
         begun = self.begun(i)
         xi = velocity(self.of(i)[0], begun.t, begun.state)
         return None if accepted(xi, itself) else xi
 
     def _lanes(self) -> Lanes:
-        """What is laid out and compiled, from other runs of the plan if their starts were alike."""
+        """Layouts and native code, from other runs of the plan if their starts were alike."""
         plan, way, curves = self.plan, self.way, self.curves
         self.rows = curves or not self.bodies
         example = self.begun(0).state
@@ -365,7 +365,7 @@ class ToleranceRun(Run):
 
 
 def of_bodies(check: Any, values: Any) -> list[Any]:
-    """What is made of a value of each body; what is refused names the body."""
+    """Check a value of each body; a refusal names the body."""
     found: list[Any] = []
     try:
         for value in values:
