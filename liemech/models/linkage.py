@@ -131,7 +131,7 @@ class Linkage(ConstrainedBody):
         group = ProductGroup(*[SE3()] * len(links))
         free = LiePoissonSystem(group, KineticEnergy(_inertia(links)))
         weights = Weights([link.mass * self.gravity for link in links])
-        object.__setattr__(self, "body", MechanicalSystem(free, weights))  # type: ignore[call-arg, arg-type]
+        object.__setattr__(self, "body", MechanicalSystem(free, weights))
         object.__setattr__(self, "constraint", Joints(joints))
         super().__post_init__()
 

@@ -147,7 +147,7 @@ class NBody(SeparableSystem):
         Source: Chenciner and Montgomery, Annals of Math. 152 (2000), 881; Simo, in Celestial
         Mechanics, Contemp. Math. 292 (2002).
         """
-        system = cls(masses=vec(1.0, 1.0, 1.0), gravity=1.0, dimension=2)  # type: ignore[call-arg]
+        system = cls(masses=vec(1.0, 1.0, 1.0), gravity=1.0, dimension=2)
         return system, system.state(
             [-1.0, 0.0, 1.0, 0.0, 0.0, 0.0], [VX, VY, VX, VY, -2.0 * VX, -2.0 * VY]
         )
@@ -164,5 +164,5 @@ class NBody(SeparableSystem):
         masses, q, v = (np.array(column) for column in zip(*OUTER, strict=True))
         if barycentric:
             q, v = (x - masses @ x / masses.sum() for x in (q, v))
-        system = cls(masses=masses, gravity=2.95912208286e-4)  # type: ignore[call-arg]
+        system = cls(masses=masses, gravity=2.95912208286e-4)
         return system, system.state(q.ravel(), (masses[:, None] * v).ravel())

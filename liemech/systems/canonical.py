@@ -59,7 +59,7 @@ class PhaseSpace(System):
         """Positions and momenta: (n, n)."""
         return self.degrees, self.degrees
 
-    @property  # type: ignore[misc]
+    @property
     def group(self) -> VectorSpace:
         """R^2n under addition."""
         return self._phase_space

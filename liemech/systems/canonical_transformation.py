@@ -110,7 +110,7 @@ class CanonicalTransformation(Record):
         system : a HamiltonianSystem or a DrivenHamiltonianSystem of as many degrees of freedom.
         Raises InvalidInput for another one.
         """
-        return InNewVariables(transformation=self, original=system)  # type: ignore[call-arg]
+        return InNewVariables(transformation=self, original=system)
 
     def _root(self, off: Callable[[Vec, Vec], Vec], known: Vec, guess: Vec, what: str) -> Vec:
         """The x with off(x, known) = 0 near a guess, with the derivatives that known carries."""

@@ -63,7 +63,7 @@ class BoundBody(System):
         name = type(self).__name__
         body = self.body
         if isinstance(body, LiePoissonSystem):
-            body = MechanicalSystem(body, NoPotential())  # type: ignore[call-arg, arg-type]
+            body = MechanicalSystem(body, NoPotential())
         if not isinstance(body, MechanicalSystem):
             raise InvalidType(
                 f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a "
@@ -115,7 +115,7 @@ class BoundBody(System):
         """The group whose elements tell where the bodies are."""
         return self.body.configurations
 
-    @property  # type: ignore[misc]
+    @property
     def group(self) -> Any:
         """T*G, the group that moves momentum and configuration together."""
         return self.body.group

@@ -99,7 +99,7 @@ class DarbouxChart(Record):
                 f"state, system.state(...); got {state!r}"
             )
         z, n = [float(x) for x in self.coordinates(vec(*map(float, state.y)))], self.degrees
-        there = InDarbouxChart(chart=self, original=system, leaf=vec(*z[2 * n :]))  # type: ignore[call-arg]
+        there = InDarbouxChart(chart=self, original=system, leaf=vec(*z[2 * n :]))
         return there, there.state(z[:n], z[n : 2 * n])
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:

@@ -40,7 +40,7 @@ class HomogeneousEquation(System):
     side: ClassVar[str] = "right"
     action: GroupAction
 
-    @property  # type: ignore[misc]
+    @property
     def group(self) -> LieGroup:
         """The group that moves the points."""
         return self.action.group

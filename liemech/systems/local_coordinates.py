@@ -137,7 +137,7 @@ def in_coordinates(system: Any, chart: LocalChart) -> PoissonSystem:
     _require_lengths(system, chart)
     return PoissonSystem(
         structure=InducedStructure(chart), hamiltonian=InducedEnergy(system, chart)
-    )  # type: ignore[call-arg]
+    )
 
 
 def _require_lengths(system: Any, chart: LocalChart) -> None:

@@ -71,7 +71,7 @@ class MechanicalSystem(System):
         """The group whose elements tell where the body is."""
         return self.body.group
 
-    @property  # type: ignore[misc]
+    @property
     def group(self) -> SemidirectProduct:
         """T*G, the group that moves momentum and configuration together."""
         return self._cotangent

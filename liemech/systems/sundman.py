@@ -117,7 +117,7 @@ class SundmanTransformed(InFictiveTime):
         """The side of the system."""
         return self.system.side
 
-    @property  # type: ignore[misc]
+    @property
     def group(self) -> LieGroup:
         """The group of the system, and R for the time."""
         return self._with_time

@@ -115,8 +115,10 @@ class System(Record):
     alternatives: ClassVar[str] = "RKMK accepts every system"
     bounded: ClassVar[bool] = False  # does it depend on its parameters which states there are?
     fictive: ClassVar[bool] = False  # is it one in a fictive time, with physical time in its state?
-    if TYPE_CHECKING:
-        group: LieGroup
+    if TYPE_CHECKING:  # a field here would be an argument of every system
+
+        @property
+        def group(self) -> LieGroup: ...
 
     def __post_init__(self, *_: Any) -> None:
         super().__post_init__()

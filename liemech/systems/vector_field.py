@@ -96,7 +96,7 @@ class VectorField(System):
 
     # ---------------------------------------------------------------- how it moves
 
-    @property  # type: ignore[misc]
+    @property
     def group(self) -> VectorSpace:
         """R^n under addition."""
         return self._space
@@ -306,10 +306,10 @@ def recognised_field(field: VectorField) -> VectorField | str:
         if len(where) < LEAST:
             return f"{field!r} has a velocity at {len(where)} of the points where it was looked at, too few to know it; {error}"
         if straight(field.velocity, speeds, where):
-            return StraightField(field=field)  # type: ignore[call-arg]
+            return StraightField(field=field)
         rates = affine(field.velocity, speeds, where)
         if rates is not None:
-            return AffineField(field=field, rates=rates)  # type: ignore[call-arg]
+            return AffineField(field=field, rates=rates)
     except (ArithmeticError, ValueError, TypeError) as refusal:
         return f"{field!r} cannot be looked at: {refusal}"
     return (
