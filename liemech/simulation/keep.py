@@ -41,10 +41,10 @@ class Piece:
         first = np.flatnonzero(self.begins)
         self.before = np.concatenate([np.zeros(1, int), self.turn[:-1]])[: len(self)]
         self.before[first] = 0
-        rank = np.arange(len(self.turn)) - np.repeat(
-            first, np.diff(np.append(first, len(self.turn)))
-        )
-        self.number = taken[self.column] + rank + 1
+        self.number = self.turn
+        if not run.adaptive:  # where every n-th step is kept
+            begun = np.repeat(first, np.diff(np.append(first, len(self))))
+            self.number = taken[self.column] + np.arange(len(self)) - begun + 1
         self.a, self.b = out[self.before, 0, self.column], out[self.turn, 0, self.column]
         self.a[first] = run.here[0, self.body[first]]
         self.kept = self.b == run.t_end[self.body] if self.marked else np.zeros(len(self.b), bool)
