@@ -199,7 +199,7 @@ def stacked(states: list[Any]) -> Any:
 
 
 def each(carry: Carry) -> tuple[Any, ...]:
-    """What every body of an ensemble with steps of one length carries along."""
+    """What every body of an ensemble with fixed steps carries along."""
     found: list[Any] = []
     h = carry.h if isinstance(carry.h, tuple) else (carry.h,) * len(carry.numbers[-1])
     stopped = carry.stopped

@@ -1,7 +1,7 @@
 """Controls: how long the steps of a run are, and when it has come to its end.
 
 Records whose methods are compiled into the driver `advance`: `Tolerance` chooses steps by the error
-estimate, `Equal` makes steps of one length, `Fictive` makes them in a fictive time and lands at
+estimate, `Equal` makes fixed steps, `Fictive` makes them in a fictive time and lands at
 t_end.
 """
 
@@ -182,7 +182,7 @@ class Tolerance(Record):
 
 @record
 class Equal(Record):
-    """Steps of one length h: step n ends at t0 + n h."""
+    """Fixed steps h: step n ends at t0 + n h."""
 
     def begun(
         self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any
@@ -212,7 +212,7 @@ class Equal(Record):
 
 @record
 class Fictive(Record):
-    """Steps of one length h in fictive time, tau = n h, of a system that carries its physical time
+    """Fixed steps h in fictive time, tau = n h, of a system that carries its physical time
     along; instead of one that would lead beyond t_end a shorter one that ends there.
     """
 
@@ -264,7 +264,7 @@ class Fictive(Record):
         return Clock(t, h, still, n, clock.rejected, stuck, inside), carry, good
 
 
-# ------------------------------------------------------------------ steps of one length
+# ------------------------------------------------------------------ fixed steps
 
 
 def stepped(method: Any, system: Any, t: float, carry: Any, h: float, layout: Any) -> Any:

@@ -190,7 +190,7 @@ def curve_layout(dim: int, terms: int) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class ShortSteps(Between):
-    """The motion between steps of one length: from the last end of a step, a shorter step of the
+    """The motion between fixed steps: from the last end of a step, a shorter step of the
     method itself.
 
     order : of accuracy: a single step more at the end of many changes little.

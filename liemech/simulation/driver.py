@@ -1,5 +1,5 @@
 """The compiled loops: `advance` takes bodies forwards under any control; `fixed_steps` is the
-shorter one for bodies that all make the same steps of one length; `begin` starts a method.
+shorter one for bodies that all make the same fixed steps; `begin` starts a method.
 """
 
 from __future__ import annotations

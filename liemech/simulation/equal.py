@@ -1,4 +1,4 @@
-"""Runs with steps of one length whose bodies go each its own way: with ends, times or events of their
+"""Runs with fixed steps whose bodies go each its own way: with ends, times or events of their
 own.
 """
 
@@ -26,7 +26,7 @@ NEAR = 4 * np.finfo(float).eps
 
 
 class EqualRun(Run):
-    """A run of steps of one length."""
+    """A run of fixed steps."""
 
     control: Any = Equal()
     shape: Any

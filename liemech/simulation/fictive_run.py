@@ -32,7 +32,7 @@ from .trajectory import TransformedTrajectory
 
 
 class FictiveRun(EqualRun):
-    """A run of steps of one length in fictive time."""
+    """A run of fixed steps in fictive time."""
 
     control: Any = Fictive()
     extra: Any = 0.0

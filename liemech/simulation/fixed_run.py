@@ -1,4 +1,4 @@
-"""One run with steps of one length, of one body or many: its arrays, its pieces, its failures."""
+"""One run with fixed steps, of one body or many: its arrays, its pieces, its failures."""
 
 from __future__ import annotations
 

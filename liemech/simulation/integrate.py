@@ -70,7 +70,7 @@ def integrate(
     checkpoint : a file to which the run is saved as far as it has come, every `checkpoint_every`:
     30.0 seconds, or "10_000 steps"; Trajectory.load reads it.
 
-    Steps of one length: kept are the start, every `every`-th state after it, and the last one.
+    Fixed steps: kept are the start, every `every`-th state after it, and the last one.
     h : the step, in s; negative runs backwards.  Times are t0 + n h.  An array, (bodies,), gives
     every body of an ensemble its own, and run.t is (n, bodies).  A method without an error estimate,
     or one that keeps the structure, may be given h and t_end instead of steps; t_end is then the end
@@ -134,8 +134,7 @@ def integrate(
             options._replace(dense=None).require(EQUAL, way)
             if h is None or steps is None:
                 raise InvalidInput(
-                    "integrate: give h and steps, for steps of one length, or t_end, for adaptive "
-                    "ones"
+                    "integrate: give h and steps, for fixed steps, or t_end, for adaptive ones"
                 )
         elif options.asks_for_tolerance or arguments.chooses_steps(way):
             options.require(TOLERANCE, way)

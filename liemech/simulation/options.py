@@ -10,7 +10,7 @@ from ..errors import InvalidInput
 from . import arguments
 
 EQUAL, TOLERANCE, FICTIVE = "equal", "tolerance", "fictive"
-"""Controls: steps of one length, by an error estimate, of one length in fictive time."""
+"""Controls: fixed steps, by an error estimate, fixed in fictive time."""
 
 _NOT_FICTIVE = "is not for steps in fictive time, as {method!r} makes them by h"
 _ADAPTIVE = "is for adaptive steps; give t_end and, if you like, h as the first step"
@@ -20,12 +20,12 @@ REFUSED: dict[str, dict[str, str]] = {
         "rtol": _ADAPTIVE,
         "atol": _ADAPTIVE,
         "max_step": _ADAPTIVE,
-        "dense": "is for adaptive steps; those of one length keep no way between them",
+        "dense": "is for adaptive steps; fixed ones keep no way between them",
     },
     TOLERANCE: {
-        "every": "is for steps of one length; adaptive ones have t_eval",
-        "precision": "is for steps of one length; give h and steps",
-        "compensated": "is for steps of one length; adaptive ones have larger errors than rounding",
+        "every": "is for fixed steps; adaptive ones have t_eval",
+        "precision": "is for fixed steps; give h and steps",
+        "compensated": "is for fixed steps; adaptive ones have larger errors than rounding",
     },
     FICTIVE: dict.fromkeys(
         ("precision", "rtol", "atol", "max_step", "dense", "breaks"), _NOT_FICTIVE
@@ -85,6 +85,6 @@ class Options(NamedTuple):
             given = getattr(self, name)
             if given is None or given == Options._field_defaults[name]:
                 continue
-            if control == EQUAL and given is True:  # of steps of one length too the state is known
+            if control == EQUAL and given is True:  # of fixed steps too the state is known
                 continue
             raise InvalidInput(f"integrate: {name} {why.format(method=method)}")

@@ -50,7 +50,7 @@ class Plan:
     system, method : what moves, and how it is stepped.  A list of systems, or of methods, of one
     kind, one for each body of an ensemble, gives every body its own parameters.
 
-    Steps of one length:
+    Fixed steps:
     h : the step, in s; negative runs backwards; (bodies,) gives every body of an ensemble its own.
     every, compensated, precision : as for `integrate`.
 
@@ -193,7 +193,7 @@ class Plan:
         """Follow the motion from a start at time t0, in so many steps or to the time t_end.
 
         start : `system.state(...)`; with a leading axis an ensemble.
-        t_end : of steps of one length it is the end of one.  steps : of adaptive ones the largest
+        t_end : of fixed steps it is the end of one.  steps : of adaptive ones the largest
         number.
         t_eval : (n,) times at which to keep the state, instead of the ends of steps.
         In an ensemble with adaptive steps t_end may be (bodies,), and t_eval (n, bodies): then
@@ -497,23 +497,21 @@ class Plan:
         """How many steps of length h, checked, and with them their times."""
         if t_end is not None:
             if steps is not None:
-                raise InvalidInput(
-                    "integrate: give steps or t_end for steps of one length, not both"
-                )
+                raise InvalidInput("integrate: give steps or t_end for fixed steps, not both")
             span = (arguments.real(t_end, "t_end") - t0) / h - before
             steps = round(span)
             if steps < 0 or abs(span - steps) > ROUNDING * max(1, before + steps):
                 n = max(1, math.ceil(abs(span)))
                 fits = (t_end - t0 - before * h) / n
                 raise InvalidInput(
-                    f"integrate: {span:g} steps of h = {h:g} lead to t_end = {t_end:g}; steps of "
-                    f"one length end there with h = {fits!r}, {n} of them"
+                    f"integrate: {span:g} steps of h = {h:g} lead to t_end = {t_end:g}; fixed "
+                    f"steps end there with h = {fits!r}, {n} of them"
                     if fits
                     else f"integrate: t_end = {t_end:g} is the start"
                 )
         elif steps is None:
             raise InvalidInput(
-                "integrate: give h and steps, for steps of one length, or t_end, for adaptive ones"
+                "integrate: give h and steps, for fixed steps, or t_end, for adaptive ones"
             )
         steps = arguments.count(steps, "steps", 0)
         for one in {min(h, key=abs), max(h, key=abs)} if isinstance(h, tuple) else (h,):
@@ -698,7 +696,7 @@ class Plan:
         if self.adaptive:
             if "h" in names:
                 raise InvalidInput(
-                    "Plan.tangent: h is for steps of one length; the lengths of adaptive ones are "
+                    "Plan.tangent: h is for fixed steps; the lengths of adaptive ones are "
                     "held fixed"
                 )
             run = self._in_pieces(start, t0, steps, t_end, None, None)
@@ -771,7 +769,7 @@ class Plan:
         return Stepper(self, carry)
 
     def _require_mine(self, carry: Any, what: str) -> None:
-        """Refuse what steps of one length do not go on from.  what : the method that was called."""
+        """Refuse what fixed steps do not go on from.  what : the method that was called."""
         self._one_length(what)
         if not isinstance(carry, FictiveCarry if self.fictive else Carry):
             raise InvalidType(
@@ -801,7 +799,7 @@ class Plan:
     def _one_length(self, what: str) -> None:
         if self.adaptive:
             raise InvalidInput(
-                f"Plan.{what} is for steps of one length; give the plan "
+                f"Plan.{what} is for fixed steps; give the plan "
                 "an h, no tolerances, and no time scale"
             )
 

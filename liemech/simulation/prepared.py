@@ -1,4 +1,4 @@
-"""What all runs of a plan with steps of one length share, if their starts are alike: layouts, and
+"""What all runs of a plan with fixed steps share, if their starts are alike: layouts, and
 native code.
 """
 
@@ -43,7 +43,7 @@ many columns apart (2 KiB), few of them find room in the cache at once: so many 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Steps:
-    """Steps of one length: what a plan was told of them.
+    """Fixed steps: what a plan was told of them.
 
     system, method : one for all bodies, or `Systems`, `Methods`.  h : one for all bodies, or one
     for each.

@@ -190,12 +190,12 @@ class Recorder:
             raise
         return self.presented(run, kind, compiled)
 
-    # ---------------------------------------------------------------- steps of one length
+    # ---------------------------------------------------------------- fixed steps
 
     def fixed(
         self, plan: Steps, start: Any, steps: int, t0: float, checkpoint: Checkpoint | None
     ) -> Trajectory:
-        """A run with steps of one length, in parts of which each goes on where the one before
+        """A run with fixed steps, in parts of which each goes on where the one before
         stands, to the bit.
         """
         return _RecordedRun(self, plan, start, steps, t0, checkpoint).trajectory()

@@ -19,7 +19,7 @@ from .stopped import Stopped
 
 
 class Stepper:
-    """One run with steps of one length, advanced by hand; `Plan.stepper` makes it.
+    """One run with fixed steps, advanced by hand; `Plan.stepper` makes it.
 
     It stands at a time and in a state, whose parts are attributes, arrays: `mu`, `g`, ...  All of
     it is what `Plan.run` gives, to the bit.

@@ -196,7 +196,7 @@ def start_moves(frames: dict[str, Any], start: Any) -> list[np.ndarray]:
 def tangent_run(
     plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
-    """So many steps of one length from a start, with their derivative by what is named."""
+    """So many fixed steps from a start, with their derivative by what is named."""
     method = plan.method
     if "h" in names:
         if plan.way is not plan.method and cuts(plan.way, plan.one):
@@ -247,7 +247,7 @@ def told_of(made: Trajectory, run: TangentTrajectory) -> TangentTrajectory:
 def fictive_tangent_run(
     plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
-    """The same of steps of one length in fictive time, at the same fictive times.
+    """The same of fixed steps in fictive time, at the same fictive times.
 
     What the start decides once for the whole run, the energy or the first 1/sigma, is
     differentiated too: as for parameters by differences of order 8.

@@ -97,7 +97,7 @@ class ToleranceRun(Run):
         own, given = self.plan.of_each, self.plan.options
         if ends[0] is None:
             raise InvalidInput(
-                "integrate: adaptive steps need a t_end; for steps of one length give h and steps"
+                "integrate: adaptive steps need a t_end; for fixed steps give h and steps"
             )
         if given.dense and (self.bodies or self.recorder is not None):
             what = (

@@ -44,7 +44,7 @@ class Trajectory:
     of the terminal one that ended the run.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
     observed : names in `states` that are no parts of the state but functions of it, which `record`
-    asked for.  breaks : times at which steps of one length had to end.
+    asked for.  breaks : times at which fixed steps had to end.
     stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took
     and the `error` that ended it.
     """
@@ -261,7 +261,7 @@ class Trajectory:
         """The state at any time of the run, or at many, (m,); between the steps too it is on the
         group.
 
-        Between adaptive steps by the polynomial of the method, between steps of one length by a
+        Between adaptive steps by the polynomial of the method, between fixed steps by a
         shorter step from the last sample.
         """
         return self._motion(t)
@@ -280,7 +280,7 @@ class Trajectory:
         if self.observed or not whole or np.abs(np.diff(self.t)).max() > abs(self.h) * (1.0 + 1e-6):
             raise InvalidInput(
                 "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do "
-                "with dense=True, those of one length with every=1"
+                "with dense=True, fixed ones with every=1"
             )
         system: Any = self.system
         example = system.state(**{name: x[0] for name, x in self.states.items()})

@@ -1,4 +1,4 @@
-"""Runs in a fictive time: steps of one length there, of many lengths in physical time, which is
+"""Runs in a fictive time: fixed steps there, of many lengths in physical time, which is
 carried along and met exactly.
 """
 
@@ -60,14 +60,14 @@ class TransformedRun:
             kept.shown = lambda run: shown(self.presented(run))
 
     def steps(self, steps: int) -> Trajectory:
-        """So many steps of one length in fictive time, for one body or an ensemble."""
+        """So many fixed steps in fictive time, for one body or an ensemble."""
         with self._failures():
             made = FixedRun(self.plan, self.now, steps, checkpoint=self.kept).trajectory()
         return self.presented(made)
 
     @contextmanager
     def _failures(self) -> Iterator[None]:
-        """Around the loop of steps of one length: the samples of a failed run are shown as those
+        """Around the loop of fixed steps: the samples of a failed run are shown as those
         of a run in fictive time.
         """
         try:

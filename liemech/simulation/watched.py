@@ -1,4 +1,4 @@
-"""Steps of one length with samples at any times, and with events: the motion between the steps is
+"""Fixed steps with samples at any times, and with events: the motion between the steps is
 that of shorter ones.
 """
 

@@ -158,7 +158,7 @@ def test_bodies_with_steps_of_their_own_meet_at_times() -> None:
         assert np.array_equal(met.mu[-1, i], run.mu[-1])
         rest = plan.resume(met, t_end=1.6) if rest is None else rest
         assert np.array_equal(rest.mu[-1, i], alone.run(of(i), t_end=1.6).mu[-1])
-    with pytest.raises(InvalidInput, match=r"t_end = 0.3; steps of one length"):
+    with pytest.raises(InvalidInput, match=r"t_end = 0.3; fixed steps"):
         plan.run(STARTS, t_end=0.3)
 
 

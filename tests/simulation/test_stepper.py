@@ -268,7 +268,7 @@ def test_what_is_no_step_of_this_plan_is_refused() -> None:
         plan.replace(h=0.1).stepper(stepper.carry)
     with pytest.raises(InvalidInput, match="another method"):
         plan.replace(method=lm.RKMK(order=2)).stepper(plan.run(start, steps=1))
-    with pytest.raises(InvalidInput, match="steps of one length"):
+    with pytest.raises(InvalidInput, match="fixed steps"):
         lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6).stepper(start)
     with pytest.raises(InvalidType, match="what `begin` or `step` gave"):
         plan.stepper([0.5, -0.3, 0.75])
@@ -280,7 +280,7 @@ def test_what_is_no_step_of_this_plan_is_refused() -> None:
     with pytest.raises(InvalidInput, match=r"Plan\.stepper: t0 = 3\.0 is for a state"):
         plan.stepper(stepper.carry, t0=3.0)
     adaptive = lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6)
-    with pytest.raises(InvalidInput, match=r"Plan\.resume is for steps of one length"):
+    with pytest.raises(InvalidInput, match=r"Plan\.resume is for fixed steps"):
         adaptive.resume(stepper, t_end=1.0)
     ending = plan.replace(events=Equator())
     with pytest.raises(InvalidInput, match=r"Plan\.stepper: this run was interrupted"):

@@ -88,7 +88,7 @@ def test_ensembles_have_the_tangent_maps_of_their_bodies(how: dict[str, Any]) ->
 
 
 def test_adaptive_steps_are_differentiated_as_they_were_taken() -> None:
-    """Steps that all have the largest length are those of one length; others lead to the derivative
+    """Steps that all have the largest length are fixed ones; others lead to the derivative
     of the flow, to the order of the method; a jump of the torque is met between two steps.
     """
     by = ["start", "inertia"]
