@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytest.importorskip("llvmlite")
 import liemech as lm
 from liemech.compiler import cache, kernel, llvm
 from liemech.compiler.content_hashes import digest
