@@ -5,13 +5,12 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from ..errors import NotDefined
 from ..formulas import Ambient, Element, Mat, Vec, mat, record, vec
 from ..groups.algebra_of_parts import AlgebraOfParts
 from ..groups.lie_algebra import LieAlgebra, like_units
 from ..groups.lie_group import LieGroup
+from ..groups.same_elements import SameElements
 
 ALIKE = 16.0
 """Generators whose units differ by less are left as they are."""
@@ -62,13 +61,12 @@ class AlgebraInUnits(AlgebraOfParts):
 
 
 @record
-class GroupInUnits(LieGroup):
+class GroupInUnits(SameElements):
     """A group whose algebra has the generators u_i E_i; the elements are the same.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., section 3.1 (a basis).
     """
 
-    group: LieGroup
     units: Vec
 
     @cached_property
@@ -76,17 +74,9 @@ class GroupInUnits(LieGroup):
         """The algebra of the group with these generators."""
         return AlgebraInUnits(self.group.algebra, self.units)
 
-    def identity(self) -> Element:
-        """The neutral element of the group."""
-        return self.group.identity()
-
     def compose(self, g: Element, h: Element) -> Element:
         """The product of the group."""
         return self.group.compose(g, h)
-
-    def inverse(self, g: Element) -> Element:
-        """The inverse of the group."""
-        return self.group.inverse(g)
 
     def exp(self, xi: Vec) -> Element:
         """The exponential of the group."""
@@ -112,10 +102,6 @@ class GroupInUnits(LieGroup):
         """The body velocity of the group."""
         return self.group.body_velocity(g, rate) / self.units
 
-    def why_no_cayley(self) -> str | None:
-        """The reason why the group has none."""
-        return self.group.why_no_cayley()
-
     def cayley(self, xi: Vec) -> Element:
         """The Cayley map of the group."""
         return self.group.cayley(self.units * xi)
@@ -132,27 +118,9 @@ class GroupInUnits(LieGroup):
         """The Casimirs of the group."""
         return self.group.casimirs(mu / self.units)
 
-    def defect(self, g: Ambient) -> float:
-        """The defect of the group."""
-        return self.group.defect(g)
-
-    def objection(self, g: np.ndarray) -> str | None:
-        """The objection of the group."""
-        return self.group.objection(g)
-
     def scale(self, g: Element | None) -> Vec:
         """The scale of the group."""
         return self.group.scale(g) / self.units
-
-    def nearest(self, g: Ambient) -> Element:
-        """The nearest element of the group."""
-        return self.group.nearest(g)
-
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
-        """Random elements of the group."""
-        return self.group.random(rng, size)
 
 
 def in_like_units(group: LieGroup) -> LieGroup:

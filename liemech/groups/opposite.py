@@ -13,6 +13,7 @@ from ..errors import InvalidType
 from ..formulas import Ambient, Element, Mat, Vec, plain, record
 from .algebra_of_parts import AlgebraOfParts
 from .lie_group import LieGroup
+from .same_elements import SameElements
 
 
 @record
@@ -55,7 +56,7 @@ class OppositeAlgebra(AlgebraOfParts):
 
 
 @record
-class OppositeGroup(LieGroup):
+class OppositeGroup(SameElements):
     """The elements of a group with the product in the other order, g * h = h g.
 
     A left-invariant system on it is a right-invariant one on the group, such as a fluid's:
@@ -71,8 +72,6 @@ class OppositeGroup(LieGroup):
     Lie-Poisson reduction); Arnold, Ann. Inst. Fourier 16 (1966), 319.
     """
 
-    group: Any
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.group, LieGroup):
@@ -86,17 +85,9 @@ class OppositeGroup(LieGroup):
         """The algebra of the group with the opposite bracket."""
         return OppositeAlgebra(self.group.algebra)
 
-    def identity(self) -> Element:
-        """The neutral element of the group."""
-        return self.group.identity()
-
     def compose(self, g: Element, h: Element) -> Element:
         """h g."""
         return self.group.compose(h, g)
-
-    def inverse(self, g: Element) -> Element:
-        """g^-1."""
-        return self.group.inverse(g)
 
     def exp(self, xi: Vec) -> Element:
         """exp(xi)."""
@@ -123,10 +114,6 @@ class OppositeGroup(LieGroup):
         return self.group.Ad(g, self.group.body_velocity(g, rate))
 
     # the Cayley map
-
-    def why_no_cayley(self) -> str | None:
-        """The reason why the group has none."""
-        return self.group.why_no_cayley()
 
     def cayley(self, xi: Vec) -> Element:
         """cay(xi)."""
@@ -161,24 +148,6 @@ class OppositeGroup(LieGroup):
         """The further invariants of the group."""
         return self.group.further_invariants(mu)
 
-    def defect(self, g: Ambient) -> float:
-        """The defect of the group."""
-        return self.group.defect(g)
-
-    def objection(self, g: np.ndarray) -> str | None:
-        """The objection of the group."""
-        return self.group.objection(g)
-
     def scale(self, g: Element | None) -> Vec:
         """The scale of the group."""
         return self.group.scale(g)
-
-    def nearest(self, g: Ambient) -> Element:
-        """The nearest elements of the group."""
-        return self.group.nearest(g)
-
-    def random(
-        self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()
-    ) -> np.ndarray:
-        """Random elements of the group."""
-        return self.group.random(rng, size)

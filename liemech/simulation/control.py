@@ -109,7 +109,21 @@ def going(clock: Any, goal: Any) -> bool:
 
 
 @record
-class Tolerance(Record):
+class Control(Record):
+    """How long steps are, and when a run has come to its end; abstract.
+
+    A subclass writes `turn`: one trial of a step, and its row.
+    """
+
+    def begun(
+        self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any
+    ) -> Any:
+        """Clock and carry before the first step: as they are."""
+        return clock, carry
+
+
+@record
+class Tolerance(Control):
     """Steps as long as the error estimate allows.
 
     curves : do rows have the way between the steps?  rows : are there any?
@@ -181,14 +195,8 @@ class Tolerance(Record):
 
 
 @record
-class Equal(Record):
+class Equal(Control):
     """Fixed steps h: step n ends at t0 + n h."""
-
-    def begun(
-        self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any
-    ) -> Any:
-        """Clock and carry as they are."""
-        return clock, carry
 
     def turn(
         self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
@@ -211,16 +219,10 @@ class Equal(Record):
 
 
 @record
-class Fictive(Record):
+class Fictive(Control):
     """Fixed steps h in fictive time, tau = n h, of a system that carries its physical time
     along; instead of one that would lead beyond t_end a shorter one that ends there.
     """
-
-    def begun(
-        self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any
-    ) -> Any:
-        """Clock and carry as they are."""
-        return clock, carry
 
     def turn(
         self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,

@@ -29,7 +29,7 @@ from ..formulas.vectors import small
 from ..integrators.ending_at_jumps import cuts
 from ..integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
-from ..integrators.method import Method
+from ..integrators.method import Method, Wrapping
 from ..systems.clocked import Clocked
 from ..systems.system import State
 from .dense import evaluated, flat, told, unpacked
@@ -114,39 +114,19 @@ class Directions:
 
 
 @record
-class WithStep(Method):
+class WithStep(Wrapping):
     """A method whose step h is a parameter, by which its motion is differentiated at the same
     number of steps.
 
     h, t0 : of the plan.
     """
 
-    method: Method
     h: float
     t0: float
 
-    @property
-    def order(self) -> Any:
-        """That of the method; so are symmetry and symplecticity."""
-        return self.method.order  # type: ignore[attr-defined]
-
-    @property
-    def symmetric(self) -> bool:  # type: ignore[override]
-        """As the method."""
-        return self.method.symmetric
-
-    @property
-    def symplectic(self) -> bool:  # type: ignore[override]
-        """As the method."""
-        return self.method.symplectic
-
     def start(self, system: Any, state: Any, h: float) -> Any:
-        """What the method begins with."""
+        """The first memory of the method."""
         return self.method.start(system, state, self.h)
-
-    def observe(self, memory: Any) -> Any:
-        """The state in it."""
-        return self.method.observe(memory)
 
     def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
         """The step of the method; the time t0 + n h moves with h, too."""
