@@ -5,6 +5,7 @@ from . import errors as errors
 from . import formulas as formulas
 from . import joints as joints
 from . import models as models
+from . import neighbours as neighbours
 from . import parts as parts
 from . import plots as plots
 from . import structures as structures
@@ -35,6 +36,7 @@ from .formulas import outer as outer
 from .formulas import record as record
 from .formulas import sum as sum
 from .formulas import vec as vec
+from .formulas.of_each import each as each
 from .groups.actions import GroupAction as GroupAction
 from .groups.classical import GL as GL
 from .groups.classical import SL as SL
@@ -50,6 +52,7 @@ from .groups.matrix_algebra import MatrixLieAlgebra as MatrixLieAlgebra
 from .groups.matrix_group import MatrixLieGroup as MatrixLieGroup
 from .groups.opposite import OppositeGroup as OppositeGroup
 from .groups.poisson_structure import PoissonStructure as PoissonStructure
+from .groups.power import PowerGroup as PowerGroup
 from .groups.product import ProductGroup as ProductGroup
 from .groups.se2 import SE2 as SE2
 from .groups.se3 import SE3 as SE3
@@ -98,6 +101,8 @@ from .integrators.separable import Splitting as Splitting
 from .integrators.separable import StormerVerlet as StormerVerlet
 from .integrators.separable import SymplecticEuler as SymplecticEuler
 from .integrators.splitting import ThreeRotations as ThreeRotations
+from .integrators.sublattices import BondSplitting as BondSplitting
+from .integrators.sublattices import SublatticeSplitting as SublatticeSplitting
 from .integrators.taylor import Taylor as Taylor
 from .integrators.variational import CovariantVariational as CovariantVariational
 from .models.constrained_pendulums import SphericalPendulum as SphericalPendulum
@@ -123,9 +128,9 @@ from .systems.constrained_parts import ConstrainedPart as ConstrainedPart
 from .systems.constrained_parts import SplitConstrainedSystem as SplitConstrainedSystem
 from .systems.constraint import Constraint as Constraint
 from .systems.constraint import VelocityConstraint as VelocityConstraint
-from .systems.driven import DrivenHamiltonian as DrivenHamiltonian
 from .systems.driven import DrivenHamiltonianSystem as DrivenHamiltonianSystem
 from .systems.driven import DrivenLiePoissonSystem as DrivenLiePoissonSystem
+from .systems.driven_hamiltonian import DrivenHamiltonian as DrivenHamiltonian
 from .systems.group_equation import GroupEquation as GroupEquation
 from .systems.group_equation import LinearGroupEquation as LinearGroupEquation
 from .systems.hamiltonian import Hamiltonian as Hamiltonian
@@ -144,10 +149,14 @@ from .systems.potential import Force as Force
 from .systems.potential import NoPotential as NoPotential
 from .systems.potential import Potential as Potential
 from .systems.separable import SeparableSystem as SeparableSystem
+from .systems.site_state import SiteState as SiteState
 from .systems.sundman import SundmanTransformed as SundmanTransformed
 from .systems.system import State as State
 from .systems.system import System as System
 from .systems.tabulated import PiecewisePolynomial as PiecewisePolynomial
+from .systems.terms import PerSite as PerSite
+from .systems.terms import Term as Term
+from .systems.terms import Terms as Terms
 from .systems.time_scales import TimeScale as TimeScale
 from .systems.time_transformed import LogarithmicHamiltonian as LogarithmicHamiltonian
 from .systems.time_transformed import TimeTransformed as TimeTransformed

@@ -9,9 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 from .errors import NoConvergence
-from .formulas import Mat, Vec, cross, dot, mat, solve, solve3, sum, vec, where
+from .formulas import Mat, Record, Vec, cross, dot, mat, record, solve, solve3, sum, vec, where
 from .formulas.double_double import is_long
 from .formulas.pytree import double_double, layout_of, rounded
+from .formulas.sites import repeated
 from .formulas.sizes import EPSILON
 from .formulas.vectors import Vec as SmallVec
 
@@ -150,14 +151,50 @@ def fixed_point(
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.6.2 and VIII.5
     (the error is iterated away).
     """
-    unknown, change, size, done = guess, 0.0, 0.0, False
-    all_change, all_size = 0.0, 0.0
-    least, since = math.inf, 0.0
     words = 2 if layout_of(guess).long else 1
     epsilon, noise = EPSILON**words, NOISE**words
-    for _ in range(words * LIMIT):
-        before = change
-        unknown, changes, sizes = sweep(unknown)
+
+    def told(unknown: Any) -> Any:
+        new, changes, sizes = sweep(unknown)
+        return new, (changes, sizes)
+
+    def judge(before: Settling, told: Any) -> Any:
+        now = before.after(told[0], told[1], epsilon, noise)
+        # iterates that grow without bound: no change is small beside infinity
+        return now, now.done or not now.size < math.inf
+
+    unknown, end = repeated(told, guess, judge, Settling(), words * LIMIT)
+    change, size, done = end.change, end.size, end.done
+    if not done:  # what is rounding in one unit may be small beside all data
+        change, size = end.all_change, end.all_size
+    if not (size < math.inf and (done or change <= 64.0 * epsilon * size)):
+        raise NoConvergence(
+            f"{method!r}: the stages did not converge in {LIMIT} iterations, they still change by "
+            f"{change / size:.1e}. The step h = {h:g} is too "
+            f"large for this motion; try {0.25 * h:g}"
+        )
+    return unknown
+
+
+@record
+class Settling(Record):
+    """How sweeps settle: the last change and what it is relative to, the same of all units together,
+    the least change so far and for how many sweeps it was the least.
+
+    done : do they change no more than rounding does?
+    """
+
+    change: float = 0.0
+    size: float = 0.0
+    all_change: float = 0.0
+    all_size: float = 0.0
+    least: float = math.inf
+    since: float = 0.0
+    done: bool = False
+
+    def after(self, changes: Any, sizes: Any, epsilon: float, noise: float) -> Settling:
+        """After one more sweep."""
+        before, least, since = self.change, self.least, self.since
         change, size = _in_one_unit(changes, sizes)
         all_change, all_size = _added_up(changes), _added_up(sizes)
         done = change <= epsilon * size
@@ -172,18 +209,7 @@ def fixed_point(
             since = where(change < least, 0.0, since + 1.0)
             least = where(change < least, change, least)
             done = done or (since >= STALLED and all_change <= 64.0 * epsilon * all_size)
-        # iterates that grow without bound: no change is small beside infinity
-        if done or not size < math.inf:
-            break
-    if not done:  # what is rounding in one unit may be small beside all data
-        change, size = all_change, all_size
-    if not (size < math.inf and (done or change <= 64.0 * epsilon * size)):
-        raise NoConvergence(
-            f"{method!r}: the stages did not converge in {LIMIT} iterations, they still change by "
-            f"{change / size:.1e}. The step h = {h:g} is too "
-            f"large for this motion; try {0.25 * h:g}"
-        )
-    return unknown
+        return Settling(change, size, all_change, all_size, least, since, done)
 
 
 def _in_one_unit(change: Any, size: Any) -> tuple[float, float]:

@@ -33,7 +33,8 @@ LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "j
 """Every fence says what it holds, so that no program hides from this test behind a misspelt tag."""
 
 COMPILED = {
-    *("chaos_in_a_galaxy", "energy_exchange", "banana_orbit"),
+    *("chaos_in_a_galaxy", "energy_exchange", "banana_orbit", "binary_asteroid", "drop_of_water"),
+    *("magnons", "sublattice_splitting"),
     *(
         "README",
         "native",

@@ -22,7 +22,7 @@ from liemech import names
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 SPACES = [name for name, home in names.listed("liemech").items() if home == "."]
-APART = {"errors", "formulas", "plots", "tableaus", "viewer"}
+APART = {"errors", "formulas", "neighbours", "plots", "tableaus", "viewer"}
 
 
 def page() -> Any:

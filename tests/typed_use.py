@@ -4,6 +4,8 @@ take, and for no more.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 import liemech as lm
@@ -16,6 +18,43 @@ class Gyrostat(lm.Hamiltonian):
 
     def energy(self, mu: lm.Vec) -> float:
         return 0.5 * lm.dot(mu - self.rotor, (mu - self.rotor) / self.inertia)
+
+
+@lm.record
+class Exchange(lm.Term):
+    J: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        return -self.J * lm.dot(a.mu, b.mu)
+
+
+@lm.record
+class Zeeman(lm.Term):
+    B: lm.Vec
+
+    def energy(self, a: Any) -> float:
+        return -lm.dot(self.B, a.mu)
+
+
+def many() -> list[lm.Trajectory]:
+    lattice = lm.neighbours.ring(3)
+    energy = lm.Terms(Exchange(1.0).over(lattice), Zeeman([0.0, 0.0, 0.1]))
+    spins = lm.LiePoissonSystem(lm.SO3() ** lattice.sites, energy)
+    start = spins.state(mu=np.eye(3))
+    masses = lm.each([[1.0, 1.0, 1.0], [2.0, 2.0, 2.0]])
+    bodies = lm.LiePoissonSystem(lm.VectorSpace(3) ** 2, lm.PerSite(lm.KineticEnergy(masses)))
+    pull = lm.models.Gravity().over(lm.neighbours.all_pairs())
+    pair = lm.MechanicalSystem(bodies, lm.Terms(pull, mass=lm.each([1.0, 2.0])))
+    water = lm.models.SPC()
+    molecules = lm.LiePoissonSystem(lm.SE3() ** 2, lm.PerSite(water.kinetic_energy))
+    drop = lm.MechanicalSystem(
+        molecules, lm.Terms(water.over(lm.neighbours.within(9.0, box=[18.6] * 3)))
+    )
+    print(drop)
+    return [
+        lm.integrate(spins, lm.RKMK(order=4), start, h=0.1, steps=10),
+        lm.integrate(pair, lm.KickDrift(), pair.state(mu=np.zeros((2, 3)), g=np.eye(3)[:2]), h=0.1, steps=10),
+    ]  # fmt: skip
 
 
 def runs() -> list[lm.Trajectory]:
@@ -34,4 +73,4 @@ def runs() -> list[lm.Trajectory]:
 
 
 if __name__ == "__main__":
-    print([run.drift() for run in runs()])
+    print([run.drift() for run in [*runs(), *many()]])

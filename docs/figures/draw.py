@@ -57,6 +57,7 @@ SECTIONS = {
         "double_pendulum",
         "chaos_in_a_galaxy",
         "energy_exchange",
+        "magnons",
     ),
     "Constraints, joints, rolling": ("index_reduction", "chain", "linkage"),
     "Poisson systems, and steps that follow the motion": (
@@ -64,6 +65,7 @@ SECTIONS = {
         "banana_orbit",
         "eccentric_orbit",
     ),
+    "Many bodies": ("binary_asteroid", "drop_of_water"),
     "From measurements": ("fit_inertia",),
     "In the browser": (
         "flip_in_the_browser",

@@ -21,7 +21,7 @@ from contents import groups  # noqa: E402
 from liemech.formulas import annotations  # noqa: E402
 from liemech.names import everything, public, sentence  # noqa: E402
 
-APART = ("errors", "formulas", "plots", "tableaus", "viewer")
+APART = ("errors", "formulas", "neighbours", "plots", "tableaus", "viewer")
 """Modules with a page, or a tree, of their own."""
 
 PASSED_OVER = ("Proof",)
@@ -52,7 +52,7 @@ INTRODUCTION = """# Names
 The public names, from A to Z: what each is, and where it is explained. `lm` is the library,
 `import liemech as lm`. At its top are what runs and checks, the base classes, groups, systems and
 methods. What is ready to be used with them is in modules by its kind, such as `lm.models` and
-`lm.joints`. A name that is asked for in another place gives an error that says where it is. Five
+`lm.joints`. A name that is asked for in another place gives an error that says where it is. Six
 modules have names of their own, which are not in this list: [lm.plots](plots.md),
 [lm.viewer](viewer.md), [lm.tableaus](tableaus.md), [lm.formulas](native.md), such as
 `lm.formulas.cos`, and `lm.errors`, whose docstring draws the tree.

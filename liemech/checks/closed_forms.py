@@ -18,7 +18,7 @@ from ..errors import LiemechError, OutsideChart
 from ..formulas import Record
 from ..formulas.derived import closed_forms
 from ..formulas.pytree import fields_of
-from ..formulas.vectors import Vec
+from ..formulas.vectors import Mat, Vec
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from .law import Law, Same, factors
@@ -97,6 +97,8 @@ def _same(
             if getattr(at, "inside", True):
                 raise
             continue  # behind the place where dexp is singular, to refuse is honest
+        if isinstance(right, Mat) and left.shape == (len(right),):
+            left = np.diag(left).ravel()  # a diagonal matrix is told by its diagonal
         if left.shape != unit.shape:
             yield Same(left, right)
             continue

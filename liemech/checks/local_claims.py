@@ -21,15 +21,12 @@ from ..systems.lie_poisson import BodyState
 from ..systems.time_transformed import ExtendedSystem
 from .method_claims import BRACKET, kept_brackets, relative_defect
 from .places import SOME, Place, places
+from .reference import CLEAR
 from .report import ROUNDING, Observation
 from .sample_points import flat, size
-from .sample_states import knows_time
 
 MOST = 24
 """How many steps are tried until the error of one is rounding."""
-
-NOISE = 512.0 * ROUNDING
-"""Relative errors below this are rounding."""
 
 MISSING = 0.6
 """By how much the order of a few steps may seem less than it is, of methods up to order 4; for each
@@ -63,13 +60,6 @@ class Local:
     place: Place
 
     @property
-    def noise(self) -> float:
-        """Relative errors below this are rounding, that of the time among them."""
-        place = self.place
-        timed = place.fictive or knows_time(place.base)
-        return NOISE * max(1.0, abs(place.t0) / place.unit if timed else 0.0)
-
-    @property
     def ratio(self) -> float:
         """How much smaller each step is than the one before: the error falls by about 32, and not
         by less than 8.
@@ -96,12 +86,16 @@ class Local:
             try:
                 end = place.after(place.begin, h, SOME)
                 passed = place.clock(end, SOME * h)
-                error = place.distances(place.plainly(end), place.exact(passed))
+                exact, doubts = place.exact_within(passed)
+                error = place.distances(place.plainly(end), exact)
             except UNSTABLE:
-                error = {}
-            if error and np.isfinite([*error.values()]).all():
+                error, doubts = {}, {}
+            told = [
+                e <= place.noise or CLEAR * doubts[name] < e < np.inf for name, e in error.items()
+            ]
+            if error and all(told):
                 found.append((h, error))
-                if max(error.values()) <= self.noise:
+                if max(error.values()) <= place.noise:
                     break
             h = h / self.ratio
         return found
@@ -121,32 +115,40 @@ class Local:
         return self.sensible[0]
 
 
-def slopes(
+def seen_errors(
     errors: list[tuple[float, dict[str, float]]], name: str, noise: float
 ) -> list[tuple[float, float]]:
-    """Steps, and by which power of them the error falls there; of a part, or of all."""
+    """Steps and errors between nonsense and rounding, of a part or of all."""
     series = [(h, max(e.values()) if name == "all" else e[name]) for h, e in errors]
-    seen = [(h, e) for h, e in series if noise < e <= SENSIBLE]
-    pairs = zip(seen[:-2], seen[2:], strict=True)
-    return [(h, float(np.log(f / e) / np.log(g / h))) for (g, f), (h, e) in pairs]
+    return [(h, e) for h, e in series if noise < e <= SENSIBLE]
+
+
+def power(larger: tuple[float, float], smaller: tuple[float, float]) -> float:
+    """The power of the step by which the error falls from one to the other."""
+    (g, f), (h, e) = larger, smaller
+    return float(np.log(f / e) / np.log(g / h))
 
 
 def local_order(local: Local, errors: list[tuple[float, dict[str, float]]]) -> Observation | None:
     """The power of h by which the error of a few steps falls at last, unless it grows still; None
     if it is as claimed.
+
+    An error that changes its sign is small between: it must fall too slowly from each of the two
+    steps before.
     """
     p = local.place.method.order
     worst: tuple[float, str, float] | None = None
     for name in ["all", *errors[-1][1]] if errors else []:
-        seen = slopes(errors, name, local.noise)
-        if len(seen) < 2:
+        seen = seen_errors(errors, name, local.place.noise)
+        if len(seen) < 4:
             continue
-        (_, before), (h, q) = seen[-2:]
+        q = max(power(before, seen[-1]) for before in seen[-3:-1])
+        growing = power(seen[-3], seen[-1]) > power(seen[-4], seen[-2]) + 0.25
         allowed = MISSING * max(1.0, p - 3.0)
         wanted = p + 1.0 - (allowed if name == "all" else 1.0 + allowed)
         lacking = wanted - q
-        if lacking > 0.0 and q <= before + 0.25 and (worst is None or lacking > worst[2]):
-            worst = q - 1.0, f"{name} with h = {h:.2g}", lacking
+        if lacking > 0.0 and not growing and (worst is None or lacking > worst[2]):
+            worst = q - 1.0, f"{name} with h = {seen[-1][0]:.2g}", lacking
     if worst is None:
         return None
     return Observation(
@@ -320,9 +322,9 @@ def look_around(
         local = Local(place)
         for errors in (local.errors, local.backwards) if i in BACKWARDS else (local.errors,):
             seen.order = seen.order or local_order(local, errors)
-            found = slopes(errors, "all", local.noise)
-            if seen.slope is None and found:
-                seen.slope = found[-1][1] - 1.0
+            told = seen_errors(errors, "all", place.noise)
+            if seen.slope is None and len(told) > 2:
+                seen.slope = power(told[-3], told[-1]) - 1.0
         if not local.sensible:
             continue
         try:

@@ -7,6 +7,7 @@ where steps are those of a fictive time.
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -31,7 +32,8 @@ from ..systems.mechanical import MechanicalSystem
 from ..systems.system import small_state
 from ..systems.time_transformed import ExtendedSystem
 from ..systems.vector_field import VectorField
-from .report import shown
+from .reference import settled
+from .report import ROUNDING, shown
 from .sample_points import flat, size
 from .sample_states import knows_time, members, pace
 
@@ -44,7 +46,10 @@ LATE = 0.0, 7.3, 61.0, 640.0
 EXACTLY = RKMK(order=8)
 
 FINE = 10.0
-"""Steps in which it is followed, while the start changes by its own size."""
+"""Steps in which it is followed at first, while the start changes by its own size."""
+
+NOISE = 512.0 * ROUNDING
+"""Relative errors below this are rounding."""
 
 
 @dataclass(frozen=True)
@@ -139,9 +144,27 @@ class Place:
 
     def exact(self, time: float) -> Any:
         """The state to which the motion leads in a physical time."""
-        finer = FINE if self.method.order <= 6 else 2.0 * FINE
-        steps = max(1, int(np.ceil(finer * abs(time) / self.unit)))
-        return small_state(type(self.start), self.led(EXACTLY, self.start, time / steps, steps))
+        return self.exact_within(time)[0]
+
+    def exact_within(self, time: float) -> tuple[Any, dict[str, float]]:
+        """The state to which the motion leads, and how far each of its parts may be off."""
+        return settled(
+            lambda n: self._exactly(time, n),
+            max(1, int(np.ceil(FINE * abs(time) / self.unit))),
+            self.distances,
+            0.25 * self.noise,
+        )
+
+    def _exactly(self, time: float, steps: int) -> Any:
+        """The state to which so many steps of order 8 lead."""
+        last = self.led(EXACTLY, self.start, time / steps, steps)
+        return small_state(type(self.start), last)
+
+    @property
+    def noise(self) -> float:
+        """Relative errors below this are rounding, that of the time among them."""
+        timed = self.fictive or knows_time(self.base)
+        return NOISE * max(1.0, abs(self.t0) / self.unit if timed else 0.0)
 
     @cached_property
     def unit(self) -> float:
@@ -164,16 +187,28 @@ class Place:
             h = h / 16.0
         return 1.0
 
+    @cached_property
+    def sizes(self) -> dict[str, float]:
+        """The sizes of the parts at the start, or a while later: what begins at zero has one too."""
+        states = [self.start]
+        with contextlib.suppress(LiemechError, ArithmeticError, ValueError):
+            states.append(self._exactly(0.25 * self.unit, int(FINE)))
+        found: dict[str, float] = {}
+        for state in states:
+            for name, x in state.parts.items():
+                if x is not None and np.isfinite(flat(x)).all():
+                    found[name] = max(found.get(name, 0.0), size(flat(x)))
+        return found
+
     def distances(self, a: Any, b: Any) -> dict[str, float]:
-        """How far parts of two states differ, beside their size here and at the start."""
-        first, there, here = (
-            {name: flat(x) for name, x in s.parts.items() if x is not None}
-            for s in (self.start, a, b)
+        """How far parts of two states differ, beside their size here, at the start and soon after."""
+        there, here = (
+            {name: flat(x) for name, x in s.parts.items() if x is not None} for s in (a, b)
         )
         return {
-            name: size(there[name] - here[name]) / (max(size(here[name]), size(first[name])) or 1.0)
-            for name in here
-            if name in first
+            name: size(there[name] - x) / (max(size(x), self.sizes[name]) or 1.0)
+            for name, x in here.items()
+            if name in self.sizes
         }
 
     def moved(self, starts: list[dict[str, np.ndarray]], h: float, steps: int) -> list[Any]:

@@ -22,6 +22,7 @@ from ..systems.lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonState, PoissonSystem
 from ..systems.system import State, System
+from ..systems.tabulated import inputs
 from ..systems.vector_field import VectorField
 from .report import shown
 from .sample_points import STENCIL, STEP, flat, size
@@ -143,9 +144,9 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
     if states is not None:
         times = TIMES if knows_time(system) else (0.0,)
         return [
-            AtState(f"state {i}", system, state, t)
+            place
             for i, state in enumerate(members(states))
-            for t in times
+            for place in _at_times(f"state {i}", system, state, times)
         ]
     rng, reason = generator("check_system", seed), ""
     drawn = rng.bit_generator.state
@@ -155,7 +156,7 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
             if large < 0.0:
                 rng.bit_generator.state = drawn
             name, drawn = named(large), rng.bit_generator.state
-            at = AtState(name, system, random_state(system, rng, large), t)
+            at = _at_times(name, system, random_state(system, rng, large), (t,))[0]
             undefined = why_undefined(at)
             found += [] if undefined else [at]
             reason = undefined or reason
@@ -165,6 +166,16 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
             "give some, states=system.state(...)"
         )
     return found
+
+
+def _at_times(name: str, system: Any, state: Any, times: tuple[float, ...]) -> list[AtState]:
+    """A given state at the times at which the system is defined, those of its tables too; where it
+    never is, for the laws to tell, at the first one.
+    """
+    ends = [np.asarray(table.knots) for table in inputs(system)]
+    within = [float(k[0] + share * (k[-1] - k[0])) for k in ends for share in (0.1, 0.5, 0.9)]
+    places = [AtState(name, system, state, t) for t in (*times, *within)]
+    return [place for place in places if not why_undefined(place)] or places[:1]
 
 
 def members(states: State) -> list[Any]:

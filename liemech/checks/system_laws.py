@@ -20,7 +20,8 @@ from ..systems.canonical import CanonicalState, CanonicalSystem, HamiltonianSyst
 from ..systems.constrained import ConstrainedSystem, SeparableConstrainedSystem
 from ..systems.constrained_body import BoundBody, ConstrainedBody
 from ..systems.constrained_parts import SplitConstrainedSystem
-from ..systems.driven import DrivenHamiltonian, DrivenHamiltonianSystem, DrivenLiePoissonSystem
+from ..systems.driven import DrivenHamiltonianSystem, DrivenLiePoissonSystem
+from ..systems.driven_hamiltonian import DrivenHamiltonian
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.homogeneous_equation import HomogeneousEquation
 from ..systems.lagrangian import Lagrangian

@@ -8,8 +8,11 @@ from llvmlite import ir
 
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, build, carried_layout, fits, leaves
+from ..formulas.sites import TOGETHER
 from .driver import refusal
 from .ir_numbers import F64, I32, I64, Emitter, Num
+
+POINTER = F64.as_pointer()
 
 
 class Array:
@@ -32,16 +35,23 @@ class Array:
         """Set the number that comes i after the first, of the bodies that run together."""
         raise NotImplementedError
 
-    def read(self, start: Any, layout: Layout) -> Any:
-        first = self.first(start)
+    def read(self, k: Any, layout: Layout) -> Any:
+        first = self.first(self.start(k, layout))
         numbers = enumerate(layout.kinds)
         return build(layout, iter([self._found(self.load(first, i), kind) for i, kind in numbers]))
 
-    def write(self, start: Any, value: Any, layout: Layout) -> None:
-        first = self.first(start)
+    def write(self, k: Any, value: Any, layout: Layout) -> None:
+        first = self.first(self.start(k, layout))
         unchanged(value, layout)
         for i, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
             self.store(first, i, self._kept(x, kind))
+
+    def start(self, k: Any, layout: Layout) -> Any:
+        """The number with which row k begins."""
+        if isinstance(k, int):
+            return k * layout.width
+        e, width = self.emitter, ir.Constant(I64, layout.width)
+        return e.num([e.builder.mul(e.cast(k, "i", False)[0], width)])
 
     def _found(self, x: Num, kind: str) -> Num:
         """The number in its kind that lies in memory: integers and truth values as bits."""
@@ -75,6 +85,11 @@ def unchanged(value: Any, layout: Layout) -> None:
 class Columns(Array):
     """A column for each body, neighbours side by side: number k of body i lies at k * bodies + i."""
 
+    @property
+    def alone(self) -> bool:
+        """Is there one body, whose numbers lie side by side?"""
+        return self.emitter.lanes == 1
+
     def first(self, start: Any) -> list[ir.Value]:
         e, b = self.emitter, self.emitter.builder
         place = b.add(b.mul(e.cast(start, "i", False)[0], self.step), self.body)
@@ -86,7 +101,7 @@ class Columns(Array):
     def addresses(self, first: list[ir.Value], i: int) -> list[ir.Value]:
         """Where the registers of a number lie."""
         e, b = self.emitter, self.emitter.builder
-        offset = i if e.lanes == 1 else b.mul(ir.Constant(I64, i), self.step)
+        offset = i if self.alone else b.mul(ir.Constant(I64, i), self.step)
         places = [self.after(place, offset) for place in first]
         return (
             places
@@ -105,6 +120,42 @@ class Columns(Array):
         e = self.emitter
         for v, place in zip(e.cast(x, "f", e.lanes > 1), self.addresses(first, i), strict=True):
             e.builder.store(v, place, align=8)
+
+
+class SiteRows(Columns):
+    """Rows of numbers of all sites of one system, of which each has its place in every row; `body` is
+    the site at hand.
+    """
+
+    alone = False
+
+    def __init__(self, emitter: Emitter, pointer: ir.Value, count: ir.Value) -> None:
+        b = emitter.builder
+        groups = b.sdiv(b.add(count, I64(TOGETHER - 1)), I64(TOGETHER))
+        super().__init__(emitter, pointer, b.mul(b.or_(groups, I64(1)), I64(TOGETHER)))
+        self.count = emitter.num([count])
+
+    def at(self, row: Any) -> ir.Value:
+        """Where a row begins."""
+        e = self.emitter
+        return self.after(self.pointer, e.builder.mul(e.cast(row, "i", False)[0], self.step))
+
+
+class Shared(Array):
+    """An array that all bodies share: what is written to it is one value for all of them."""
+
+    def first(self, start: Any) -> list[ir.Value]:
+        return [self.after(self.pointer, self.emitter.cast(start, "i", False)[0])]
+
+    def load(self, first: list[ir.Value], i: int) -> Any:
+        e = self.emitter
+        return e.num([e.builder.load(self.after(first[0], i), align=8, typ=F64)])
+
+    def store(self, first: list[ir.Value], i: int, x: Any) -> None:
+        e = self.emitter
+        if isinstance(x, Num) and x.varying:
+            raise NotCompilable("what all bodies share cannot be set to another value by each")
+        e.builder.store(e.cast(x, "f", False)[0], self.after(first[0], i), align=8)
 
 
 class Rows(Array):
@@ -170,17 +221,48 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
                     emitter, load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)
                 )
             )
+        elif kind == "planes":
+            pointer, count = load(arrays, "array", F64.as_pointer()), load(integers, "integer", I64)
+            args.append(SiteRows(emitter, pointer, count))
+        elif kind == "shared":
+            pointer = load(arrays, "array", F64.as_pointer())
+            args.append(Shared(emitter, pointer, ir.Constant(I64, 1)))
         else:
             args.append(Columns(emitter, load(arrays, "array", F64.as_pointer()), bodies))
     return args
 
 
-def entrance(module: ir.Module, function: ir.Function, kinds: Any) -> None:
+def hidden(
+    emitter: Emitter, kinds: Any, args: list[Any], function: ir.Function
+) -> tuple[SiteRows, ir.Value, ir.Value]:
+    """Behind the driver's arrays: the rows that loops over sites work in, the place where they say
+    which site has failed, and the words that threads share.
+    """
+    b = emitter.builder
+    count = next(a for a, kind in zip(args, kinds, strict=True) if kind == "planes").count
+    first = _arrays(kinds)
+    rows, notes, crew = (
+        b.load(b.gep(function.args[2], [I64(k)], source_etype=POINTER), typ=POINTER)
+        for k in range(first, first + 3)
+    )
+    words = [b.bitcast(place, I64.as_pointer()) for place in (notes, crew)]
+    return SiteRows(emitter, rows, count.value), words[0], words[1]
+
+
+def _arrays(kinds: Any) -> int:
+    """How many arrays a driver has."""
+    return sum(not isinstance(kind, Layout) and kind != "integer" for kind in kinds)
+
+
+def entrance(module: ir.Module, function: ir.Function, kinds: Any, rows: int) -> None:
     """Add the function that Python calls with the address of one block: bodies, begin, end, the integers, the
     addresses of arrays, the numbers.
+
+    rows : of scratch memory that loops over sites need.  Called without such memory, for no bodies,
+    the function leaves them in the place of the bodies.
     """
-    integers = sum(kind in ("integer", "rows") for kind in kinds)
-    arrays = sum(not isinstance(kind, Layout) and kind != "integer" for kind in kinds)
+    integers = sum(kind in ("integer", "rows", "planes") for kind in kinds)
+    arrays = _arrays(kinds) + 3 * ("planes" in kinds)
     kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), [I64.as_pointer()]), "kernel")
     b, block = ir.IRBuilder(kernel.append_basic_block("entry")), kernel.args[0]
     places = [
@@ -188,6 +270,10 @@ def entrance(module: ir.Module, function: ir.Function, kinds: Any) -> None:
         for at in (0, 1, 2, 3, 3 + integers, 3 + integers + arrays)
     ]
     bodies, begin, end = (b.load(place, typ=I64) for place in places[:3])
+    if "planes" in kinds:
+        with b.if_then(b.icmp_signed("==", bodies, I64(0))):
+            b.store(I64(rows), places[0])
+            b.ret_void()
     integer, array, number = (
         b.bitcast(p, a.type)
         for p, a in zip(places[3:], (function.args[i] for i in (1, 2, 0)), strict=True)

@@ -1,9 +1,10 @@
 """Reading, writing and attempting for drivers, the loops that Python starts, in plain Python and, by
 the compiler, in native code.
 
-A driver is a plain function of values, integers and arrays of float64.  It reads a state out of an
-array, marches and writes results into arrays.  Compiled for an ensemble it does so for several
-bodies at once, each with its own column of every array.
+A driver is a plain function of values, integers and buffers, arrays of float64 that hold rows, as
+many numbers each as a layout says.  It reads a state out of one, marches and writes results into
+others.  Compiled for an ensemble it does so for several bodies at once, each with its own column of
+every buffer, but of those that all share.
 """
 
 from __future__ import annotations
@@ -28,6 +29,19 @@ from ..formulas.pytree import (
 from ..formulas.vectors import Vec
 
 
+def part_of_driver(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Declare a function to be a part of the driver that calls it: bodies that run together leave its
+    loops together.
+    """
+    function.part_of_driver = True  # type: ignore[attr-defined]
+    return function
+
+
+def is_part_of_driver(function: Callable[..., Any]) -> bool:
+    """Was that declared?"""
+    return getattr(function, "part_of_driver", False)
+
+
 class Rejected:
     """The result, in plain Python, of an attempted step that raised `error`."""
 
@@ -35,8 +49,9 @@ class Rejected:
         self.error = error
 
 
-def read(array: np.ndarray, start: int, layout: Layout) -> Any:
-    """The value of this layout that lies at `array[start:]`."""
+def read(buffer: np.ndarray, k: int, layout: Layout) -> Any:
+    """Row number k of a buffer, whose rows have this layout."""
+    array, start = buffer, k * layout.width
     numbers = array[start : start + layout.width].tolist()
     if layout.exact:
         integers = array.view(np.int64)
@@ -46,11 +61,12 @@ def read(array: np.ndarray, start: int, layout: Layout) -> Any:
     return build(layout, iter(numbers))
 
 
-def write(array: np.ndarray, start: int, value: Any, layout: Layout) -> None:
-    """Lay the numbers of a value, which has this layout, down at `array[start:]`: an integer or a
-    truth value as one of 64 bits.  Raises InvalidType.
+def write(buffer: np.ndarray, k: int, value: Any, layout: Layout) -> None:
+    """Set row number k of a buffer to the numbers of a value, which has this layout: an integer or a
+    truth value is one of 64 bits.  Raises InvalidType.
     """
     unchanged(value, layout)
+    array, start = buffer, k * layout.width
     integers = array.view(np.int64) if layout.exact else array
     for i, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
         (integers if kind in ("integer", "truth") else array)[start + i] = x

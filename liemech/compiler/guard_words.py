@@ -62,10 +62,10 @@ def _head(kernel: Any) -> tuple[int, list[str]]:
     for kind in kernel.kinds:
         parameter = next(names, None)
         name = name if parameter is None else parameter.name  # of *rows the last one stays
-        before += kind in ("integer", "rows")
-        if isinstance(kind, tuple) or kind in ("array", "rows"):
+        before += kind in ("integer", "rows", "planes")
+        if isinstance(kind, tuple) or kind in ("columns", "shared", "rows", "planes"):
             found.append(name)
-    return before, found
+    return before, found + ["scratch memory", "notes", "crew"] * ("planes" in kernel.kinds)
 
 
 class Fence:

@@ -75,6 +75,7 @@ class Outliner:
         # by form of the call, what LLVM copies; None: there was one call; False: it has no copies
         self.copies: dict[Any, NativeFunction | bool | None] = {}
         self.grown: set[Any] = set()  # formulas that were too large to be written out
+        self.divided: set[Any] = set()  # formulas in which sites meet, which are always written out
         # in lanes a formula has as many instructions more as its numbers take registers
         one = self.e.lanes == 1
         translator.state.patience = ALONE if one else self.e.registers(True)
@@ -98,6 +99,8 @@ class Outliner:
         if not t.frames:
             return t.enter(frame)
         function, given = frame.source.function, dict(frame.env)
+        if function in self.divided:
+            return self._written_out(frame, given)
         often = function in self.large and self.e.builder.emitted >= LONG * t.state.patience
         call = self.forms.of(function, given) if often or function in self.grown else None
         if call and not often:
@@ -108,6 +111,13 @@ class Outliner:
             if made is not None:
                 return self.functions.emit(made, call, general)
         return self._tried(frame, given)
+
+    def divide(self) -> None:
+        """Sites meet here: all formulas around are written out, however large."""
+        t = self.t
+        self.divided |= {frame.source.function for frame in t.frames}
+        t.state.begun[:] = [math.inf for _ in t.state.begun]
+        self.e.builder.room = math.inf
 
     def _tried(self, frame: Frame, given: dict[str, Any]) -> Any:
         """The value of a call that is written out, unless it turns out to be too large for it."""
@@ -122,6 +132,8 @@ class Outliner:
             if not large:
                 raise
         cost = b.emitted - before
+        if function in self.divided:
+            return result
         if large:  # it becomes a function
             here.restore()
             self.grown.add(function)

@@ -8,11 +8,12 @@ one.  No operation carries a fast-math flag: native code rounds as Python does.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 import numbers
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NoReturn
 
 import numpy as np
@@ -43,6 +44,7 @@ class Emitter:
         self.lanes = lanes
         self.width = width if lanes % width == 0 else lanes
         self.vectors = {kind: ir.VectorType(t, self.width) for kind, t in TYPES.items()}
+        self.packs = True  # do numbers of one body lie side by side in one register?
         self.calls = 0  # of the C library so far: a branch that has some is the rare one
         self.of_numpy = False  # have NumPy's numbers come in?
         self.python_only: list[str] = []  # why they must not
@@ -50,6 +52,18 @@ class Emitter:
         self.single = self  # of one number of a row
         # what to do where Python raises
         self.fail_if: Callable[[Any], None] = lambda condition: None
+
+    @contextlib.contextmanager
+    def side_by_side(self, lanes: int, width: int) -> Iterator[None]:
+        """Numbers that vary have lanes: those of sites that run side by side."""
+        before = vars(self).copy()
+        self.lanes, self.width, self.packs = lanes, min(width, lanes), False
+        self.vectors = {kind: ir.VectorType(t, self.width) for kind, t in TYPES.items()}
+        try:
+            yield
+        finally:
+            for name in ("lanes", "width", "packs", "vectors"):
+                setattr(self, name, before[name])
 
     def meet_numpy(self) -> None:
         """From here on any number may be one of NumPy's."""
@@ -147,8 +161,13 @@ class Emitter:
 
     def beside(self, numbers: Sequence[Any]) -> Num | None:
         """Floats as the lanes of one number, if they do not have lanes themselves."""
-        if self.lanes > 1 or not all(
-            type(x) is float or (type(x) is Num and x.kind == "f" and not x.mixed) for x in numbers
+        if (
+            self.lanes > 1
+            or not self.packs
+            or not all(
+                type(x) is float or (type(x) is Num and x.kind == "f" and not x.mixed)
+                for x in numbers
+            )
         ):
             return None
         n = len(numbers)

@@ -29,10 +29,11 @@ from ..errors import NotCompilable
 from ..formulas.pytree import Layout, gatherer, layout_of, leaves
 from . import driver, guard_words, interrupts
 from .gc_pause import gc_paused
+from .planes import Planes
 
 Kind = Layout | str | tuple[str, Layout]
 """Of an argument: the layout of a value, ("several", layout) if every body has its own, "integer",
-"array" or "rows".
+"columns", "shared", "rows" or "planes".
 """
 
 ALIVE = 256
@@ -42,6 +43,20 @@ released.
 
 VARIANTS = 8
 """Kernels kept for one driver and layout while globals, helpers, ... change."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Columns:
+    """An array of numbers, (..., bodies): each body has a column.  So is an array that says nothing."""
+
+    array: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Shared:
+    """An array of numbers that all bodies share."""
+
+    array: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -160,8 +175,13 @@ class Kernel:
             elif isinstance(value, Rows):
                 arrays.append(value.array)
                 integers.append(value.step)
+            elif isinstance(value, Planes):
+                arrays.append(value.array)
+                integers.append(value.count)
+            elif kind == "integer":
+                integers.append(value)
             else:
-                (integers if kind == "integer" else arrays).append(value)
+                arrays.append(value if isinstance(value, np.ndarray) else value.array)
         given = array("d", numbers).tobytes(), integers, arrays, bodies
         return functools.partial(self.run, *given)
 
@@ -318,15 +338,15 @@ def kind_of(value: Any) -> Kind:
     """The kind of an argument of native code."""
     if isinstance(value, Rows):
         return "rows"
+    if isinstance(value, Planes):
+        return "planes"
     if isinstance(value, Several):
         return "several", layout_of(value.values[0])
-    return (
-        "array"
-        if isinstance(value, np.ndarray)
-        else "integer"
-        if type(value) is int
-        else layout_of(value)
-    )
+    if isinstance(value, (np.ndarray, Columns)):
+        return "columns"
+    if isinstance(value, Shared):
+        return "shared"
+    return "integer" if type(value) is int else layout_of(value)
 
 
 def _layout(kind: Kind) -> Any:
@@ -394,6 +414,8 @@ def _translated(
         from .instructions import LIMIT, SHORT, SIDE_BY_SIDE, TooLong
 
     with gc_paused():
+        if "planes" in kinds:
+            return _translation(entry, kinds, lanes, given, LIMIT)
         made = _translation(entry, kinds, min(lanes, width()), given, LIMIT)
         if lanes > width() and llvm.size(made[1]) <= SHORT:
             with contextlib.suppress(TooLong):
@@ -414,10 +436,11 @@ def _translation(
 
         from ..formulas.taken_back import journal
         from . import llvm
-        from .buffers import Array, arguments, entrance, unchanged
+        from .buffers import Array, arguments, entrance, hidden, unchanged
         from .dependencies import Reads
         from .instructions import Builder, Names, drop_unused
         from .ir_numbers import F64, I64, Emitter
+        from .sites import SiteLoops
         from .translation import Interpreter
 
     module = ir.Module("liemech", ir.Context())
@@ -436,14 +459,16 @@ def _translation(
         function.attributes.alignstack = 8 * width()
     builder = Builder(function.append_basic_block("entry"), limit)
     head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
-    emitter = Emitter(builder, lanes, width())
+    of_sites = "planes" in kinds  # one system, whose sites have the lanes
+    emitter = Emitter(builder, 1 if of_sites else lanes, width())
     args = arguments(emitter, kinds, function)
     start = builder.block
+    begin, end = function.args[4:] if not of_sites else map(I64, (0, 1))
     builder.branch(head)
     builder.position_at_end(head)
     index = builder.phi(I64)
-    index.add_incoming(function.args[4], start)
-    builder.cbranch(builder.icmp_signed("<", index, function.args[5]), body, done)
+    index.add_incoming(begin, start)
+    builder.cbranch(builder.icmp_signed("<", index, end), body, done)
     builder.position_at_end(body)
     reads = Reads(entry)
     for i, (a, kind) in enumerate(zip(args, kinds, strict=True)):
@@ -462,6 +487,10 @@ def _translation(
         driver.accepted: interpreter.accepted,
         driver.any_body: emitter.any,
     }
+    sites = SiteLoops(interpreter, lanes, width())
+    interpreter.intrinsics |= sites.intrinsics
+    if of_sites:
+        sites.scratch, sites.notes, sites.crew = hidden(emitter, kinds, args, function)
     try:
         with journal():
             interpreter.call(entry, *args)
@@ -470,12 +499,12 @@ def _translation(
         if located is error:
             raise
         raise located from (None if isinstance(error, NotCompilable) else error)
-    index.add_incoming(builder.add(index, ir.Constant(I64, lanes)), builder.block)
+    index.add_incoming(builder.add(index, I64(emitter.lanes)), builder.block)
     builder.branch(head)
     builder.position_at_end(done)
     builder.ret_void()
     size = drop_unused(module, function)
-    entrance(module, function, kinds)
+    entrance(module, function, kinds, sites.rows + sites.lasting)
     return reads, f"; {size} instructions\n{module}"
 
 

@@ -174,7 +174,14 @@ def _functions() -> dict[str, int]:
         or 0
         for f in (*LIBM, pow)
     }
+    of_c["liemech_sleep"] = _sleep(library)
     return of_c | callbacks.addresses() | interrupts.addresses()
+
+
+def _sleep(library: Any) -> int:
+    """Where the function lies with which a thread sleeps for some microseconds."""
+    function = ctypes.windll.kernel32.SwitchToThread if os.name == "nt" else library.usleep  # type: ignore[attr-defined]
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
 def _c_library() -> ctypes.CDLL:

@@ -16,6 +16,7 @@ from llvmlite import ir
 from ..errors import NotCompilable
 from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
 from .branches import Branches
+from .driver import is_part_of_driver
 from .ir_numbers import Num, kind_of
 from .joins import (
     ACTIVE,
@@ -161,7 +162,8 @@ class Loops(Branches):
         driver is for all of them.
         """
         leaves = breaks(body) or returns(body)
-        return self.emitter.lanes > 1 and len(self.frames) > 1 and leaves
+        formula = not all(is_part_of_driver(frame.source.function) for frame in self.frames[1:])
+        return self.emitter.lanes > 1 and formula and leaves
 
 
 @dataclasses.dataclass

@@ -32,7 +32,7 @@ class State:
     region : the branches and loops of unknown length around it.  spent : what formulas have cost,
     by form of the call.  patience : how many times LONG is written out in any case.  huge :
     instructions from which a formula is not written out.  begun : where the formulas begin that are
-    being written out.
+    being written out.  over : the loop over sites that is being translated.
     """
 
     base: Any = None
@@ -47,6 +47,7 @@ class State:
     patience: int = 1
     huge: int = dataclasses.field(default_factory=lambda: HUGE)
     begun: list[int] = dataclasses.field(default_factory=list)
+    over: Any = None
 
     def of_function(self, copied: bool) -> State:
         """The state in which the translation of another native function begins.  copied : it is one
@@ -63,11 +64,13 @@ class Snapshot:
     def __init__(self, translator: Any, env: Env) -> None:
         b, state, frame = translator.builder, translator.state, translator.frames[-1]
         self.translator, self.block, self.emitted = translator, b.block, b.emitted
-        self.attributes = [(x, vars(x).copy()) for x in (state, frame)]
+        loops = [state.over] if state.over is not None else []
+        self.attributes = [(x, vars(x).copy()) for x in (state, frame, *loops)]
         self.env, self.variables = env, dict(env)
         grow = translator.frames, frame.loops, frame.returns, state.escapes, state.spent
         code = b.function.blocks, b.block.instructions
-        self.lengths = [(items, len(items)) for items in (*grow, *state.escapes, *code)]
+        passes = [items for loop in loops for items in (loop.passes, loop.loops)]
+        self.lengths = [(items, len(items)) for items in (*grow, *state.escapes, *code, *passes)]
         self.streams = [(stream, stream.taken, stream.region) for stream in translator.streams]
         self.take_back = back()
 

@@ -45,13 +45,14 @@ class Statements(Expressions):
         return True
 
     def running(self, env: Env) -> bool:
-        """True, unless every lane has returned from the call and it can end here."""
+        """True, unless every lane has left the call and it can end here; where all have raised, there
+        is no value that it returns.
+        """
         frame = self.frames[-1]
         if env.get(ACTIVE) is not NO_LANE or self.state.depth or frame.loops:
             return True
-        frame.returns.append(
-            Open(self.builder.block, {RETURN: env.get(RETURN)} | frame.captured(env))
-        )
+        returned = {RETURN: env[RETURN]} if RETURN in env else {}
+        frame.returns.append(Open(self.builder.block, returned | frame.captured(env)))
         return False
 
     def statement(self, node: ast.stmt, env: Env) -> bool:

@@ -13,7 +13,7 @@ from .ir_numbers import I1, I32
 from .joins import Open
 
 EVERY = 2**14
-"""Turns of a loop between two checks: a turn takes up to some 10 us, a check 0.1 us."""
+"""Turns of a loop between two checks: a turn takes up to some 10 us for each lane, a check 0.1 us."""
 
 KEEPING = "preserve_mostcc"
 """The calling convention of a check: it saves the registers of integers itself.  (`preserve_allcc`
@@ -84,10 +84,11 @@ class Look:
         e, b = loops.emitter, loops.builder
         turns = self.next = b.add(self.turns, ir.Constant(I32, 1))
         asked, stopped, on = (b.append_basic_block() for _ in range(3))
-        now = b.icmp_unsigned("==", b.and_(turns, ir.Constant(I32, EVERY - 1)), ir.Constant(I32, 0))
-        b.cbranch(now, asked, on).set_weights([1, EVERY])
+        every = EVERY // e.lanes
+        now = b.icmp_unsigned("==", b.and_(turns, ir.Constant(I32, every - 1)), ir.Constant(I32, 0))
+        b.cbranch(now, asked, on).set_weights([1, every])
         b.position_at_end(asked)
-        b.cbranch(b.call(_look(b.module), [], cconv=KEEPING), stopped, on)
+        b.cbranch(b.call(look(b.module), [], cconv=KEEPING), stopped, on)
         b.position_at_end(stopped)
         e.store(True, loops.state.failed)
         loops.state.escapes[-1].append(Open(stopped, {}))
@@ -105,5 +106,6 @@ class _Written(ir.Function):
         return LOOK
 
 
-def _look(module: ir.Module) -> ir.Function:
+def look(module: ir.Module) -> ir.Function:
+    """The check, in a module."""
     return module.globals.get("look") or _Written(module, ir.FunctionType(I1, []), "look")

@@ -40,8 +40,12 @@ def broadcast(
     kinds = signature.kinds
     arrays: dict[str, np.ndarray] = {}
     lead: dict[str, tuple[int, ...]] = {}
+    reshaped = False
     for name in numbers:
         kind, value = kinds[name], arguments[name]
+        if kind != "float":
+            given, value = value, space._in_rows(value, kind)
+            reshaped = reshaped or value is not given
         array = real_array(value, f"{where}: {name}", space._complex(kind))
         shape = () if kind == "float" else space._shape(name, kind)
         axes = AXES.get(kind, 0) if shape is None else len(shape)
@@ -66,9 +70,12 @@ def broadcast(
     if not math.prod(leading):  # an element of the right shape tells the shape of nothing
         some = {k: _some(space, kinds[k], a.shape[1:])[None] for k, a in flat.items()}
         one = dataclasses.replace(batch, arrays=some, leading=(1,))
-        return _unflattened(_none_of(_stacked([one.row(0)], where)), leading)
-    results = batch.in_numpy() if owner.is_large else None
-    return _unflattened(evaluate_rows(batch) if results is None else results, leading)
+        results = _none_of(_stacked([one.row(0)], where))
+    else:
+        results = batch.in_numpy() if owner.is_large else None
+        results = evaluate_rows(batch) if results is None else results
+    found = _unflattened(results, leading)
+    return _reshaped(found, space) if reshaped else found
 
 
 def refuse(space: Any, where: str, name: str, value: Any, shown: str | None = None) -> None:
@@ -250,6 +257,13 @@ def _unflattened(results: Any, leading: tuple[int, ...]) -> Any:
         return tuple([_unflattened(part, leading) for part in results])
     array = results.reshape(leading + results.shape[1:])
     return array if array.ndim else array.item()
+
+
+def _reshaped(results: Any, space: Any) -> Any:
+    """The results in the shape in which the arguments came."""
+    if isinstance(results, tuple):
+        return tuple([_reshaped(part, space) for part in results])
+    return space._out_of_rows(results) if isinstance(results, np.ndarray) else results
 
 
 def _real(value: Any) -> Any:

@@ -53,6 +53,14 @@ class Broadcasting:
         """
         return None
 
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        """An argument as rows of numbers, if it is shaped in another way.  Subclasses know."""
+        return value
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        """Results, an array, in the way in which such arguments are shaped."""
+        return results
+
     def _complex(self, kind: str) -> bool:
         """May an argument of this kind have complex entries?  Subclasses know."""
         return False

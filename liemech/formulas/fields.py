@@ -58,6 +58,14 @@ class FrozenDict(dict[Any, Any]):
         return hash(frozenset(self.items()))
 
 
+class OfEach:
+    """In place of a number, a vector or a matrix: one for each of many, which a formula is given in
+    turn.
+    """
+
+    __slots__ = ()
+
+
 # ------------------------------------------------------------------ values of any kind
 
 CONSTANT: frozenset[type] = frozenset(
@@ -254,6 +262,8 @@ def _single(kind: Any, places: Places) -> Convert | None:
 
 
 def _number(owner: Any, name: str, value: Any) -> Any:
+    if isinstance(value, OfEach):
+        return value
     if type(value) is float or isinstance(value, (StandIn, Pair)):
         return of_an_int(value)
     if isinstance(value, (bool, np.bool_, complex, str, bytes)) or (
@@ -304,6 +314,8 @@ _FLOAT = frozenset([float])
 
 def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
     if type(value) is Vec and Vec in allowed and _FLOAT.issuperset(map(type, value)):
+        return value
+    if isinstance(value, OfEach):
         return value
     if isinstance(value, allowed):
         rows: Any = value.rows if isinstance(value, Mat) else (value,)

@@ -8,13 +8,15 @@ import functools
 import inspect
 import re
 import types
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
 from ..errors import InvalidType
 from .annotations import kind_of, own_annotations
 from .overriding import breaks, kept, promise
 from .vectors import Mat, Vec
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 KINDS = ("Ambient", "Element", "Mat", "Vec", "float")
 """The annotations of arguments that are numbers.  Of a method and the one it overrides, the earlier
@@ -193,3 +195,21 @@ def misspelt(where: str, known: Iterable[str], options: Iterable[str]) -> Invali
     near = difflib.get_close_matches(unknown, known, 1)
     hint = f". Did you mean {near[0]!r}?" if near else f"; it takes {', '.join(known) or 'none'}"
     return InvalidType(f"{where}() got an unexpected keyword argument {unknown!r}{hint}")
+
+
+def spelt(function: F) -> F:
+    """A function, or method, that answers a misspelt keyword with the nearest of its arguments."""
+    code = function.__code__
+    known = dict.fromkeys(code.co_varnames[: code.co_argcount + code.co_kwonlyargcount])
+
+    @functools.wraps(function)
+    def checked(*args: Any, **options: Any) -> Any:
+        try:
+            return function(*args, **options)
+        except TypeError:
+            if known.keys() >= options.keys():
+                raise
+            where = function.__qualname__.removesuffix(".__init__")
+            raise misspelt(where, [name for name in known if name != "self"], options) from None
+
+    return checked  # type: ignore[return-value]

@@ -66,5 +66,9 @@ _alive: weakref.WeakValueDictionary[float, Table] = weakref.WeakValueDictionary(
 
 
 def entry(table: Table, i: Any) -> Any:
-    """Number i of a table, 0 <= i < len(table), which is not checked."""
+    """Number i of a table, 0 <= i < len(table).
+
+    Native code knows no length and does not check it: those who ask clip their indices, for nan and
+    infinite times too.
+    """
     return table.array.item(i)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from functools import cached_property
+from importlib import import_module
 from typing import Any, final
 
 import numpy as np
@@ -241,7 +242,8 @@ class LieGroup(Record):
 
     def scale(self, g: Element | None) -> Vec:
         """The displacements that count as large at g (None: anywhere), for the error control of
-        adaptive steps: 1 by default.
+        adaptive steps: 1 by default, as for angles.  A group with positions gives their sizes, so
+        that rtol means the same in every unit.
 
         g : an element.  Returns (dim,).
         """
@@ -271,6 +273,13 @@ class LieGroup(Record):
     def dim(self) -> int:
         """The dimension of the group."""
         return self.algebra.dim
+
+    @final
+    def __pow__(self, copies: int) -> Any:
+        """So many copies of the group: the configurations of as many sites."""
+        # which is built on this class
+        power: Any = import_module(".power", __package__)
+        return power.PowerGroup(self, copies)
 
     @final
     def ad(self, xi: Vec, eta: Vec) -> Vec:

@@ -136,7 +136,7 @@ class MatrixLieAlgebra(LieAlgebra):
             return mu + _series(self.ad_star, xi, mu, self.ad_size2(xi), 0.0)
         g, group = self.group.exp(xi), self.group
         back = group.exp(-xi) if group._form is None else group.inverse(g)
-        return self._coadjoint(g, back, mu)
+        return self._coadjoint(g, back, mu) - (mu - mu)  # a zero that remembers, if mu does
 
     def dexp(self, xi: Vec, eta: Vec) -> Vec:
         """sum_k (-ad_xi)^k eta/(k + 1)!; for large xi from its half,

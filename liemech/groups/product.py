@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,18 +16,18 @@ from .lie_group import LieGroup
 
 
 @record
-class ProductAlgebra(AlgebraOfParts):
-    """The direct sum of Lie algebras: coordinates one after another, brackets within each.
+class DirectSum(AlgebraOfParts):
+    """Lie algebras side by side: coordinates one after another, brackets within each; abstract.
+
+    A subclass has `factors` and `dim`.
 
     Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 3.12.
     """
 
-    factors: tuple[Any, ...]
+    if TYPE_CHECKING:  # a field here would be one of every subclass
 
-    @property
-    def dim(self) -> int:
-        """The sum of the dimensions."""
-        return sum([factor.dim for factor in self.factors])
+        @property
+        def factors(self) -> tuple[Any, ...]: ...
 
     def parts(self, xi: Vec) -> tuple[Vec, ...]:
         """The coordinates of each factor.  xi : (dim,)."""
@@ -58,43 +58,35 @@ class ProductAlgebra(AlgebraOfParts):
 
 
 @record
-class ProductGroup(LieGroup):
-    """The direct product of groups, `ProductGroup(SO3(), VectorSpace(3))`: everything happens in
-    each factor on its own.
+class ProductAlgebra(DirectSum):
+    """The direct sum of Lie algebras.
 
-    An element is one vector, the entries of the factors' elements one after another, matrices row
-    by row and complex entries as real and imaginary part; `join` and `split` translate.  Velocities
-    and momenta are those of the factors one after another.
-
-    factors : groups of any kind, products and complex ones among them.  Raises InvalidType,
-    InvalidInput for what is none.
-
-    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 3.12.
     """
 
     factors: tuple[Any, ...]
 
-    def __init__(self, *factors: LieGroup) -> None:
-        object.__setattr__(self, "factors", factors)
-        self.__post_init__()
+    @property
+    def dim(self) -> int:
+        """The sum of the dimensions."""
+        return sum([factor.dim for factor in self.factors])
 
-    def __post_init__(self) -> None:
-        for number, factor in enumerate(self.factors, 1):
-            if not isinstance(factor, LieGroup):
-                cure = "; write it with brackets" if isinstance(factor, type) else ""
-                raise InvalidType(
-                    f"ProductGroup: factor {number} must be a LieGroup; got {factor!r}{cure}"
-                )
-        if not self.factors:
-            raise InvalidInput("ProductGroup needs at least one factor")
 
-    def __repr__(self) -> str:
-        return f"ProductGroup({', '.join(map(repr, self.factors))})"
+@record
+class DirectProduct(LieGroup):
+    """Groups side by side: everything happens in each factor on its own; abstract.
 
-    @cached_property
-    def algebra(self) -> ProductAlgebra:
-        """The direct sum."""
-        return ProductAlgebra(tuple([factor.algebra for factor in self.factors]))
+    An element is one vector, the entries of the factors' elements one after another, matrices row
+    by row and complex entries as real and imaginary part.  Velocities and momenta are those of the
+    factors one after another.  A subclass has `factors` and `algebra`.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
+    """
+
+    if TYPE_CHECKING:  # a field here would be one of every subclass
+
+        @property
+        def factors(self) -> tuple[Any, ...]: ...
 
     # ---------------------------------------------------------------- elements of the factors
 
@@ -216,7 +208,8 @@ class ProductGroup(LieGroup):
 
     def _parts(self, xi: Vec) -> tuple[Vec, ...]:
         """The coordinates of each factor."""
-        return self.algebra.parts(xi)
+        algebra: Any = self.algebra
+        return algebra.parts(xi)
 
     # ---------------------------------------------------------------- membership
 
@@ -271,12 +264,6 @@ class ProductGroup(LieGroup):
                 return f"its factor {factor!r} has none: {factor.why_no_cayley()}"
         return None
 
-    @property
-    def by_adjoint(self) -> LieGroup | None:
-        """The product of those of the factors."""
-        found = [factor.by_adjoint for factor in self.factors]
-        return None if None in found else ProductGroup(*found)
-
     def cayley(self, xi: Vec) -> Element:
         """(cay xi_1, cay xi_2, ...)."""
         return self._each(lambda f, x: f.cayley(x), self._parts(xi))
@@ -290,6 +277,52 @@ class ProductGroup(LieGroup):
         return self._each(
             lambda f, a, x: f.compose_cayley(a, x), self._elements(g), self._parts(xi)
         )
+
+
+@record
+class ProductGroup(DirectProduct):
+    """The direct product of groups, `ProductGroup(SO3(), VectorSpace(3))`: everything happens in
+    each factor on its own.  Many copies of one group are a power of it, `SO3() ** 100`.
+
+    An element is one vector, the entries of the factors' elements one after another, matrices row
+    by row and complex entries as real and imaginary part; `join` and `split` translate.  Velocities
+    and momenta are those of the factors one after another.
+
+    factors : groups of any kind, products and complex ones among them.  Raises InvalidType,
+    InvalidInput for what is none.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
+    """
+
+    factors: tuple[Any, ...]
+
+    def __init__(self, *factors: LieGroup) -> None:
+        object.__setattr__(self, "factors", factors)
+        self.__post_init__()
+
+    def __post_init__(self) -> None:
+        for number, factor in enumerate(self.factors, 1):
+            if not isinstance(factor, LieGroup):
+                cure = "; write it with brackets" if isinstance(factor, type) else ""
+                raise InvalidType(
+                    f"ProductGroup: factor {number} must be a LieGroup; got {factor!r}{cure}"
+                )
+        if not self.factors:
+            raise InvalidInput("ProductGroup needs at least one factor")
+
+    def __repr__(self) -> str:
+        return f"ProductGroup({', '.join(map(repr, self.factors))})"
+
+    @cached_property
+    def algebra(self) -> ProductAlgebra:
+        """The direct sum."""
+        return ProductAlgebra(tuple([factor.algebra for factor in self.factors]))
+
+    @property
+    def by_adjoint(self) -> LieGroup | None:
+        """The product of those of the factors."""
+        found = [factor.by_adjoint for factor in self.factors]
+        return None if None in found else ProductGroup(*found)
 
 
 # ------------------------------------------------------------------ parts of vectors

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, OutsideChart
-from ..formulas import Ambient, Element, Mat, Vec, atan2, mat, outer, record, vec
+from ..formulas import Ambient, Element, Mat, Vec, atan2, mat, norm, outer, record, vec
 from ..formulas.batches import MEMBERSHIP
 from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
@@ -207,6 +207,13 @@ class SE2(LieGroup):
     def further_invariants(self, mu: Any) -> tuple[float, ...]:
         """Pi where P = 0: such orbits are points.  All others are cylinders about the axis P = 0."""
         return () if mu[1:].any() else (float(mu[0]),)
+
+    def scale(self, g: Element | None) -> Vec:
+        """1 rad, and the distance from the origin of the plane (None: 1)."""
+        if g is None:
+            return super().scale(None)
+        away = norm(vec(g[0, 2], g[1, 2]))
+        return vec(1.0, away, away)
 
     def defect(self, g: Ambient) -> float:
         """The largest difference of R from a rotation, and of the last row from 0 0 1."""

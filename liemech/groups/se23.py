@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, record, vec
+from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, norm, record, vec
 from ..formulas.batches import MEMBERSHIP
 from .algebra_of_parts import AlgebraOfParts
 from .lie_group import LieGroup
-from .se3 import SE3Algebra, halves, join
+from .se3 import SE3Algebra, half_inverse, halves, join
 from .so3 import SO3, SO3Algebra, rotation_defect
 
 ZERO = (0.0, 0.0, 0.0)
@@ -132,6 +132,10 @@ class SE23(LieGroup):
 
     # ---------------------------------------------------------------- membership
 
+    def scale(self, g: Element | None) -> Vec:
+        """1 rad, the speed, and the distance from the origin of space (None: 1)."""
+        return super().scale(None) if g is None else sizes(g)
+
     def defect(self, g: Ambient) -> float:
         """The defect of the rotation, and how far the last rows are from 0 0 0 1 0 and 0 0 0 0 1."""
         return max(defect(g), abs(g[3, 4]))
@@ -219,15 +223,17 @@ def parts(g: Mat) -> tuple[Mat, Vec, Vec, float]:
     return rotation, vec(g[0, 3], g[1, 3], g[2, 3]), vec(g[0, 4], g[1, 4], g[2, 4]), g[3, 4]
 
 
+def sizes(g: Mat) -> Vec:
+    """1 rad, the speed, and the distance from the origin, each for three components."""
+    _, v, p, _ = parts(g)
+    speed, away = norm(v), norm(p)
+    return vec(1.0, 1.0, 1.0, speed, speed, speed, away, away, away)
+
+
 def extended(R: Mat, v: Vec, p: Vec, t: float, corner: float = 1.0) -> Mat:
     """[[R, v, p], [0, 1, t], [0, 0, 1]]."""
     rows = [vec(*R[i], v[i], p[i]) for i in range(3)]
     return mat(*rows, vec(*ZERO, corner, t), vec(*ZERO, 0.0, corner))
-
-
-def half_inverse(w: Vec, v: Vec) -> Vec:
-    """(1 - W/2)^-1 v = 4/(4 + |w|^2) (v + w x v/2 + w (w.v)/4)."""
-    return (4.0 / (4.0 + dot(w, w))) * (v + (0.5 * cross(w, v) + (0.25 * dot(w, v)) * w))
 
 
 def defect(g: Any) -> float:

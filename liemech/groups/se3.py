@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, outer, record, vec
+from ..formulas import Ambient, Element, Mat, Vec, cross, dot, mat, norm, outer, record, vec
 from ..formulas.batches import MEMBERSHIP
 from .bernoulli import BERNOULLI
 from .lie_algebra import Constants, LieAlgebra
@@ -165,19 +165,19 @@ class SE3Algebra(LieAlgebra):
     def cayley_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """Ad* of (cay w, (1 - W/2)^-1 v), without forming the matrix."""
         (w, v), (Pi, P) = halves(xi), halves(mu)
-        moved = Pi - cross(_half_inverse(w, v), P)
+        moved = Pi - cross(half_inverse(w, v), P)
         return join(SO3Algebra().cayley_Ad_star(w, moved), SO3Algebra().cayley_Ad_star(w, P))
 
     def dcayley(self, xi: Vec, eta: Vec) -> Vec:
         """(a', (1 + W/2)^-1 u - v x a'/2) with a' = dcay_w a."""
         (w, v), (a, u) = halves(xi), halves(eta)
         turned = SO3Algebra().dcayley(w, a)
-        return join(turned, _half_inverse(-w, u) - 0.5 * cross(v, turned))
+        return join(turned, half_inverse(-w, u) - 0.5 * cross(v, turned))
 
     def dcayley_dual(self, xi: Vec, mu: Vec) -> Vec:
         """((dcay_w)* (Pi + v x P/2), (1 - W/2)^-1 P)."""
         (w, v), (Pi, P) = halves(xi), halves(mu)
-        return join(SO3Algebra().dcayley_dual(w, Pi + 0.5 * cross(v, P)), _half_inverse(w, P))
+        return join(SO3Algebra().dcayley_dual(w, Pi + 0.5 * cross(v, P)), half_inverse(w, P))
 
     def dcayley_inv(self, xi: Vec, eta: Vec) -> Vec:
         """(dcay_w^-1 a, (1 + W/2)(u + v x a/2))."""
@@ -269,6 +269,13 @@ class SE3(LieGroup):
         """|Pi| where P = 0: such orbits are spheres.  All others are told apart by P.P and Pi.P."""
         return () if mu[3:].any() else (float(np.linalg.norm(mu[:3])),)
 
+    def scale(self, g: Element | None) -> Vec:
+        """1 rad, and the distance from the origin of space (None: 1)."""
+        if g is None:
+            return super().scale(None)
+        away = norm(_parts(g)[1])
+        return vec(1.0, 1.0, 1.0, away, away, away)
+
     def defect(self, g: Ambient) -> float:
         """The defect of the rotation, and how far the last row is from 0 0 0 1."""
         (a, b, c, _), (d, e, f, _), (p, q, r, _), (x, y, z, one) = g
@@ -340,12 +347,12 @@ class SE3(LieGroup):
     def cayley(self, xi: Vec) -> Element:
         """(cay w, (1 - W/2)^-1 v)."""
         w, v = halves(xi)
-        return _matrix(SO3().cayley(w), _half_inverse(w, v))
+        return _matrix(SO3().cayley(w), half_inverse(w, v))
 
     def compose_cayley(self, g: Element, xi: Vec) -> Element:
         """(R + R (cay(w) - 1), p + R (1 - W/2)^-1 v)."""
         (R, p), (w, v) = _parts(g), halves(xi)
-        return _matrix(SO3().compose_cayley(R, w), p + R @ _half_inverse(w, v))
+        return _matrix(SO3().compose_cayley(R, w), p + R @ half_inverse(w, v))
 
     def cayley_inv(self, g: Element) -> Vec:
         """(cay^-1 R, p - w x p/2).  Raises OutsideChart at half a turn."""
@@ -512,7 +519,7 @@ def _cayley_factor(xi: Vec) -> Pair:
     return f, (-0.25 * slope) * (f * f)
 
 
-def _half_inverse(w: Vec, v: Vec) -> Vec:
+def half_inverse(w: Vec, v: Vec) -> Vec:
     """(1 - W/2)^-1 v = 4/(4 + |w|^2) (v + w x v/2 + w (w.v)/4)."""
     return (4.0 / (4.0 + dot(w, w))) * (v + (0.5 * cross(w, v) + (0.25 * dot(w, v)) * w))
 

@@ -308,7 +308,7 @@ class SemidirectProduct(LieGroup):
         return () if mu[3:].any() else (float(np.linalg.norm(mu[:3])),)
 
     def scale(self, g: Element | None) -> Vec:
-        """The scale of the group, and 1 for the vector."""
+        """The scale of the group, and the sizes of the components of the vector (None: 1)."""
         return self._pairs.scale(g)
 
     # ---------------------------------------------------------------- membership

@@ -19,8 +19,8 @@ from .ad_series import mean_slope
 from .lie_algebra import LieAlgebra
 from .lie_group import LieGroup
 from .rotation_coefficients import LIMIT, STUMPFF4, all_coefficients, polynomial
-from .se3 import SE3Algebra, halves, join
-from .se23 import defect, extended, half_inverse, objection, parts, random, thirds
+from .se3 import SE3Algebra, half_inverse, halves, join
+from .se23 import defect, extended, objection, parts, random, sizes, thirds
 from .so3 import SO3, SO3Algebra
 
 STUMPFF4_SLOPE = (-1 / 720, 1 / 20160, -1 / 1209600, 1 / 119750400, -1 / 17435658240, 0.0, 0.0)
@@ -180,6 +180,10 @@ class SGal3(LieGroup):
         return (3, 3, 3, 1)
 
     # ---------------------------------------------------------------- membership
+
+    def scale(self, g: Element | None) -> Vec:
+        """1 rad, the speed, the distance from the origin of space, and the time (None: 1)."""
+        return super().scale(None) if g is None else vec(*sizes(g), abs(g[3, 4]))
 
     def defect(self, g: Ambient) -> float:
         """The defect of the rotation, and how far the last rows are from 0 0 0 1 t and 0 0 0 0 1."""

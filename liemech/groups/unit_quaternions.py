@@ -200,7 +200,7 @@ class UnitQuaternions(LieGroup):
         half = 0.5 * xi
         y = dot(half, half)
         if 4.0 * y >= HUGE:
-            return self.compose(g, self.cayley(xi))
+            return self.compose(g, self.cayley(xi)) - (g - g)  # a zero that remembers, if g does
         size = sqrt(1.0 + y)
         return g + self.compose(g, _quaternion(half / size, -y / (size * (1.0 + size))))
 

@@ -116,6 +116,10 @@ class VectorSpace(LieGroup):
         """None: every orbit is a point."""
         return ()
 
+    def scale(self, g: Element | None) -> Vec:
+        """The sizes of the components (None: 1)."""
+        return super().scale(None) if g is None else vec(*[abs(x) for x in g])
+
     def nearest(self, g: Ambient) -> Element:
         """g: every vector is an element."""
         return g

@@ -42,16 +42,17 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, NoConvergence
 from ..formulas import Mat, Record, Vec, cross, dot, mat, record, sqrt, vec, vectors, where
-from ..formulas.pytree import fitted, layout_of
-from ..groups.product import ProductGroup
+from ..formulas.pytree import fitted, layout_of, with_fields
+from ..groups.power import PowerGroup
+from ..groups.product import ProductGroup, entries
 from ..groups.rotation_coefficients import LIMIT, SINC, VERSINE, polynomial
 from ..groups.se3 import SE3, join
 from ..groups.so3 import SO3, plus
 from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
-from ..retractions import Cayley
-from ..systems.kinetic_energy import KineticEnergy, times
-from ..systems.lie_poisson import BodyState
+from ..retractions import Cayley, Exponential
+from ..systems.kinetic_energy import KineticEnergy, times, trace
+from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from .method import Method
 
@@ -88,7 +89,8 @@ class ExactFreeBody(Method):
     Explicit, symmetric, symplectic; energy, |mu| and spatial momentum kept to rounding.  A step of
     more than a tenth of a turn is made in equal parts.
     Also for a body in space, on SE3() or ProductGroup(SO3(), VectorSpace(3)): it turns freely, its
-    centre of mass flies straight.
+    centre of mass flies straight; and for masses on VectorSpace(n).  On a power of such
+    a group every site moves so.
 
     Without a field `body.exact` gives any time at once.  In a field it is the free part of a
     splitting, `KickDrift`.
@@ -125,6 +127,11 @@ class ExactFreeBody(Method):
         """Move along the orbit in equal parts short enough for the formula; mostly one part is
         enough.
         """
+        if isinstance(system.group, PowerGroup):
+            return self._site_by_site(system, t, state, h)
+        if isinstance(system.group, VectorSpace):
+            moved = system.displaced(Exponential(), state, h * system.velocity(state.mu))
+            return fitted(moved, layout_of(state))
         orbit, parts, unit = self._cut(_turning(system.hamiltonian.inverse), _turning(state.mu), h)
         layout, done = layout_of(state), 0.0
         while done < parts:
@@ -134,6 +141,24 @@ class ExactFreeBody(Method):
             state = fitted(system.displaced(Cayley(), state, x), layout)
             done = done + 1.0
         return state
+
+    def _site_by_site(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
+        """The step of many sites, each of them a free body, in a row."""
+        group, n = system.group, system.group.base.dim
+        mu: list[Any] = []
+        g: list[Any] = []
+        for i in range(group.copies):
+            one = with_fields(
+                system,
+                group=group.base,
+                hamiltonian=system.hamiltonian.of_one_at(i),
+                lagrangian=None,
+            )
+            there = None if state.g is None else group.site(state.g, i)
+            after = self.step(one, t, BodyState(state.mu[n * i : n * (i + 1)], there), h)
+            mu = [*mu, *after.mu]
+            g = g if after.g is None else [*g, *entries(after.g)]
+        return BodyState(vec(*mu), None if state.g is None else vec(*g))
 
     def _cut(self, inverse: Vec | Mat, mu: Vec, h: float) -> tuple[Orbit, float, float]:
         """The orbit through mu for parts of a step, how many parts make the step, and the factor
@@ -151,7 +176,7 @@ class ExactFreeBody(Method):
         w = times(K, mu)
         action, per_square = dot(mu, w), 1.0 / where(square > FINE, square, 1.0)
         D = _plus(K, -action * per_square)
-        parts, size = 1.0, max(dot(w, w) / TURN, square * _trace(times(D, D)) / SHORT)
+        parts, size = 1.0, max(dot(w, w) / TURN, square * trace(times(D, D)) / SHORT)
         if size > 1.0:
             while size > 1.0 and parts <= PARTS:
                 parts, size = 2.0 * parts, 0.25 * size
@@ -208,11 +233,11 @@ class Orbit(Record):
 def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square: float) -> Orbit:
     """The orbit with these constants; action = mu . K mu, square = G^2."""
     C = square * _cofactors(D)
-    third = (-1 / 3) * _trace(C)
+    third = (-1 / 3) * trace(C)
     roots = _plus(C, third)
     squares = times(roots, roots)
     # wp(s) = 1/s^2 + c2 s^2 + c3 s^4 + ... + c8 s^14:  wp(1) = 1 + p,  -wp'(1)/2 = 1 - q
-    c2, c3 = 0.1 * _trace(squares), (1 / 21) * _trace(times(squares, roots))
+    c2, c3 = 0.1 * trace(squares), (1 / 21) * trace(times(squares, roots))
     s2, s3, s23 = c2 * c2, c3 * c3, c2 * c3
     c4, c5, c6 = (1 / 3) * s2, (3 / 11) * s23, (2 / 39) * (c2 * s2) + (1 / 13) * s3
     c7, c8 = (2 / 33) * (c2 * s23), c2 * ((5 / 663) * (c2 * s2) + (60 / 2431) * s3)
@@ -234,8 +259,8 @@ def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square:
     grown = _plus(-2.0 * (squares + (1.0 + p) * roots), (2.0 * p + p * p) + (5.0 * c2 + q))
     # scale - u^2, times the unit matrix
     excess = (2.0 * u) * grown + (times(grown, grown) + (4.0 * u * u) * C)
-    along = _plus(_cofactors(grown) - (u * grown + excess), u * _trace(grown))
-    scale = u * u + (1 / 3) * _trace(excess)
+    along = _plus(_cofactors(grown) - (u * grown + excess), u * trace(grown))
+    scale = u * u + (1 / 3) * trace(excess)
     per_u, least = 1.0 / u, (1.0 + p) - third
     middle = (least * per_square * per_u * per_u) * _cofactors(_plus(-roots, 1.0 + p))
     turning = 2.0 * turn * versed / sine
@@ -258,10 +283,6 @@ def _orbit(K: Vec | Mat, D: Vec | Mat, action: float, square: float, per_square:
 
 def _plus(m: Vec | Mat, s: float) -> Vec | Mat:
     return plus(m, s) if isinstance(m, vectors.Mat) else vec(m[0] + s, m[1] + s, m[2] + s)
-
-
-def _trace(m: Vec | Mat) -> float:
-    return m[0, 0] + m[1, 1] + m[2, 2] if isinstance(m, vectors.Mat) else m[0] + m[1] + m[2]
 
 
 def _cofactors(m: Vec | Mat) -> Vec | Mat:
@@ -301,18 +322,21 @@ def _why_not(system: Any) -> str:
     """Why a system is not a free rigid body; empty if it is."""
     if isinstance(system, MechanicalSystem):
         return "it is in a field"
+    if isinstance(system, LiePoissonSystem):
+        system = system.of_site() or system
     group, energy = getattr(system, "group", None), getattr(system, "hamiltonian", None)
+    if isinstance(group, VectorSpace) and isinstance(energy, KineticEnergy):
+        return ""
     in_space = isinstance(group, SE3) or group == ProductGroup(SO3(), VectorSpace(3))
     if not (isinstance(group, (SO3, UnitQuaternions)) or in_space):
         return "it does not turn in space"
     if not isinstance(energy, KineticEnergy):
         return "its energy is not quadratic"
     if in_space:
-        whole = np.array(energy.inertia)
-        whole = np.diag(whole) if whole.ndim == 1 else whole
-        mass = whole[3:, 3:]
-        if whole[:3, 3:].any() or (
-            isinstance(group, SE3) and (mass != mass[0, 0] * np.eye(3)).any()
+        whole = energy.inertias
+        mass = whole[:, 3:, 3:]
+        if whole[:, :3, 3:].any() or (
+            isinstance(group, SE3) and (mass != mass[:, :1, :1] * np.eye(3)).any()
         ):
             return "its centre of mass does not fly straight on, as in a fluid"
     return ""

@@ -6,12 +6,16 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+import numpy as np
+
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
-from ..formulas import Mat, Vec, dot, identity_matrix, jacobian, record
+from ..formulas import Mat, Vec, dot, identity_matrix, jacobian, record, vec
 from ..solvers import newton
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
+from ..systems.system import member
+from ..systems.tabulated import inputs
 from ..tableaus.splittings import (
     BLANES_CASAS_ESCORIHUELA8,
     BLANES_MOAN4,
@@ -42,6 +46,16 @@ class FieldSplitting(Remembering):
                 f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {told}"
             )
         self.free.require(system.body)  # type: ignore[attr-defined]
+
+    def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
+        """Above order 2, whether a load takes the order away: one that depends on the velocity."""
+        order = self.tableau.order  # type: ignore[attr-defined]
+        if order <= 2 or system.load is None or not _feels_velocity(system, start):
+            return None
+        return (
+            f"{self!r} is of order 2 under {system.load!r}, which depends on the velocity; "
+            f"Composition(KickDrift(), order={order}) keeps its order"
+        )
 
     def at_node(self, system: Any, state: BodyState, h: float) -> Any:
         """The force of the field; None if a step begins with a drift."""
@@ -130,6 +144,27 @@ def _load(system: Any, t: float, mu: Vec, g: Any) -> Vec:
     return system.load.covector(t, system.velocity(mu), g)
 
 
+def _feels_velocity(system: Any, start: BodyState) -> bool:
+    """Is the load another one at another velocity?  Looked at where the body starts, at t = 0 or
+    where a table begins; of an ensemble where the first one does.
+    """
+    body = member(start, 0)
+    mu = np.array(body.mu)
+    large = float(np.abs(mu).max()) or 1.0
+    others = [mu + share * large * e for share in (1e-3, 1.0, 1e3) for e in np.eye(len(mu))]
+    begin = [float(np.asarray(table.knots)[0]) for table in inputs(system)]
+    for t in (0.0, *begin):
+        try:
+            there = [vec(*_load(system, t, vec(*m.tolist()), body.g)) for m in (mu, *others)]
+        except (
+            ArithmeticError,
+            ValueError,
+        ):  # outside of a table, or of what a formula is defined for
+            continue
+        return any(other != there[0] for other in there[1:])
+    return False
+
+
 @record
 class KickDrift(FieldSplitting):
     """Splitting of H = T + V: the field kicks, mu' = f(g) with g at rest, and the body drifts
@@ -210,7 +245,8 @@ class KickDrift(FieldSplitting):
     def require(self, system: Any) -> None:
         """A body in a field that the free motion accepts, with an energy that the tableau accepts."""
         super().require(system)
-        if self.tableau.quadratic and not isinstance(system.body.hamiltonian, KineticEnergy):
+        one = system.body.of_site() or system.body
+        if self.tableau.quadratic and not isinstance(one.hamiltonian, KineticEnergy):
             raise IncompatibleSystem(
                 f"{self!r} is for energies quadratic in the momentum; {system.body!r} has another "
                 f"one. Composition(KickDrift({self.free!r}), "

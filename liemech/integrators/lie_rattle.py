@@ -12,8 +12,9 @@ from ..formulas import Element, Mat, Vec, dot, norm, plain, record, vec, vectors
 from ..formulas.sizes import EPSILON
 from ..retractions import Exponential, Retraction
 from ..solvers import NOISE
-from ..systems.conditions import joint, led, pulled, solved_sparse, speeds, times
+from ..systems.conditions import joint, led, pulled, solved_sparse, speeds
 from ..systems.constrained_body import ConstrainedBody
+from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
 from .memory import Memory, Remembering, extrapolated, followed, repeated
 from .method import alternatives

@@ -13,7 +13,7 @@ from ..groups.so3 import SO3, plus
 from ..groups.unit_quaternions import UnitQuaternions
 from ..retractions import Cayley
 from ..solvers import beyond_fold, newton
-from ..systems.kinetic_energy import KineticEnergy
+from ..systems.kinetic_energy import KineticEnergy, trace
 from ..systems.lie_poisson import BodyState
 from .exact_free_body import ExactFreeBody
 from .implicit import Implicit
@@ -173,7 +173,7 @@ class ExactMoserVeselov(MoserVeselov):
                 f"for this motion; try {0.25 * h:g}"
             )
         K: Any = body.hamiltonian.inverse
-        shift = d * _trace(K) / (inverse[0] + inverse[1] + inverse[2])
+        shift = d * trace(K) / (inverse[0] + inverse[1] + inverse[2])
         fitted: Any = (
             1.0 / vec(*[(1.0 + s) * k + shift for k in K])
             if isinstance(K, vectors.Vec)
@@ -263,10 +263,6 @@ def _combined(a: Vec, b: Vec, wanted: Vec) -> tuple[float, float, Vec]:
     s = dot(across, rest) / spread if spread > PARALLEL * dot(a, a) else 0.0
     d = dot(b, wanted - s * a) / size
     return s, d, wanted - s * a - d * b
-
-
-def _trace(m: Vec | Mat) -> float:
-    return m[0, 0] + m[1, 1] + m[2, 2] if isinstance(m, vectors.Mat) else m[0] + m[1] + m[2]
 
 
 def _fingerprint(system: Any, mu: Vec) -> Vec:

@@ -19,6 +19,8 @@ from .henon_heiles import HenonHeiles as HenonHeiles
 from .kirchhoff import KirchhoffBody as KirchhoffBody
 from .lotka_volterra import LotkaVolterra as LotkaVolterra
 from .maxwell_bloch import MaxwellBloch as MaxwellBloch
+from .mutual_gravity import GravitatingBodies as GravitatingBodies
+from .mutual_gravity import MutualGravity as MutualGravity
 from .n_body import NBody as NBody
 from .orthogonal_body import OrthogonalBody as OrthogonalBody
 from .pendulums import DoublePendulum as DoublePendulum
@@ -29,3 +31,5 @@ from .space_bodies import FallingBody as FallingBody
 from .space_bodies import OrbitingBody as OrbitingBody
 from .surfaces import ParticleOnEllipsoid as ParticleOnEllipsoid
 from .toda import TodaLattice as TodaLattice
+from .water import SPC as SPC
+from .water import Gravity as Gravity

@@ -7,13 +7,56 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Vec, dot, real_array, record, vec
+from ..formulas.of_each import each
 from ..groups.matrix_group import whole_number
+from ..groups.vector_space import VectorSpace
 from ..systems.canonical import CanonicalState
-from ..systems.separable import SeparableSystem
+from ..systems.graphs import edges
+from ..systems.kinetic_energy import KineticEnergy
+from ..systems.lie_poisson import LiePoissonSystem
+from ..systems.mechanical import MechanicalSystem
+from ..systems.separable_sites import SeparableSites
+from ..systems.terms import PerSite, Term, Terms
 
 
 @record
-class FermiPastaUlam(SeparableSystem):
+class Spring(Term):
+    """A spring between two masses on a line, d^2/2 + alpha d^3/3 + beta d^4/4 with d = x_b - x_a.
+
+    Source: Ford, Phys. Rep. 213 (1992), 271.
+    """
+
+    alpha: float
+    beta: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        """Of two masses."""
+        return _energy(b.g[0] - a.g[0], self.alpha, self.beta)
+
+
+@record
+class Walls(Term):
+    """Springs to the walls, of the masses whose parameters `left` and `right` are 1.
+
+    Source: Ford, Phys. Rep. 213 (1992), 271.
+    """
+
+    alpha: float
+    beta: float
+
+    def energy(self, a: Any) -> float:
+        """Of one mass."""
+        left = a.left * _energy(a.g[0], self.alpha, self.beta)
+        return left + a.right * _energy(-a.g[0], self.alpha, self.beta)
+
+
+def _energy(d: float, alpha: float, beta: float) -> float:
+    """Of a spring that is longer by d."""
+    return d * d * (0.5 + d * (alpha / 3.0 + d * (0.25 * beta)))
+
+
+@record
+class FermiPastaUlam(SeparableSites):
     """n unit masses between two walls, H = sum p_i^2/2 + sum (d^2/2 + alpha d^3/3 + beta d^4/4)
     over the n + 1 stretches d.
 
@@ -38,6 +81,23 @@ class FermiPastaUlam(SeparableSystem):
         """n."""
         return self.particles
 
+    @property
+    def sites(self) -> int:
+        """n."""
+        return self.particles
+
+    def masses_in_space(self) -> MechanicalSystem:
+        """The masses on VectorSpace(1) ** n, with springs to their neighbours and to the walls."""
+        n, number = self.particles, np.arange(self.particles)
+        pairs = np.column_stack([number[:-1], number[1:]])
+        springs = Spring(self.alpha, self.beta).over(edges(pairs, sites=n, ordered=True))
+        walls = Walls(self.alpha, self.beta)
+        field: Any = Terms(
+            springs, walls, left=each(1.0 * (number == 0)), right=each(1.0 * (number == n - 1))
+        )
+        kinetic: Any = PerSite(KineticEnergy([1.0]))
+        return MechanicalSystem(LiePoissonSystem(VectorSpace(1) ** n, kinetic), field)
+
     def kinetic(self, p: Vec) -> float:
         """sum p_i^2/2.  p : (n,)."""
         return 0.5 * dot(p, p)
@@ -46,7 +106,7 @@ class FermiPastaUlam(SeparableSystem):
         """The energy of the springs.  q : (n,)."""
         total = 0.0
         for d in self._stretches(q):
-            total = total + d * d * (0.5 + d * (self.alpha / 3.0 + d * (0.25 * self.beta)))
+            total = total + _energy(d, self.alpha, self.beta)
         return total
 
     def velocity(self, q: Vec, p: Vec) -> Vec:

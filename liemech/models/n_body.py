@@ -4,13 +4,23 @@ System.
 
 from __future__ import annotations
 
+from typing import Any, ClassVar
+
 import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Vec, norm, record, vec
+from ..formulas.of_each import each
+from ..groups.vector_space import VectorSpace
 from ..systems.canonical import CanonicalState
-from ..systems.separable import SeparableSystem
+from ..systems.graphs import all_pairs
+from ..systems.kinetic_energy import KineticEnergy
+from ..systems.lie_poisson import LiePoissonSystem
+from ..systems.mechanical import MechanicalSystem
+from ..systems.separable_sites import SeparableSites
+from ..systems.terms import PerSite, Terms
 from .pendulums import check_positive
+from .water import Gravity
 
 VX, VY = 0.3471168881189269382427769203203, 0.53272494538803022926202798769193
 """Velocities of the figure eight (Newton's method on the choreography, 30 digits); Li and Liao have
@@ -45,17 +55,20 @@ OUTER = (
 
 
 @record
-class NBody(SeparableSystem):
+class NBody(SeparableSites):
     """Point masses in space or in the plane, H = sum |p_i|^2/(2 m_i) - G sum_(i < j) m_i
     m_j/|q_i - q_j|.
 
     masses : m, (N,).  gravity : G.  dimension : 3, or 2 for motion in a plane.
     q, p : positions and momenta of all bodies, one body after the other, (N dimension,).
 
+    Seven bodies in space are written out, as one; of more, one body is stepped in a loop over all,
+    which is faster from there on, and takes any number.
     Conserved: the energy, the total momentum and the angular momentum.
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.2.4.
     """
 
+    small: ClassVar[int] = 21
     masses: Vec
     gravity: float = 1.0
     dimension: int = 3
@@ -76,6 +89,18 @@ class NBody(SeparableSystem):
     def degrees(self) -> int:  # type: ignore[override]
         """N times the dimension."""
         return self.dimension * len(self.masses)
+
+    @property
+    def sites(self) -> int:
+        """N."""
+        return len(self.masses)
+
+    def masses_in_space(self) -> MechanicalSystem:
+        """The masses on VectorSpace(dimension) ** N, with `Gravity` of all pairs."""
+        m, d = np.array(self.masses), self.dimension
+        kinetic: Any = PerSite(KineticEnergy(each(np.repeat(m[:, None], d, axis=1))))
+        pulls: Any = Terms(Gravity(self.gravity).over(all_pairs()), mass=each(m))
+        return MechanicalSystem(LiePoissonSystem(VectorSpace(d) ** len(m), kinetic), pulls)
 
     def kinetic(self, p: Vec) -> float:
         """sum |p_i|^2/(2 m_i).  p : (N dimension,)."""
@@ -129,9 +154,13 @@ class NBody(SeparableSystem):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, momentum, angular momentum."""
+        return super().constants(states) | self.momenta_of_sites(states)
+
+    def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Momentum, angular momentum."""
         q, p = states["q"], states["p"]
         kept = {"momentum": self.momentum(p), "angular momentum": self.angular_momentum(q, p)}
-        return super().constants(states) | {name: np.asarray(value) for name, value in kept.items()}
+        return {name: np.asarray(value) for name, value in kept.items()}
 
     def _apart(self, q: Vec, i: int, j: int) -> Vec:
         d = self.dimension

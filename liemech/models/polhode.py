@@ -12,11 +12,12 @@ from typing import Any
 
 from ..compiler.driver import read, write
 from ..formulas import Mat, Record, Vec, record, sqrt, vec, where
-from ..formulas.pytree import NUMBER, vector_layout
+from ..formulas.pytree import NUMBER, layout_of, vector_layout
 from ..groups.rotation_coefficients import SINC, VERSINE, polynomial
 from .carlson import elliprj
 
-MOMENTUM, ATTITUDE = vector_layout(3), vector_layout(9)
+MOMENTUM = vector_layout(3)
+WITH_ATTITUDE = layout_of((vec(0.0, 0.0, 0.0), vec(*[0.0] * 9)))
 
 LONGEST = 1e300
 """A phase beyond 2^53 radians has lost its last digit.  This bound on the time keeps it a number."""
@@ -182,10 +183,12 @@ def moved(p: Polhode, start: Mat | None, times: Any, rows: Any) -> None:
     """The motion at one time."""
     t = at(p, read(times, 0, NUMBER))
     e, s, c, turns = direction(p, t)
-    write(rows, 0, vec(*momentum(p, e)), MOMENTUM)
-    if start is not None:
+    mu = vec(*momentum(p, e))
+    if start is None:
+        write(rows, 0, mu, MOMENTUM)
+    else:
         sine, cosine = sin_cos(angle(p, t, s, c, turns))
-        write(rows, 3, vec(*attitude(p.axes, start, e, cosine, sine)), ATTITUDE)
+        write(rows, 0, (mu, vec(*attitude(p.axes, start, e, cosine, sine))), WITH_ATTITUDE)
 
 
 def at(p: Any, t: Any) -> Any:

@@ -4,6 +4,7 @@ canonical systems are.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,11 @@ Array = NDArray[np.float64]
 
 
 def configurations(system: Any) -> LieGroup | None:
-    """The group whose elements tell where the body is; None for systems that move on no group."""
+    """The group whose elements tell where the body is, of a group itself; None for systems that move
+    on no group.
+    """
+    if isinstance(system, LieGroup):
+        return system
     if isinstance(system, (MechanicalSystem, BoundBody)):
         return system.configurations
     return getattr(system, "group", None)
@@ -154,3 +159,42 @@ def rotated(q: Array, v: Array) -> Array:
     u, w = q[:, :3], q[:, 3:]
     across = 2.0 * np.cross(u, np.broadcast_to(v, u.shape))
     return v + w * across + np.cross(u, across)
+
+
+def toward(d: Array) -> Array:
+    """The quaternion of the shortest turn that takes the third axis to a direction."""
+    x, y, z = d / np.linalg.norm(d)
+    if z < -1.0 + 1e-9:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    q = np.array([-y, x, 0.0, 1.0 + z])
+    return q / np.linalg.norm(q)
+
+
+def rotation(q: Array) -> Array:
+    """The matrix of a unit quaternion (x, y, z, w)."""
+    x, y, z, w = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def carried(directions: Array) -> Array:
+    """Quaternions (n, 4) that take the third axis to directions (n, 3), each by the shortest turn
+    from the one before.
+    """
+    q = toward(directions[0])
+    rows = [q]
+    for a, b in pairwise(directions):
+        half = np.append(np.cross(a, b), 1.0 + a @ b)
+        size = np.linalg.norm(half)
+        if size > 1e-9:  # opposite directions have no shortest turn
+            u, v = half[:3] / size, half[3] / size
+            q = np.append(v * q[:3] + q[3] * u + np.cross(u, q[:3]), v * q[3] - u @ q[:3])
+        else:
+            q = toward(b)
+        rows.append(q)
+    return np.array(rows)

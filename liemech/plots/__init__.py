@@ -22,11 +22,13 @@ from .poincare import poincare_section, section
 from .polhode import herpolhode, herpolhode_points, polhode
 from .projection import VIEW, split_at_horizon, view_frame
 from .sphere import momentum_sphere
-from .style import COLORS, MOST_DOTS, save
+from .spins import spins
+from .style import COLORS, DIRECTIONS, MOST_DOTS, save
 from .vertical import vertical
 
 __all__ = [
     "COLORS",
+    "DIRECTIONS",
     "MOST_DOTS",
     "VIEW",
     "Panel",
@@ -52,6 +54,7 @@ __all__ = [
     "save",
     "section",
     "separatrix",
+    "spins",
     "split_at_horizon",
     "vertical",
     "view_frame",

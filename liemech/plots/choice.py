@@ -17,6 +17,7 @@ from .components import components
 from .path import has_path, path
 from .phase import phase_portrait
 from .sphere import momentum_sphere
+from .spins import has_spins, spins
 from .style import needs_run
 from .vertical import vertical
 
@@ -28,9 +29,10 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
     """Draw what tells most about a run.
 
     A body that rotates freely: its momentum on the sphere, of an ensemble a cloud. A top: the
-    vertical it sees. A body that flies: its path, of a linkage that of every body. One degree of
-    freedom: the phase plane; two or three: the path. An equation on rotations: the quaternion; on a
-    sphere: the point there. Everything else: its components over time.
+    vertical it sees. Spins on a square or cubic lattice: their directions at the end. A body that
+    flies: its path, of a linkage that of every body. One degree of freedom: the phase plane; two or
+    three: the path. An equation on rotations: the quaternion; on a sphere: the point there.
+    Everything else: its components over time.
 
     Returns the axes; `plots.save(ax.figure, "run.png")` writes them.
     """
@@ -46,6 +48,8 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
             return momentum_sphere(x, ax=ax, title=title)
         return components(run, ax=ax, title=title)
     group = configurations(system)
+    if has_spins(run):
+        return spins(run, ax=ax, title=title)
     if isinstance(system, Linkage) and has_path(run):
         return path(run, ax=ax, title=title)
     if not is_pose(group):

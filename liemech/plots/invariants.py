@@ -99,7 +99,7 @@ def changes(run: Any, name: str) -> Array:
     """The relative change of a constant since the start, (n,); of an ensemble the largest among the
     bodies.
     """
-    values = np.asarray(run.system.constants(run.states)[name])
+    values = np.asarray(run._constants[name])
     axes = 1 if run.bodies is None else 2
     values = values.reshape(*values.shape[:axes], -1)
     change = np.linalg.norm(values - values[0], axis=-1)
@@ -144,7 +144,7 @@ def _least() -> float:
 
 
 def _names(run: Any, names: Sequence[str] | None) -> list[str]:
-    known = list(run.system.constants(run.states))
+    known = list(run._constants)
     if not known:
         raise InvalidInput(
             f"plots: no constants of the motion of {run.system!r} are "

@@ -28,6 +28,10 @@ purple, orange, sky.
 MARKERS = ("o", "s", "^", "D", "v", "P")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 """Markers and dashes repeat what the colours say, for pictures printed in grey."""
+DIRECTIONS = ("#1E90D8", "#2B2F36", "#E06A10")
+"""Of directions, from against an axis over across it to along it: blue, ink, orange, each told from
+white and from the others by every kind of colour vision.
+"""
 SCALE = "cividis"
 """Matplotlib's scale of colours for numbers: read alike by every kind of colour vision."""
 INK, GREY, GRID = "#1a1a1a", "#5f6672", "#e4e7ec"

@@ -15,7 +15,9 @@ from ..errors import IntegrationFailure, InvalidInput, MissingExtra
 from ..formulas.pytree import layout_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
-from ..systems.system import State, System
+from ..systems.canonical import CanonicalState
+from ..systems.site_state import SiteState
+from ..systems.system import State, System, small_state
 from .arrival import FictiveMotion
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .dense import DenseOutput
@@ -23,6 +25,7 @@ from .encoding import Decoder, encoded
 from .events import Met
 from .fictive import FictiveCarry, Origin
 from .files import read, write
+from .sites_carry import SiteCarry
 from .stopped import Stopped
 from .systems import Methods, OfBodies, Systems, of_body
 
@@ -89,6 +92,11 @@ def _of_each(thing: Any) -> Any:
 
 def _carried(carry: Any, name: str, arrays: dict[str, Any]) -> dict[str, Any]:
     """What is told of a carry; its arrays go to the others, by this name."""
+    if isinstance(carry, SiteCarry):
+        parts = {f"{name}.state.{part}": x for part, x in carry.state.arrays.items()}
+        arrays |= {f"{name}.numbers": carry.numbers} | parts
+        told = {"t0": carry.t0, "h": carry.h, "step": carry.step, "sites": list(carry.state.arrays)}
+        return told | {"met": carry.met}
     if isinstance(carry, Waiting):
         return {"state": encoded(carry.state), "waiting": carry.t}
     if isinstance(carry, Ended):
@@ -97,11 +105,18 @@ def _carried(carry: Any, name: str, arrays: dict[str, Any]) -> dict[str, Any]:
         return {"state": encoded(carry.state), "there": there}
     if isinstance(carry, AdaptiveCarry):
         arrays |= {f"{name}.numbers": carry.numbers, f"{name}.clock": carry.clock}
-        told = {"t": carry.t, "state": encoded(carry.state), "ended": carry.ended}
+        told = {"t": carry.t, "state": encoded(carry.state), "ended": carry.event}
         return told | {"met": carry.met}
     fictive, met = isinstance(carry, FictiveCarry), carry.met
     inner = carry.inner if fictive else carry
-    arrays |= {f"{name}.numbers": inner.numbers, f"{name}.last": inner.last}
+    taken = inner.step if inner.taken is None else inner.taken
+    steps = np.broadcast_to(np.asarray(taken, float), inner.numbers.shape[1:])[
+        None
+    ]  # behind the numbers
+    arrays |= {
+        f"{name}.numbers": np.concatenate([inner.numbers, steps]),
+        f"{name}.last": inner.last,
+    }
     told = {"t0": inner.t0, "h": encoded(inner.h), "step": inner.step, "met": met}
     told["state"] = encoded(tuple(inner.state.parts.values()) if fictive else inner.state)
     told["failures"] = {str(i): str(error) for i, error in inner.failures.items()}
@@ -115,6 +130,10 @@ def _carry_of(
     kept: Any, name: str, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder
 ) -> Any:
     """The carry of which that was told.  origin : of a run in fictive time."""
+    if "sites" in kept:
+        parts = {part: arrays[f"{name}.state.{part}"] for part in kept["sites"]}
+        there = SiteState(**parts) if "mu" in parts else small_state(CanonicalState, parts)
+        return SiteCarry(kept["t0"], kept["h"], kept["step"], arrays[f"{name}.numbers"], there)
     state: Any = decode(kept["state"])
     wanted: Any = State if origin is None or "step" not in kept else tuple
     if not isinstance(state, wanted):
@@ -132,8 +151,10 @@ def _carry_of(
     failures: dict[int, Exception | None] = {
         int(i): IntegrationFailure(text) for i, text in kept["failures"].items()
     }
-    own = arrays[f"{name}.numbers"], arrays[f"{name}.last"]
-    carry = Carry(None, kept["t0"], decode(kept["h"]), kept["step"], bodies, *own, failures, met)
+    numbers, steps = arrays[f"{name}.numbers"][:-1], arrays[f"{name}.numbers"][-1]
+    taken = None if bodies is None or (steps == kept["step"]).all() else steps
+    given = kept["t0"], decode(kept["h"]), kept["step"], bodies, numbers, arrays[f"{name}.last"]
+    carry = Carry(None, *given, failures, met, taken)
     if origin is None:
         vars(carry)["state"] = state
         return carry

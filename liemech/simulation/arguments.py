@@ -50,10 +50,22 @@ def matching(system: Any, method: Any) -> None:
         raise InvalidType(
             f"integrate: system must be a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}"
         )
-    method.require(system)
+    try:
+        method.require(system)
+    except IncompatibleSystem:
+        site = system.of_site()  # which a method may accept, and not all sites as one body
+        if site is None:
+            raise
+        method.require(site)
 
 
 def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
+    """The start of a run as formulas take it, with what is recorded and what that needs."""
+    return with_parts(system, system._written_out(known(system, start)), record)
+
+
+def known(system: Any, start: Any) -> State:
+    """The start, made by the system's `state`."""
     if not isinstance(start, State):
         raise InvalidType(
             f"integrate: start must come from system.state(...); got {type(start).__name__}"
@@ -66,6 +78,11 @@ def started(system: Any, start: Any, record: Iterable[str] | None) -> State:
             raise InvalidType(
                 f"integrate: start has {parts} and is of another kind of system than {system!r}"
             ) from None
+    return start
+
+
+def with_parts(system: Any, start: State, record: Iterable[str] | None) -> State:
+    """The start with what is recorded, and with what that needs."""
     if record is None:
         return start
     least = [name for name, x in system.essential_part(start).parts.items() if x is not None]

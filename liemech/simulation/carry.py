@@ -20,16 +20,16 @@ from .stopped import Stopped
 
 @dataclasses.dataclass(eq=False)
 class Carry:
-    """Where a run stands, with all that its method carries along: from here it goes on as if it had
-    never stopped.
+    """Where a run with fixed steps stands, with all that its method carries along: from here it goes
+    on as if it had never stopped.
 
     t0, h, step : the time is t0 + step h; h is one for each body if they have steps of their own.
     bodies : of an ensemble.
-    numbers : (width + 1,) or (width + 1, bodies), of what the method carries along, and the steps
-    taken.
-    last : the numbers of the state, in the memory of the samples until `keep`.
+    numbers : (width,) or (width, bodies), of what the method carries along.
+    last : the numbers of the state.
     failures : what ended bodies that stopped.  Nothing else of it is changed, ever.
     met : how many zeros of every event were met.
+    taken : (bodies,) of an ensemble of which bodies stopped the steps that each took.
     """
 
     shape: Shape | None = dataclasses.field(repr=False)
@@ -41,31 +41,40 @@ class Carry:
     last: np.ndarray = dataclasses.field(repr=False)
     failures: dict[int, Exception | None] = dataclasses.field(default_factory=dict, repr=False)
     met: Met = NO_EVENTS
+    taken: np.ndarray | None = dataclasses.field(default=None, repr=False)
 
     @classmethod
     def quickly(
         cls, shape: Shape, t0: float, h: Any, step: int, numbers: np.ndarray, last: np.ndarray,
-        met: Met,
+        met: Met = NO_EVENTS, bodies: int | None = None,
     ) -> Carry:  # fmt: skip
-        """Of one body that has not failed, in half the time that a dataclass takes."""
+        """Of bodies that have not failed, in half the time that a dataclass takes."""
         made = object.__new__(cls)
         made.__dict__ = {
             "shape": shape,
             "t0": t0,
             "h": h,
             "step": step,
-            "bodies": None,
+            "bodies": bodies,
             "numbers": numbers,
             "last": last,
             "failures": {},
             "met": met,
+            "taken": None,
         }
         return made
 
     @property
+    def steps(self) -> Any:
+        """How many steps were taken, by each body if some have stopped."""
+        return self.step if self.taken is None else np.maximum(self.taken, 0)
+
+    @property
     def t(self) -> Any:
-        """The time, in s; of bodies with steps of their own those of all, (bodies,)."""
-        return self.t0 + self.step * (self.h if type(self.h) is float else np.array(self.h))
+        """The time, in s; of bodies with steps of their own, or of which some stopped, those of all,
+        (bodies,).
+        """
+        return self.t0 + self.steps * (self.h if type(self.h) is float else np.array(self.h))
 
     @functools.cached_property
     def state(self) -> State:
@@ -79,21 +88,33 @@ class Carry:
     @property
     def stopped(self) -> Stopped:
         """The bodies of an ensemble that go no further."""
-        taken = np.atleast_1d(self.numbers[-1])
-        h = np.broadcast_to(self.h, taken.shape)
-        steps = {int(i): max(0, int(taken[i])) for i in np.flatnonzero(taken < self.step)}
-        return Stopped(
-            steps,
-            lambda i: failure(
-                self.failures.get(i),
-                f"body {i}",
-                f"step {int(taken[i]) + 1}, t = {self.t0 + taken[i] * h[i]:g}",
-            ),
-        )
+        steps = {} if self.taken is None else {
+            int(i): max(0, int(self.taken[i])) for i in np.flatnonzero(self.taken < self.step)
+        }  # fmt: skip
+        return Stopped(steps, lambda i: self.error(i, steps[i]))
 
-    def keep(self) -> None:
-        """A copy of the last sample, before somebody gets the samples and may write to them."""
-        self.last = self.last.copy()
+    def error(self, i: int, steps: int) -> IntegrationFailure:
+        """Why a body stopped, after so many steps."""
+        error = self.failures.get(i)
+        t = self.t0 + steps * (self.h if type(self.h) is float else self.h[i])  # type: ignore[index]
+        return failure(error, f"body {i}", f"step {steps + 1}, t = {t:g}")
+
+    def member(self, i: int) -> Any:
+        """The carry of a body of an ensemble, or where it has ended."""
+        if self.bodies is None:
+            return self
+        state, h = member(self.state, i), self.h if type(self.h) is float else self.h[i]  # type: ignore[index]
+        if i in self.ended:
+            steps = int(self.steps[i])
+            return Ended(state, self.t0 + steps * h, steps, self.error(i, steps))
+        own = Carry(None, self.t0, h, self.step, None, self.numbers[:, i], self.last[:, i])
+        vars(own)["state"] = state
+        return own
+
+    @property
+    def ended(self) -> list[int]:
+        """The bodies that go no further."""
+        return [] if self.taken is None else np.flatnonzero(self.taken < self.step).tolist()
 
     def __getstate__(self) -> dict[str, Any]:
         """The numbers, and the state instead of layouts and native code, which the plan that goes
@@ -104,17 +125,23 @@ class Carry:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class AdaptiveCarry:
-    """Where a run with adaptive steps stands: state and velocity, clock and controller; which event
-    ended it, if one did; met as of a Carry.
+    """Where a run with adaptive steps stands: state and velocity, clock and controller.
+
+    event : which one ended it, if one did.  met : as of a Carry.
     """
 
     numbers: np.ndarray = dataclasses.field(repr=False)
     clock: np.ndarray = dataclasses.field(repr=False)
     state: State
     t: float
-    ended: int | None = None
+    event: int | None = None
     met: Met = NO_EVENTS
     bodies: None = None
+    ended = ()
+
+    def member(self, i: int) -> Any:
+        """The carry of the only body."""
+        return self
 
     def taken_up(self, t_end: float, width: int) -> tuple[np.ndarray, np.ndarray]:
         """Numbers and clock with which a run to t_end goes on: it counts its own steps.
@@ -172,6 +199,15 @@ class Carries:
         """How many there are."""
         return len(self.members)
 
+    def member(self, i: int) -> Any:
+        """The carry of a body, or where it has ended."""
+        return self.members[i]
+
+    @property
+    def ended(self) -> list[int]:
+        """The bodies that go no further."""
+        return [i for i, one in enumerate(self.members) if isinstance(one, Ended)]
+
     @property
     def t(self) -> Any:
         """The time, in s; those of all, (bodies,), if they differ."""
@@ -196,21 +232,3 @@ def stacked(states: list[Any]) -> Any:
     """The states of single bodies as that of an ensemble."""
     arrays = {name: np.stack([s.arrays[name] for s in states]) for name in states[0].arrays}
     return state_of(type(states[0]), arrays)
-
-
-def each(carry: Carry) -> tuple[Any, ...]:
-    """What every body of an ensemble with fixed steps carries along."""
-    found: list[Any] = []
-    h = carry.h if isinstance(carry.h, tuple) else (carry.h,) * len(carry.numbers[-1])
-    stopped = carry.stopped
-    for i in range(len(h)):
-        state = member(carry.state, i)
-        if i not in stopped:
-            own = Carry(
-                None, carry.t0, h[i], carry.step, None, carry.numbers[:, i], carry.last[:, i]
-            )
-            vars(own)["state"] = state
-            found.append(own)
-        else:
-            found.append(Ended(state, carry.t0 + carry.step * h[i], *stopped[i]))
-    return tuple(found)

@@ -18,6 +18,7 @@ from ..compiler.driver import (
     any_body,
     attempt,
     itself,
+    part_of_driver,
     reason,
     unchanged,
     write,
@@ -108,17 +109,47 @@ def going(clock: Any, goal: Any) -> bool:
     return clock.t != goal.t_end and clock.stuck == 0.0 and clock.steps < goal.limit
 
 
+def with_mark(clock: Any, stuck: float) -> Clock:
+    """A clock with another mark."""
+    return Clock(clock.t, clock.h, clock.error, clock.steps, clock.rejected, stuck, clock.fresh)
+
+
 @record
 class Control(Record):
     """How long steps are, and when a run has come to its end; abstract.
 
-    A subclass writes `turn`: one trial of a step, and its row.
+    A subclass writes `turn`, or `march`, which makes many.  It never looks into a state, nor into what
+    a method carries along: they may lie in memory.
     """
 
     def begun(
         self, method: Any, system: Any, clock: Any, carry: Any, goal: Any, failures: Any
     ) -> Any:
         """Clock and carry before the first step: as they are."""
+        return clock, carry
+
+    def turn(
+        self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
+        k: int, out: Any, failures: Any,
+    ) -> Any:  # fmt: skip
+        """A trial of a step, and row number k if it was made: the clock, the carry, and whether."""
+        raise NotImplementedError
+
+    @part_of_driver
+    def march(
+        self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
+        turns: int, every: int, out: Any, failures: Any,
+    ) -> Any:  # fmt: skip
+        """Some turns, with a row for each in which a step was made."""
+        made = 0
+        for _ in range(turns):
+            if not any_body(going(clock, goal)):
+                break
+            clock, carry, good = self.turn(
+                method, system, layout, row, clock, carry, goal, made, out, failures
+            )
+            if any_body(good):
+                made = made + 1
         return clock, carry
 
 
@@ -159,7 +190,7 @@ class Tolerance(Control):
 
     def turn(
         self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
-        at: int, out: Any, failures: Any,
+        k: int, out: Any, failures: Any,
     ) -> Any:  # fmt: skip
         """A trial of a step; a row of time, state and way if it was accepted."""
         state, xi = carry
@@ -188,7 +219,7 @@ class Tolerance(Control):
                 state, xi = where(good, trial.state, state), where(good, trial.velocity, xi)
                 before, n = where(good, root, before), n + where(good, 1.0, 0.0)
                 if self.rows:
-                    write(out, at, (t, state, trial.curve), row)
+                    write(out, k, (t, state, trial.curve), row)
             rejected = rejected + where(tried and not good, 1.0, 0.0)
         now = Clock(t, h, before, n, rejected, stuck, clock.fresh)
         return now, (state, xi), n != clock.steps
@@ -196,26 +227,49 @@ class Tolerance(Control):
 
 @record
 class Equal(Control):
-    """Fixed steps h: step n ends at t0 + n h."""
+    """Fixed steps h: step n ends at t0 + n h.
 
-    def turn(
+    timed : has a row the time, before the state?
+    """
+
+    timed: bool = True
+
+    @part_of_driver
+    def march(
         self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
-        at: int, out: Any, failures: Any,
+        turns: int, every: int, out: Any, failures: Any,
     ) -> Any:  # fmt: skip
-        """A step; a row of time and state if it could be made."""
-        t, n, stuck, running = clock.t, clock.steps, clock.stuck, going(clock, goal)
-        begun = goal.t0 + n * clock.h
-        trial = attempt(stepped, method, system, begun, carry, clock.h, layout)
-        good = running and accepted(trial, observed, row.parts[1])
-        if failures is not None and not good:
-            failures.append(reason(trial))
-        if any_body(good):
-            n = n + where(good, 1.0, 0.0)
-            t, carry = where(good, goal.t0 + n * clock.h, t), where(good, trial[0], carry)
-            write(out, at, (t, trial[1], ()), row)
-        mark = ASKED if failures is None else STUCK
-        stuck = where(running and not good, mark, stuck)
-        return Clock(t, clock.h, clock.error, n, clock.rejected, stuck, clock.fresh), carry, good
+        """Turns of `every` steps each, as far as they can be made; a row where each turn leads."""
+        n, stuck, t0, h, limit = clock.steps, clock.stuck, goal.t0, clock.h, goal.limit
+        shown = row.parts[1] if self.timed else row
+        for k in range(turns):
+            for _ in range(every):
+                running = stuck == 0.0 and n < limit
+                if failures is not None and not running:  # in plain Python
+                    break
+                trial = attempt(stepped, method, system, t0 + n * h, carry, h, layout)
+                good = running and accepted(trial, observed, shown)
+                if any_body(not good):
+                    if failures is not None:
+                        failures.append(reason(trial))
+                        stuck = STUCK
+                        break
+                    if not any_body(running):
+                        break
+                    stuck = where(running and not good, ASKED, stuck)
+                    carry, n = where(good, trial[0], carry), where(good, n + 1.0, n)
+                else:
+                    carry, n = trial[0], n + 1.0
+            now = attempt(sample, method, carry)
+            if self.timed:
+                write(out, k, (t0 + n * h, now, ()), row)
+            else:
+                write(out, k, now, row)
+        return Clock(t0 + n * h, h, clock.error, n, clock.rejected, stuck, clock.fresh), carry
+
+
+STRAIGHT = Equal(False)
+"""Of bodies that make the same steps: rows without time."""
 
 
 @record
@@ -226,7 +280,7 @@ class Fictive(Control):
 
     def turn(
         self, method: Any, system: Any, layout: Any, row: Any, clock: Any, carry: Any, goal: Any,
-        at: int, out: Any, failures: Any,
+        k: int, out: Any, failures: Any,
     ) -> Any:  # fmt: skip
         """A step; a row of physical time, state and fictive time if it could be made."""
         t, h, n, stuck, running = clock.t, clock.h, clock.steps, clock.stuck, going(clock, goal)
@@ -261,7 +315,7 @@ class Fictive(Control):
                 failed = failed or (past and not there)
                 good = good or there
             if any_body(good):
-                write(out, at, (t, shown, where(good, tau, clock.steps * h)), row)
+                write(out, k, (t, shown, where(good, tau, clock.steps * h)), row)
         stuck = where(failed, ASKED if failures is None else STUCK, stuck)
         return Clock(t, h, still, n, clock.rejected, stuck, inside), carry, good
 

@@ -15,23 +15,19 @@ from ..compiler.driver import accepted, any_body, attempt, itself, read, reason,
 from ..errors import InvalidInput, failure, is_mistake
 from ..formulas import Vec, horner, real_array, where
 from ..formulas.pytree import NUMBER, build, layout_of, leaves, rounded
-from .execution import Execution, numbers_of
+from .execution import COLUMNS, Execution, numbers_of
 
 
-def along(
-    retraction: Any, system: Any, point: Any, curve: Any, given: Any, out: Any, failures: Any
-) -> None:
+def along(retraction: Any, system: Any, row: Any, given: Any, out: Any, failures: Any) -> None:
     """The driver: a state, moved along its step by Omega(theta) = theta (p_1 + theta (p_2 + ...)),
-    0 <= theta <= 1.
+    0 <= theta <= 1.  row : layout of state, coefficients and theta.
 
     Behind the state, out has a one; a zero tells that a formula failed.  failures : None, or a list
     for what it raised.
     """
-    state = read(given, 0, point)
-    coefficients = read(given, point.width, curve)
-    theta = read(given, point.width + curve.width, NUMBER)
+    state, coefficients, theta = read(given, 0, row)
     moved = attempt(on_the_way, retraction, system, state, coefficients, theta)
-    told(moved, point, out, failures)
+    told(moved, row.parts[0], out, failures)
 
 
 def on_the_way(retraction: Any, system: Any, state: Any, coefficients: Any, theta: float) -> Any:
@@ -176,16 +172,15 @@ class DenseOutput(Between):
         coefficients of the way, and the part of it.
         """
         point, dim = layout_of(self.example), self.system.group.dim
-        curve = curve_layout(dim, (given.shape[1] - 1 - point.width) // dim)
-        arguments = self.retraction, self.system, point, curve
+        row = way_layout(self.example, dim, (given.shape[1] - 1 - point.width) // dim)
+        arguments = self.retraction, self.system, row
         what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
         return evaluated(along, arguments, given, point.width, self.wanted, what)
 
 
-@functools.lru_cache(256)
-def curve_layout(dim: int, terms: int) -> Any:
-    """The layout of the coefficients of the way along a step."""
-    return layout_of((Vec(*[0.0] * dim),) * terms)
+def way_layout(example: Any, dim: int, terms: int) -> Any:
+    """The layout of what `along` is given: state, coefficients of the way along a step, part of it."""
+    return layout_of((example, (Vec(*[0.0] * dim),) * terms, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,8 +273,7 @@ def natively(
     rows[:, :many], rows[:, many:] = given.T, given[-1][:, None]
     last = np.minimum(np.arange(columns), many - 1)
     padded = [x.take(last, axis=1) for x in own]
-    run: Any = execution.native
-    run.run(constants, (), (*padded, rows, out), columns, 0, columns)
+    execution.run(constants, (), (*padded, rows, out), columns, 0, columns)
     return out.T[:many]
 
 
@@ -306,9 +300,8 @@ def execution_of(
     if known is not None:
         known[0].used(wanted)
         return known
-    array = np.empty((1, 1))
     lanes = kernel.lanes() if native else 1
-    call = driver, *arguments, array, array, None
+    call = driver, *arguments, COLUMNS, COLUMNS, None
     asked = None if native else False
     made = Execution(asked, None, *call, lanes=lanes, silent=silent), numbers_of(*arguments)
     made[0].used(wanted)

@@ -1,36 +1,72 @@
-"""Runs with fixed steps whose bodies go each its own way: with ends, times or events of their
-own.
+"""Runs with fixed steps: of bodies that all make the same ones, and of bodies that go each its own
+way, with ends, times or events of their own.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Any
+import functools
+import os
+import time
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..compiler import kernel
-from ..errors import failure, is_mistake
-from ..formulas.pytree import layout_of
+from ..compiler.driver import Rejected, attempt, read, reason
+from ..errors import IntegrationFailure, InvalidInput, InvalidType, failure, is_mistake
+from ..formulas.pytree import Layout, double_double, fitted, layout_of, leaves
+from ..systems.system import State, member
 from .carry import Carries, Carry, stacked
-from .control import CLOCK, LIMIT, MARK, STEP, STUCK, TAKEN, TIME, Equal
-from .dense import evaluated, short_step
-from .fixed_run import FixedRun
-from .keep import At, Piece
-from .lanes import Lanes
-from .prepared import shown_step
-from .run import Run
+from .control import (
+    ASKED,
+    LIMIT,
+    MARK,
+    STEP,
+    STRAIGHT,
+    STUCK,
+    TAKEN,
+    TIME,
+    Equal,
+    begun,
+    sample,
+)
+from .dense import evaluated, flat, short_step
+from .driver import begin
+from .execution import LOOK
+from .keep import At, Piece, Straight
+from .lanes import Lanes, share_out
+from .prepared import Shape, shown_step, times
+from .progress import Bar
+from .run import PATIENCE, Run
+from .trajectory import Trajectory
 
 NEAR = 4 * np.finfo(float).eps
 """Times that differ by this part of them are one."""
+
+PLAIN, NATIVE = 16, 2**17
+"""Steps of all bodies together in the first piece of a run."""
+
+SWEEP = 2**26
+"""Steps of all bodies together, in native code, after which all bodies have come to the same time."""
+
+CACHED = 2**10
+"""Bodies whose numbers stay in the cache while they are written from rows into columns."""
+
+WORTH = 2**15
+"""Steps of all bodies together that are worth a thread."""
+
+SAMPLES, STEPS = 2**16, 2**22
+"""Samples and steps of all bodies together between two looks at functions of the state."""
 
 
 class EqualRun(Run):
     """A run of fixed steps."""
 
-    control: Any = Equal()
-    shape: Any
+    control: Any = Equal(True)
+    shape: Shape
     extra: Any = ()
+    straight: ClassVar[bool] = False
+    unbegun: Any = ()
 
     def aim(self, ends: list[Any], steps: Any) -> None:
         plan, way, members = self.plan, self.way, [self.begun(i) for i in range(self.count)]
@@ -53,29 +89,37 @@ class EqualRun(Run):
     def last_times(self) -> np.ndarray:
         return self.zero + self.aims[LIMIT] * self.h
 
+    # ---------------------------------------------------------------- the start
+
     def begin(self) -> None:
-        start, count, failures = self._from(), self.count, {}  # type: Any, int, dict[int, Any]
-        alone = self.fresh and not self.bodies
-        known: Any = self.way.shapes.get((layout_of(start), False)) if alone else None
-        memory = None if known is None else np.empty((known.carried + known.sampled, 1))
-        if memory is not None and known.begin(start, memory[:, 0]):
-            shape, taken = known, np.zeros(1)
-            numbers, heads = memory[: shape.carried - 1], memory[shape.carried :]
+        start, count = self._from(), self.count
+        shape = self.shape = self._shape(start)
+        lanes = self.lanes = self._lanes()
+        columns = shape.columns(count)
+        self.table = np.empty((lanes.height, columns))
+        numbers, clocks, goals, *own = lanes.parts(self.table[:, :count])
+        for mine, given in zip(own, lanes.own, strict=True):
+            mine[:] = given
+        clocks[:], clocks[STEP], clocks[TAKEN] = 0.0, self.h, self.first
+        clocks[TIME], goals[:] = self.zero + self.first * self.h, self.aims
+        heads = self._heads(shape.shown.width, columns)
+        if isinstance(start, Carry):
+            lay_down(start, numbers, heads[:, :count])
+            self.failures |= {i: [error] for i, error in start.failures.items()}
         else:
-            begun = self._first_run(start)
-            shape, failures = begun.shape, begun.failures
-            numbers, heads = begun.states[:-1, :count].copy(), begun.out[0, :, :count].copy()
-            taken = begun.taken[:count] if self.fresh else np.zeros(count)
-            self._place(numbers, heads)
-        self.shape = shape
-        self.lanes = lanes = self._lanes(shape, self.way.way, self.way.system)
-        clocks = np.zeros((CLOCK.width, count))
-        clocks[TIME] = self.zero + self.first * self.h
-        clocks[STEP], clocks[TAKEN] = self.h, self.first
-        for i in np.flatnonzero((taken < 0) & ~self.over).tolist():
-            clocks[MARK, i], self.failures[i] = STUCK, [failures.get(i)]
-        self.table = np.concatenate([numbers, clocks, self.aims, *lanes.own])
-        self.here = np.concatenate([clocks[TIME][None], heads])
+            self.table[:, count:] = self.table[:, count - 1 : count]  # lanes that are left over
+            self._begin(start, heads)
+            self._place(numbers, heads, clocks)
+        clocks[MARK][self.over] = STUCK
+        self._stand_at_start(numbers, clocks, heads[:, :count])
+
+    def _heads(self, width: int, columns: int) -> np.ndarray:
+        """Memory for the first samples."""
+        return np.zeros((width, columns))
+
+    def _stand_at_start(self, numbers: np.ndarray, clocks: np.ndarray, heads: np.ndarray) -> None:
+        """Stand where the run begins."""
+        self.here = np.concatenate([clocks[TIME, None], heads])
         self.here[0, self.over] = self.t0[self.over]
 
     def _from(self) -> Any:
@@ -84,32 +128,151 @@ class EqualRun(Run):
             return stacked([one.state for one in self.start.members])
         return self.start
 
-    def _first_run(self, start: Any) -> FixedRun:
-        """The run of no step, with what the method begins with."""
-        way = dataclasses.replace(self.way, every=1, progress=False)
-        return FixedRun(way, start, 0, self.t0.item(0))
-
-    def _place(self, numbers: np.ndarray, heads: np.ndarray) -> None:
+    def _place(self, numbers: np.ndarray, heads: np.ndarray, clocks: np.ndarray) -> None:
         """Put down where bodies stand that go on."""
         for i in range(self.count if not self.fresh else 0):
             one = self.begun(i)
             if isinstance(one, Carry):
-                numbers[:, i], heads[:, i] = one.numbers.ravel()[:-1], one.last.ravel()
+                lay_down(one, numbers[:, i], heads[:, i])
+                clocks[MARK, i] = 0.0
 
-    def _lanes(self, shape: Any, method: Any, system: Any) -> Lanes:
-        """Layouts and native code, kept by the shape."""
-        many = bool(self.bodies)
-        lanes = shape.others.get(many)
-        if lanes is None:
-            native = self.asked_for is not False and kernel.available() is None
-            lanes = shape.others[many] = Lanes(
-                method, system, self.control, shape.layout, shape.example, self.extra,
-                self.asked_for, self.plan.options.progress,
-                kernel.width() if many and native else 1,
-            )  # fmt: skip
+    def _member(self, start: Any, i: int) -> Any:
+        """The start of one body."""
+        return member(start.state if isinstance(start, Carry) else start, i)
+
+    def _shape(self, start: Any) -> Shape:
+        """The layouts of this run, from other runs of the plan if their starts were like this one."""
+        way, known = self.way, getattr(start, "shape", None)
+        if known is not None and way.owns(known):
+            return known
+        one = self._member(start, 0)
+        given, side = layout_of(one), kernel.side_by_side(self.bodies)
+        known = way.shapes.get((given, side))
+        if known is None:
+            remembering = way.remembering(one)
+            started = layout_of(remembering)
+            first, example = self._first(start, remembering, started)
+            known = way.shapes[given, side] = Shape(way, given, started, first, example, side)
+        return known
+
+    def _lanes(self) -> Lanes:
+        """Layouts and native code of steps."""
+        native = self.asked_for is not False and kernel.available() is None
+        side = self.shape.side if self.straight else kernel.width() if self.bodies and native else 1
+        return self.shape.lanes_of(self.way, self.control, self.extra, side)
+
+    def _first(self, start: Any, one: State, started: Layout) -> tuple[Any, Any]:
+        """The first memory of the method for the first body that can begin, and the
+        sample that shows it.
+        """
+        for i in range(self.count):
+            own = fitted(self._member(start, i), started) if i else one
+            trial = attempt(begun, self.way.way_of(i), self.way.of(i), own, self.h.item(i))
+            if not isinstance(trial, Rejected):
+                carry, example = trial
+                if not isinstance(example, State):
+                    shown = type(self.plan.method).__name__
+                    raise InvalidType(
+                        f"{shown}.observe must return the state in what is carried along, as "
+                        f"{shown}.start gives it; got {example!r:.90}"
+                    )
+                return double_double(carry) if started.long else carry, example
+            self.failures[i] = [reason(trial)]
+            if is_mistake(reason(trial)):
+                break
+        raise self._nobody()
+
+    def _nobody(self) -> Any:
+        """The error of a run in which no body can begin: a mistake in a formula, or a failure."""
+        told: list[Any] = [one[-1] for one in self.failures.values() if one]
+        error: Any = next((e for e in told if is_mistake(e)), told[0] if told else None)
+        none = f"none of the {self.count} bodies can begin; body 0: " if self.bodies else ""
+        if not is_mistake(error):
+            what = none + repr(self.plan.method)
+            error = failure(error, what, f"at the start, {self.way.clock} = {self.zero[0]:g}")
+        error.trajectory = self._only_start()
+        return error
+
+    def _only_start(self) -> Trajectory:
+        """The start as the only sample."""
+        start: Any = self.start if self.fresh else self.start.state
+        states = {name: np.array(x)[None] for name, x in start.parts.items() if x is not None}
+        h, t = self.way.h, times(self.zero.item(0), np.zeros(1), self.way.h)
+        return Trajectory(
+            self.plan.system, self.plan.method, shown_step(h), t, states, self.bodies, 0
+        )
+
+    def _begin(self, start: Any, heads: np.ndarray) -> None:
+        """Let the method begin with every body."""
+        shape, lanes, count = self.shape, self.lanes, self.count
+        numbers, clocks, *_ = lanes.parts(self.table)
+        alike = shape.given == shape.shown
+        starts = heads if alike else np.empty((shape.given.width, heads.shape[1]))
+        self._lay_down(start, starts)
+        if shape.order is not None:
+            for number, place in zip(numbers, shape.order, strict=True):
+                number[:] = starts[place] if place >= 0 else 0.0
+            return
+        execution = shape.beginning(self.way, lanes)
+        if self.bodies:
+            execution.refresh()
         else:
-            lanes.stepping.refresh()
-        return lanes
+            execution.used(self.asked_for)
+        stepping, stays = lanes.stepping, not (self.aims[LIMIT] > self.first).any()
+        if not stays and stepping.native is not None and self.bodies:
+            execution.compile()
+        arrays = starts, clocks, numbers, heads
+
+        def plainly(i: int) -> None:
+            own, told = [np.ascontiguousarray(x[:, i]) for x in arrays], []  # type: Any, list[Any]
+            own[1][MARK] = 0.0
+            with execution.plain():
+                driver: Any = begin
+                driver(*shape.beginner(lanes.of_body(i)), *own, told)
+            for mine, x in zip(arrays, own, strict=True):
+                mine[:, i] = x
+            if told:
+                self.failures[i] = told
+
+        column, side = 0, execution.lanes
+        while column < count and not execution.ready(column / count):
+            for i in range(column, min(column + side, count)):
+                plainly(i)
+            column += side
+        if column < count:
+            all_of_them = (*lanes.parts(self.table)[3:], *arrays)
+            call = functools.partial(
+                execution.run, lanes.constants, (), all_of_them, heads.shape[1]
+            )
+            size, workers = NATIVE // side * side, self.plan.options.workers
+            share_out(call, column, shape.whole(count), side, size, (1, WORTH), workers)
+            for i in np.flatnonzero(clocks[MARK, :count] == ASKED).tolist():
+                plainly(i)
+        stuck = clocks[MARK, :count] == STUCK
+        self.unbegun = {*np.flatnonzero(stuck).tolist()}
+        mistaken = any(is_mistake(e) for told in self.failures.values() for e in told)
+        if self.fresh and (stuck.all() or mistaken):
+            raise self._nobody()
+        numbers[:, :count][:, stuck] = 0.0
+        if not stays and execution.native is not None and self.bodies:
+            stepping.compile()
+
+    def _lay_down(self, start: Any, columns: np.ndarray) -> None:
+        """Write the numbers of the start, a column for each body; lanes that are left over repeat
+        the last body.
+        """
+        count = self.count
+        if not self.bodies:
+            columns[:, 0] = leaves(start, self.shape.given)
+            return
+        at = 0
+        for part in start.arrays.values():
+            rows = flat({"": part}, count)
+            numbers = columns[at : at + rows.shape[1], :count]
+            for i in range(0, count, CACHED):  # one pass over memory, not one for each number
+                numbers[:, i : i + CACHED] = rows[i : i + CACHED].T
+            at += len(numbers)
+        columns[:, count:] = columns[:, count - 1 : count]
 
     def observe(self) -> list[Any]:
         if self.asked is None or self.plan.events:
@@ -137,16 +300,18 @@ class EqualRun(Run):
 
     # ---------------------------------------------------------------- what came of it
 
+    def _stand_here(self) -> None:
+        """Find where every body stands."""
+
     def known(self, i: int | None) -> dict[str, Any]:
-        breaks = {"breaks": self.way.breaks}
-        return {"h": shown_step(self.way.h)} if i is None else {"h": self.h.item(i)} | breaks
+        h = shown_step(self.way.h) if i is None else self.h.item(i)
+        return {"h": h, "breaks": self.way.breaks}
 
     def carry(self, i: int, met: Any) -> Any:
-        steps, h = self.clocks[TAKEN, i], self.h.item(i)
-        numbers = np.append(self.numbers[:, i], steps)
+        self._stand_here()
+        given = self.shape, self.zero.item(i), self.h.item(i), int(self.clocks[TAKEN, i])
         last = self.here[1:, i].copy()
-        given = self.shape, self.zero.item(i), h, int(steps), None, numbers, last
-        made = Carry(*given, met=met)
+        made = Carry.quickly(*given, self.numbers[:, i].copy(), last, met)
         vars(made)["state"] = self.small(last)
         return made
 
@@ -156,11 +321,323 @@ class EqualRun(Run):
         if is_mistake(error):
             error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
         else:
-            at += f"; {len(self.samples(i))} samples are in `.trajectory`"
+            if not self.bodies:
+                at += f"; {len(self.samples(i)[0])} samples are in `.trajectory`"
             error = failure(error, repr(self.of(i)[1]), at)
         return self.explained(error, i, goes_on=False)
 
     def place(self, i: int) -> str:
         """The step that a body did not make, and the time from which."""
-        step = int(self.clocks[TAKEN, i])
-        return f"step {step + 1} of {int(self.limit[i])}, t = {self.here[0, i]:g}"
+        step, clock = int(self.clocks[TAKEN, i]), self.way.clock
+        if i in self.unbegun:
+            return f"at the start, {clock} = {self.here[0, i]:g}"
+        return f"step {step + 1} of {int(self.limit[i])}, {clock} = {self.here[0, i]:g}"
+
+
+class StraightRun(EqualRun):
+    """A run of fixed steps that all bodies make side by side: native code writes samples where they
+    stay.
+
+    reached : how many steps all bodies have come, if they did not stop.
+    """
+
+    control = STRAIGHT
+    straight = True
+
+    def aim(self, ends: list[Any], steps: Any) -> None:
+        fresh, start, count = self.fresh, self.start, self.count
+        zero, before = (self.t0.item(0), 0) if fresh else (start.t0, start.step)
+        self.h = np.broadcast_to(np.array(self.way.h, dtype=float), count)
+        self.steps = self.plan.count(steps, ends[0], zero, before, self.way.h)
+        self.before, self.reached, self.standing = before, before, (-1, -1.0)
+        self.zero = np.broadcast_to(zero, count)
+        self.first = np.broadcast_to(float(before) if fresh else 1.0 * start.steps, count)
+        aims = np.inf, 0.0, 0.0, 0.0, float(before + self.steps), zero
+        self.aims = np.array(aims)[:, None]
+        self.t_end, self.sign = np.broadcast_to(np.inf, count), np.copysign(1.0, self.h)
+
+    def _times(self, t_eval: Any) -> np.ndarray | None:
+        found = super()._times(t_eval)
+        return None if found is None else found[:, 0]
+
+    def _heads(self, width: int, columns: int) -> np.ndarray:
+        before, end, every = self.before, self.before + self.steps, self.way.every
+        rows = len(self.asked) if self.asked is not None else self.steps // every
+        room = rows + 2 if self.recorder is None else max(2, SAMPLES // columns)
+        affordable(max(min(room, rows + 2) * width * columns, rows) * 8, self.steps, every)
+        if self.asked is None:
+            numbers = np.arange(before // every * every, end + every, every)
+            numbers[0] = before
+            numbers = np.minimum(numbers[: 1 + np.searchsorted(numbers, end)], end)
+        else:
+            self.after, self.exact = steps_before(self.asked, self.zero.item(0), self.h.item(0))
+            numbers = np.unique(np.concatenate([[before], self.after, [end]]))
+        room = min(room, len(numbers))
+        self.kept_samples = Straight(self, numbers, np.empty((room, width, columns)))
+        self.latest = self.kept_samples.array[0]
+        return self.latest
+
+    def _stand_at_start(self, numbers: np.ndarray, clocks: np.ndarray, heads: np.ndarray) -> None:
+        stay = {*np.flatnonzero(self.over).tolist(), *self.unbegun}
+        self.stay = {i: heads[:, i].copy() for i in stay}
+
+    def observe(self) -> list[Any]:
+        return [self.kept_samples]
+
+    # ---------------------------------------------------------------- stepping
+
+    @property
+    def measure(self) -> tuple[int, str]:
+        return self.steps * self.count, "step"
+
+    def _march(self, bar: Bar) -> None:
+        """Sweeps of all bodies, as long as there is something to show and somebody to interrupt."""
+        samples, stepping, kept = self.observers[0], self.lanes.stepping, self.kept
+        settled, pace, columns = False, PLAIN, self.shape.whole(self.count)
+        end, looked = self.before + self.steps, self.before
+        if self.recorder is not None:
+            self._flush()
+        while self.reached < end and not self._mistaken():
+            native = stepping.native is not None
+            if not settled and (native or stepping.wanted is False):
+                settled, pace = True, NATIVE if native else PLAIN
+            begun = time.perf_counter()
+            sweep = max(1, pace // columns)
+            if native:  # whole lanes in turn, each through the whole sweep
+                sweep = max(sweep, min(SWEEP // columns, pace // self.shape.side))
+            if kept is not None:
+                sweep = kept.within(sweep)
+            turns, every = samples.ahead(self.reached, sweep)
+            calls = self._sweep(turns, every, pace)
+            bar.advance(turns * every * self.count)
+            used = (time.perf_counter() - begun) / calls
+            look = samples.full or (self.reached - looked) * columns >= STEPS
+            due = kept is not None and kept.due(turns * every)
+            if self.recorder is not None and (look or due):
+                looked = self.reached
+                self._flush()
+            if due:
+                kept.save(self.result())
+            if used < (PATIENCE if settled else LOOK) / 2:
+                pace *= 2
+            elif used > 2 * PATIENCE:
+                pace = max(1, pace // 2)
+            if not (self.bodies or self.open.any()):
+                break
+        if self.recorder is not None:
+            self._flush()
+
+    def _mistaken(self) -> bool:
+        """Has a body shown a mistake in a formula?"""
+        return any(is_mistake(e) for told in self.failures.values() for e in told)
+
+    def _sweep(self, turns: int, every: int, pace: int) -> int:
+        """Take all bodies through `turns` samples; returns the number of native calls in turn."""
+        lanes, count, before, more = self.lanes, self.count, self.reached, turns * every
+        out, side, column, calls = (
+            self.observers[0].target(before, turns, every),
+            lanes.stepping.lanes,
+            0,
+            1,
+        )
+        done = before - self.before
+
+        def plainly(i: int) -> None:
+            clock, told = self.clocks[:, i], self.failures.setdefault(i, [])
+            while clock[MARK] != STUCK and clock[TAKEN] < before + more:
+                clock[MARK] = 0.0
+                row, part = divmod(int(clock[TAKEN]) - before, every)
+                rows = (out[row : row + 1], 1) if part else (out[row:], turns - row)
+                lanes.plainly(i, self.table[:, i], rows[0][..., i], rows[1], told, every - part)
+
+        while column < count and not lanes.stepping.ready(
+            (done + more * column / count) / self.steps
+        ):
+            for i in range(column, min(column + side, count)):
+                plainly(i)
+            column += side
+        if column < count:
+            self.compiled = True
+            whole = self.shape.whole(count)
+            self.table[:, count:whole] = self.table[
+                :, count - 1 : count
+            ]  # lanes that are left over
+            workers = self.plan.options.workers
+            size = pace // more if self.bodies else 1
+            calls = lanes.natively(
+                self.table, out, turns, workers, every, column, whole, size, WORTH
+            )
+            for i in np.flatnonzero(self.clocks[MARK] == ASKED).tolist():
+                plainly(i)
+        self.reached, self.latest = before + more, out[-1]
+        return calls
+
+    # ---------------------------------------------------------------- what came of it
+
+    def _stand_here(self) -> None:
+        """Find where every body stands: where the last sample was taken, or where it stopped."""
+        taken, count = self.clocks[TAKEN], self.count
+        if self.standing == (self.reached, taken.sum()):
+            return
+        self.standing = self.reached, taken.sum()
+        self.here = np.empty((1 + len(self.latest), count))
+        self.here[0], self.here[1:] = self.clocks[TIME], self.latest[:, :count]
+        for i in np.flatnonzero((taken != self.reached) | self.over).tolist():
+            if i in self.stay:
+                self.here[1:, i] = self.stay[i]
+                continue
+            memory = read(self.numbers[:, i].copy(), 0, self.lanes.layout)
+            self.here[1:, i] = leaves(sample(self.way.way_of(i), memory), self.lanes.state)
+        self.here[0, self.over] = self.t0[self.over]
+
+    def why(self, i: int) -> Any:
+        self._stand_here()
+        return super().why(i)
+
+    @property
+    def lazy(self) -> bool:  # type: ignore[override]
+        return self.asked is None
+
+    def together(self) -> tuple[np.ndarray, np.ndarray]:
+        t, numbers, _ = self._gathered()
+        return t, numbers
+
+    def so_far(self) -> str:
+        t = f"{self.way.clock} = {self.zero[0] + self.reached * self.h[0]:g}"
+        told = f"after {self.reached} of {self.before + self.steps} steps, {t}"
+        return f"{told}; {len(self._gathered()[0])} samples are in `.trajectory`"
+
+    def _filled(self, samples: Straight) -> int:
+        """Let bodies that stopped stay in later samples; how many samples are there?"""
+        taken = self.clocks[TAKEN]
+        many = int(samples.told(max(self.reached, taken[~self.over].max(initial=0.0))))
+        for i in np.flatnonzero(
+            (taken < taken.max()) | (taken < self.reached) | self.over
+        ).tolist():
+            k = max(0, int(samples.told(taken[i])) - samples.first) if not self.over[i] else 0
+            samples.array[k : many - samples.first, :, i] = self.here[1:, i]
+        return many
+
+    def _gathered(self) -> tuple[np.ndarray, np.ndarray, int]:
+        """Times, (n,) or of bodies with steps of their own (n, bodies), and numbers of samples, (n,
+        bodies, width).
+        """
+        samples = self.observers[0]
+        self._stand_here()
+        many = self._filled(samples)
+        numbers = np.moveaxis(samples.array[: many - samples.first, :, : self.count], 1, -1)
+        if self.asked is None:
+            t = times(self.zero.item(0), samples.numbers[samples.first : many], self.way.h)
+            return self._as_far(t, samples), numbers, many
+        reached = self.reached if self.bodies else self.clocks.item(TAKEN, 0)
+        some = self.after + ~self.exact <= max(reached, self.before)
+        return self._between(samples, numbers, some)
+
+    def _as_far(self, t: np.ndarray, samples: Straight) -> np.ndarray:
+        """The times of samples, (n, bodies) if the run was interrupted before all had come to them."""
+        taken = self.clocks[TAKEN]
+        late = np.flatnonzero((taken < taken.max()) & ~self.failed & ~self.over)
+        if not len(late):
+            return t
+        t = np.repeat(t[:, None], self.count, axis=1) if t.ndim == 1 else t
+        for i in late.tolist():
+            t[int(samples.told(taken[i])) - samples.first :, i] = self.here[0, i]
+        return t
+
+    asked: Any
+
+    def _between(self, samples: Straight, numbers: np.ndarray, some: np.ndarray) -> Any:
+        """The samples at times that were asked for: after the last whole step before each a shorter
+        one.
+        """
+        t, after, exact = self.asked[some], self.after[some], self.exact[some]
+        found = numbers[np.searchsorted(samples.numbers, after)]
+        moving = ~exact[:, None] & (after[:, None] < np.where(self.over, 0, np.where(
+            self.clocks[MARK] == STUCK, self.clocks[TAKEN], np.inf)))  # fmt: skip
+        row, body = np.nonzero(moving)
+        if len(row):
+            begun = self.zero.item(0) + after[row] * self.h.item(0)
+            given = [found[row, body], begun[:, None], (t[row] - begun)[:, None]]
+            try:
+                found[row, body] = self.moved(np.concatenate(given, axis=1), t[row], body)
+            except IntegrationFailure as error:  # there are those before it
+                n = int(row[getattr(error, "row", 0)])
+                self.asked, self.after, self.exact = t[:n], after[:n], exact[:n]
+                raise
+        return t, found, len(t)
+
+    def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        t, numbers, many = self._gathered()
+        if self.asked is None:
+            samples = self.observers[0]
+            many = max(1, int(samples.told(self.clocks[TAKEN, i]))) - samples.first
+        return (t if t.ndim == 1 else t[:, i])[:many], numbers[:many, i]
+
+    def flush(self) -> tuple[np.ndarray, np.ndarray]:
+        samples = self.observers[0]
+        begin = samples.given
+        t, numbers, many = self._gathered()
+        if not self.bodies:
+            many = max(1, int(samples.told(self.clocks.item(TAKEN, 0))))
+        some = slice(begin - samples.first, many - samples.first)
+        samples.given = max(begin, many)
+        return t[some], numbers[some].copy() if self.bodies else numbers[some, 0].copy()
+
+    @property
+    def most(self) -> int:
+        return self.reached - self.before
+
+    def carries(self) -> Any:
+        """With what the bodies go on together, as long as all that are left have come equally far."""
+        taken, failed = self.clocks[TAKEN], self.failed | self.over
+        self._stand_here()
+        if failed.all():
+            return None
+        step = taken[~failed][0]
+        if not (taken[~failed] == step).all():
+            return super().carries()
+        state = self.states_of(self.here[1:].T)
+        made = Carry.quickly(
+            self.shape, self.zero.item(0), self.way.h, int(step), self.numbers.copy(),
+            self.here[1:].copy(), bodies=self.count,
+        )  # fmt: skip
+        if failed.any():
+            made.taken = np.where(failed & (taken == step), -1.0, taken)
+            stopped = {int(i): self.failures.get(int(i)) for i in np.flatnonzero(failed)}
+            made.failures = {i: told[-1] if told else None for i, told in stopped.items()}
+        vars(made)["state"] = state
+        return made
+
+
+def lay_down(carry: Carry, numbers: np.ndarray, heads: np.ndarray) -> None:
+    """Write where bodies stand into their columns."""
+    if carry.numbers.size != numbers.size or carry.last.size != heads.size:
+        raise InvalidInput(
+            "Plan.resume: the run had another `compensated` or `precision` than the plan has"
+        )
+    numbers[:] = carry.numbers.reshape(numbers.shape)
+    heads[:] = carry.last.reshape(heads.shape)
+
+
+def steps_before(times: np.ndarray, t0: float, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """How many whole steps lead to each time, and whether they lead there exactly, but for rounding
+    of the time.
+    """
+    near = np.rint((times - t0) / h)
+    exact = np.abs(times - (t0 + near * h)) <= NEAR * np.maximum(np.abs(times), abs(t0))
+    return np.where(exact, near, np.floor((times - t0) / h)).astype(np.int64), exact
+
+
+def affordable(size: int, steps: int, every: int) -> None:
+    """Refuse before anything is allocated."""
+    if size < 2**28:
+        return
+    try:
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        memory = 2**36
+    if size > 0.8 * memory:
+        raise InvalidInput(
+            f"integrate: {steps} steps, every {every}, need {size / 2**30:.3g} GiB for the samples "
+            f"and this machine has {memory / 2**30:.3g}; keep fewer with a larger `every`"
+        )

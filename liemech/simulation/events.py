@@ -130,7 +130,7 @@ class Events:
                 getattr(begun, "met", NO_EVENTS),
             )
             values = [self._value(i, event, t, state) for event in events]
-            ended = getattr(begun, "ended", None)
+            ended = getattr(begun, "event", None)
             if ended is not None and ended < len(
                 events
             ):  # a zero that ended that run is none of this

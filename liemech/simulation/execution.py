@@ -11,6 +11,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
+
 from ..compiler import kernel
 from ..errors import NotCompilable, NotCompiledWarning, warn
 from ..formulas.pytree import gatherer, layout_of
@@ -49,8 +51,12 @@ _histories: dict[Any, History] = {}
 _told: set[str] = set()  # refusals that were shown
 
 
+COLUMNS, SHARED = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
+"""Examples of the buffers of a driver: with a column for each body, and one that all share."""
+
+
 class Execution:
-    """How one run executes one driver.
+    """How one run executes one driver: nobody else calls native code of a run.
 
     wanted : True for native code, at once or NotCompilable; False for plain Python; None to choose
     by the time plain Python takes.
@@ -172,6 +178,25 @@ class Execution:
                     warn(
                         f"{error}. Running in plain Python instead, much slower", NotCompiledWarning
                     )
+
+    def run(
+        self,
+        numbers: bytes,
+        integers: Sequence[int],
+        arrays: Sequence[np.ndarray],
+        columns: int = 1,
+        begin: int = 0,
+        end: int = 1,
+    ) -> None:
+        """Run native code for the columns from begin to end, whole lanes, of all that arrays have.
+
+        numbers : of all values in turn.
+        """
+        self.native.run(numbers, integers, arrays, columns, begin, end)  # type: ignore[union-attr]
+
+    def on_memory(self, block: bytes, buffers: Sequence[tuple[int, int]]) -> None:
+        """Run native code on one block that holds the addresses of these buffers."""
+        self.native.on_memory(block, buffers)  # type: ignore[union-attr]
 
 
 def numbers_of(*values: Any) -> bytes:

@@ -12,7 +12,7 @@ from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
 from ..systems.sundman import InFictiveTime
 from ..systems.system import State, member, small_state, state_of
-from .carry import Carries, Carry, Ended, each
+from .carry import Carries, Carry, Ended, Waiting
 from .events import NO_EVENTS, Met
 from .prepared import Steps
 
@@ -117,33 +117,42 @@ class FictiveCarry:
         made = small_state if self.bodies is None else state_of
         return made(type(self.origin.start), {name: x[0] for name, x in self._apart[1].items()})
 
+    def member(self, i: int) -> Any:
+        """The carry of a body of an ensemble, or where it has ended."""
+        if self.bodies is None:
+            return self
+        return _member_of(self.origin, i, self.inner.member(i), self.inner.h)
+
+    @property
+    def ended(self) -> list[int]:
+        """The bodies that go no further."""
+        return self.inner.ended
+
     @cached_property
     def _apart(self) -> Any:
         sample = self.inner.state if self.ahead is None else self.ahead
         return self.origin.whole.apart({name: x[None] for name, x in sample.arrays.items()})
 
 
-def members_of(carry: Carry | FictiveCarry | Carries) -> tuple[Any, ...]:
-    """What every body carries along."""
-    if carry.bodies is None:
-        return (carry,)
-    if isinstance(carry, Carries):
-        return carry.members
-    return each(carry) if isinstance(carry, Carry) else each_in_fictive_time(carry)
+def in_fictive_time(origin: Origin, inner: Any, h: Any) -> Any:
+    """The carry of an ensemble, from that of the system with its clock: one for all bodies if they have
+    come equally far, else one for each.
+    """
+    if isinstance(inner, Carry):
+        return FictiveCarry(origin, inner)
+    members = enumerate(inner.members)
+    return Carries(tuple([_member_of(origin, i, one, h) for i, one in members]))
 
 
-def each_in_fictive_time(carry: FictiveCarry) -> tuple[Any, ...]:
-    """What every body of an ensemble that steps side by side in fictive time carries along."""
-    found: list[Any] = []
-    h: Any = carry.inner.h
-    for i, inner in enumerate(each(carry.inner)):
-        origin = Origin(carry.origin.given, carry.origin.method, member(carry.origin.start, i))
-        if not isinstance(inner, Ended):
-            found.append(FictiveCarry(origin, inner))
-            continue
-        arrays = {name: x[None] for name, x in inner.state.arrays.items()}
-        t, states, z = origin.whole.apart(arrays)
-        state = small_state(type(origin.start), {name: x[0] for name, x in states.items()})
-        tau, last = inner.steps * h, None if z is None else float(z[0])
-        found.append(Ended(state, float(t[0]), inner.steps, inner.error, tau, last, origin))
-    return tuple(found)
+def _member_of(origin: Origin, i: int, inner: Any, h: Any) -> Any:
+    """The carry of a body of an ensemble, or where it has ended."""
+    own = Origin(origin.given, origin.method, member(origin.start, i))
+    if isinstance(inner, Carry):
+        return FictiveCarry(own, inner)
+    arrays = {name: x[None] for name, x in inner.state.arrays.items()}
+    t, states, z = own.whole.apart(arrays)
+    state = small_state(type(own.start), {name: x[0] for name, x in states.items()})
+    if isinstance(inner, Waiting):
+        return Waiting(state, float(t[0]))
+    tau, last = inner.steps * h, None if z is None else float(z[0])
+    return Ended(state, float(t[0]), inner.steps, inner.error, tau, last, own)

@@ -23,12 +23,11 @@ from .arrival import FictiveMotion, arrivals
 from .carry import Carry, Ended, stacked
 from .control import ANEW, LIMIT, MARK, STUCK, TAKEN, TIME, Fictive, sample
 from .dense import flat, unpacked
-from .equal import NEAR, EqualRun
+from .equal import NEAR, EqualRun, lay_down
 from .fictive import FictiveCarry, Origin
-from .fixed_run import FixedRun
 from .keep import At, Dense, Every, Piece
 from .systems import OfBodies, Systems
-from .trajectory import TransformedTrajectory
+from .trajectory import Trajectory, TransformedTrajectory
 
 
 class FictiveRun(EqualRun):
@@ -81,7 +80,7 @@ class FictiveRun(EqualRun):
 
     def begin(self) -> None:
         super().begin()
-        clocks = self.lanes.parts(self.table)[1]
+        clocks = self.lanes.parts(self.table[:, : self.count])[1]
         column = self._column()
         here = self.here
         clocks[TIME] = here[1 + column]
@@ -122,18 +121,13 @@ class FictiveRun(EqualRun):
         self.way = dataclasses.replace(self.plan._steps, system=system, shapes={}, clock="tau")
         return stacked(now)
 
-    def _first_run(self, start: Any) -> FixedRun:
-        try:
-            return FixedRun(dataclasses.replace(self.way, every=1, progress=False), start, 0)
-        except IntegrationFailure as error:
-            if getattr(error, "trajectory", None) is not None:
-                run: Any = error.trajectory
-                t, states, z = self.wholes[0].apart(run.states)
-                error.trajectory = TransformedTrajectory(
-                    self._inner(), self.plan.method, run.h, t, states, run.bodies, 0,
-                    tau=run.t, z=z, origin=self.origins[0],
-                )  # fmt: skip
-            raise
+    def _only_start(self) -> Trajectory:
+        now = self._from()
+        now = now.state if isinstance(now, Carry) else now
+        parts = {name: np.array(x)[None] for name, x in now.parts.items() if x is not None}
+        t, states, z = self.wholes[0].apart(parts)
+        given = self._inner(), self.plan.method, self.h.item(0), t, states, self.bodies, 0
+        return TransformedTrajectory(*given, tau=np.zeros(1), z=z, origin=self.origins[0])
 
     def _now(self, i: int) -> Any:
         """The state of a body, with its clock."""
@@ -150,12 +144,12 @@ class FictiveRun(EqualRun):
             self.timeless[i] = error
             return origin.whole.extended(one.state, one.t)
 
-    def _place(self, numbers: np.ndarray, heads: np.ndarray) -> None:
+    def _place(self, numbers: np.ndarray, heads: np.ndarray, clocks: np.ndarray) -> None:
         for i in range(self.count):
             one = self.begun(i)
             if isinstance(one, FictiveCarry):
-                inner = one.inner
-                numbers[:, i], heads[:, i] = inner.numbers.ravel()[:-1], inner.last.ravel()
+                lay_down(one.inner, numbers[:, i], heads[:, i])
+                clocks[MARK, i] = 0.0
 
     def observe(self) -> list[Any]:
         if self.asked is None:
@@ -188,8 +182,8 @@ class FictiveRun(EqualRun):
     def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
         return layout_of(self.small(numbers[0])), flat(self.arrays(numbers), len(numbers))
 
-    def clocks_of(self, rows: np.ndarray) -> dict[str, Any]:
-        tau, z = rows[..., -1], self._apart(rows[..., 1:])[2]
+    def clocks_of(self, numbers: np.ndarray) -> dict[str, Any]:
+        tau, z = numbers[..., -1], self._apart(numbers)[2]
         if tau.ndim == 2 and (tau == tau[:, :1]).all():
             tau = tau[:, 0].copy()
         return {"tau": tau, "z": z}
@@ -233,31 +227,29 @@ class FictiveRun(EqualRun):
             "origin": self.origins[i],
         }
         if not self.bodies:
-            rows = self.observers[-1].rows if self.asked is not None else self.samples(0)
-            found["dense"] = self._motion(rows.copy())
+            t, numbers = self.samples(0)
+            if self.asked is not None:
+                rows = self.observers[-1].rows
+                t, numbers = rows[:, 0], rows[:, 1:]
+            found["dense"] = self._motion(t.copy(), numbers.copy())
         return found
 
-    def _motion(self, rows: np.ndarray) -> FictiveMotion:
+    def _motion(self, t: np.ndarray, numbers: np.ndarray) -> FictiveMotion:
         """The motion between samples of one body."""
         one, begun = self.begun(0), None
-        if (
-            isinstance(one, FictiveCarry)
-            and one.ahead is not None
-            and len(rows)
-            and rows[0, 0] == one.t
-        ):
+        if isinstance(one, FictiveCarry) and one.ahead is not None and len(t) and t[0] == one.t:
             begun = np.append(one.inner.last, one.tau - one.inner.t)
         return FictiveMotion(
             self.way.way_of(0), self.wholes[0], self._kind, self.lanes.example, self.h.item(0),
-            rows[:, 0], rows[:, 1:-1], self.asked_for, begun,
+            t, numbers[:, :-1], self.asked_for, begun,
         )  # fmt: skip
 
-    def samples(self, i: int) -> np.ndarray:
-        rows = super().samples(i)
+    def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        t, numbers = super().samples(i)
         here = self.here[:, i]
-        if self.asked is None and len(rows) and rows[-1, -1] != here[-1]:
-            rows = np.concatenate([rows, here[None]])  # where it stands
-        return rows
+        if self.asked is None and len(t) and numbers[-1, -1] != here[-1]:  # where it stands
+            return np.append(t, here[0]), np.concatenate([numbers, here[None, 1:]])
+        return t, numbers
 
     @property
     def made(self) -> np.ndarray:
@@ -267,7 +259,7 @@ class FictiveRun(EqualRun):
         whole, h = int(self.clocks[TAKEN, i]), self.h.item(i)
         state = read(self.numbers[:, i].copy(), 0, self.lanes.layout)
         last = sample(self.way.way_of(i), state)
-        numbers = np.append(self.numbers[:, i], float(whole))
+        numbers = self.numbers[:, i].copy()
         shape = None if self.bodies else self.shape
         inner = Carry(shape, 0.0, h, whole, None, numbers, np.array(leaves(last, self.lanes.state)))
         vars(inner)["state"] = last

@@ -9,6 +9,7 @@ from typing import Any
 
 from ..errors import InvalidInput, NotCompilable
 from ..formulas.pytree import exact, layout_of, leaves
+from ..formulas.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
@@ -23,6 +24,7 @@ KEPT = 32
 _plans: dict[Any, Plan] = {}
 
 
+@spelt
 def integrate(
     system: System | Sequence[System],
     method: Method | Sequence[Method],

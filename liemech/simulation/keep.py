@@ -121,11 +121,57 @@ class Every:
         """The last sample is that where the body stands."""
         self.samples.rows[self.samples.told[body] - 1, body] = self.run.here[:, body]
 
-    def flush(self) -> np.ndarray:
-        """The samples of one body so far, which are not kept any longer."""
+    def flush(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times and numbers of the samples of one body so far, which are not kept any longer."""
         rows = self.samples.rows[: self.samples.told[0], 0].copy()
         self.samples.told[:] = 0
-        return rows
+        return rows[:, 0], rows[:, 1:]
+
+
+class Straight:
+    """Samples of bodies that make the same steps, which native code writes where they stay.
+
+    numbers : (n,) the steps that were taken before each, from the start of the motion on.  array : (n,
+    width, columns) of states; of a run that keeps functions of them a part.
+    """
+
+    def __init__(self, run: Any, numbers: np.ndarray, array: np.ndarray) -> None:
+        self.run, self.numbers, self.array = run, numbers, array
+        self.first = 0  # of the samples that are there
+        self.given = 0  # how many were handed on
+
+    def told(self, step: Any) -> Any:
+        """How many samples there are after so many steps."""
+        return np.searchsorted(self.numbers, step, "right")
+
+    def ahead(self, step: int, sweep: int) -> tuple[int, int]:
+        """The next samples that are so many steps away, and how many steps lead to each; or a part of
+        the way to the next one.
+        """
+        k = int(self.told(step))
+        if k - self.first == len(self.array):  # those that are full were handed on
+            self.first = k
+        pending = int(self.numbers[k]) - step
+        if pending > sweep:
+            return 1, sweep
+        left = self.numbers[k : k + min(sweep // pending, len(self.array) - (k - self.first))]
+        same = left == step + pending * np.arange(1, len(left) + 1)
+        return len(left) if same.all() else int(np.argmin(same)), pending
+
+    def target(self, step: int, turns: int, every: int) -> np.ndarray:
+        """Where these samples are written."""
+        k = int(self.told(step)) - self.first
+        if self.numbers[k + self.first] == step + every:
+            return self.array[k : k + turns]
+        return np.empty((1, *self.array.shape[1:]))
+
+    @property
+    def full(self) -> bool:
+        """Is there no place for the next sample?"""
+        return bool(self.told(self.run.reached) - self.first == len(self.array) < len(self.numbers))
+
+    def forget(self) -> None:
+        """Nothing is to be forgotten: what was not reached is not told."""
 
 
 def _forget(run: Any, samples: Samples) -> None:
@@ -238,11 +284,12 @@ class At:
         self.move()
         return self.samples, self.told
 
-    def flush(self) -> np.ndarray:
-        """The samples of one body so far, once each."""
+    def flush(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times and numbers of the samples of one body so far, once each."""
         self.move()
         begin, self.given = self.given, int(self.told[0])
-        return self.samples[begin : self.given, 0]
+        rows = self.samples[begin : self.given, 0].copy()
+        return rows[:, 0], rows[:, 1:]
 
 
 class Dense:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import functools
 import os
 from typing import Any
@@ -11,13 +12,16 @@ import numpy as np
 from ..compiler.interrupts import in_threads
 from ..compiler.kernel import Several
 from ..formulas.pytree import Layout, layout_of
-from .control import ASKED, CLOCK, GOAL, MARK, STUCK, TAKEN, Fictive
+from .control import ASKED, CLOCK, GOAL, MARK, STUCK, TAKEN, Equal, Fictive
 from .driver import advance
-from .execution import Execution, like, numbers_of
+from .execution import COLUMNS, Execution, like, numbers_of
 from .systems import OfBodies
 
 TRIALS = 2**10
 """Trials of all bodies together that are worth a thread."""
+
+MOST = 2**62
+"""Columns of a block, if all may be in one."""
 
 
 class Lanes:
@@ -33,7 +37,8 @@ class Lanes:
         asked: bool | None, progress: bool | None, side: int,
     ) -> None:  # fmt: skip
         self.example, self.state, self.layout = example, layout_of(example), layout
-        self.row = layout_of((0.0, example, extra))
+        timed = not isinstance(control, Equal) or control.timed
+        self.row = layout_of((0.0, example, extra)) if timed else self.state
         self.own: list[np.ndarray] = []
         things = []
         for thing in (method, system):
@@ -44,9 +49,8 @@ class Lanes:
         self.constants = numbers_of(*things, control)
         self.mark = self.row.width - 1 if isinstance(control, Fictive) else 0
         self.arguments: Any = (*things, control, layout, self.row)
-        none = np.empty(0)
-        call = advance, *self.arguments, 1, none, none, none, none, None
-        self.stepping = Execution(asked, progress, *call, lanes=side, silent=side > 1)
+        call = advance, *self.arguments, 1, 1, *[COLUMNS] * 4, None
+        self.stepping = Execution(asked, progress, *call, lanes=side, silent=side > 1 and timed)
 
     def of_system(self, system: Any) -> Lanes:
         """These lanes for another system of the same layout."""
@@ -76,31 +80,39 @@ class Lanes:
         """Numbers, clocks, goals and parameters of their own, views of columns."""
         return [columns[begin:end] for begin, end in self._parts]
 
-    def natively(self, columns: np.ndarray, out: np.ndarray, turns: int, workers: int) -> None:
-        """Run native code for `turns` trials of whole lanes of bodies, perhaps in threads."""
+    @property
+    def height(self) -> int:
+        """How many numbers a column has."""
+        return self._parts[-1][1]
+
+    def natively(
+        self, columns: np.ndarray, out: np.ndarray, turns: int, workers: int, every: int = 1,
+        first: int = 0, end: int | None = None, size: int = MOST, worth: int = TRIALS,
+    ) -> int:  # fmt: skip
+        """Run native code for `turns` turns of whole lanes of bodies from the first on, in blocks of
+        some size, perhaps in threads.  Returns how many blocks there are in turn.
+
+        worth : steps of all bodies together that are worth a thread.
+        """
         numbers, clocks, goals, *own = self.parts(columns)
-        padded, side = columns.shape[1], self.stepping.lanes
-        native: Any = self.stepping.native
-        arrays = *own, goals, numbers, clocks, out
-        call = functools.partial(native.run, self.constants, (turns,), arrays, padded)
-        threads = max(1, min(workers, padded * turns // TRIALS, padded // side))
-        share = -(-padded // (threads * side)) * side
-        works = [
-            functools.partial(call, i, min(i + share, padded)) for i in range(0, padded, share)
-        ]  # native code does not hold the interpreter's lock
-        in_threads(works, pool(workers, os.getpid()) if len(works) > 1 else None)
+        given = (turns, every), (*own, goals, numbers, clocks, out)
+        call = functools.partial(self.stepping.run, self.constants, *given, columns.shape[1])
+        work = turns * every, worth
+        end = columns.shape[1] if end is None else end
+        return share_out(call, first, end, self.stepping.lanes, size, work, workers)
 
     def plainly(
-        self, body: int, column: np.ndarray, out: np.ndarray, turns: int, failures: list[Any]
-    ) -> None:
-        """Run `turns` trials of a body in plain Python.  column : numbers, clock, goal.  out : rows,
+        self, body: int, column: np.ndarray, out: np.ndarray, turns: int, failures: list[Any],
+        every: int = 1,
+    ) -> None:  # fmt: skip
+        """Run `turns` turns of a body in plain Python.  column : numbers, clock, goal.  out : rows,
         (turns, ...).
         """
         numbers, clock, goal = [x.copy() for x in self.parts(column)[:3]]
         rows = out.ravel()
         with self.stepping.plain():
             driver: Any = advance
-            driver(*self.of_body(body), turns, goal, numbers, clock, rows, failures)
+            driver(*self.of_body(body), turns, every, goal, numbers, clock, rows, failures)
         out[:] = rows.reshape(out.shape)
         column[: len(numbers)], column[len(numbers) :][: len(clock)] = numbers, clock
 
@@ -126,6 +138,36 @@ class Lanes:
             columns[clock + MARK, k] = 0.0
             while columns[clock + TAKEN, k] == taken and columns[clock + MARK, k] != STUCK:
                 self.plainly(body, columns[:, k], out[-1:, :, k], 1, told)
+
+
+def share_out(
+    call: Any, first: int, end: int, side: int, size: int, work: tuple[int, int], workers: int
+) -> int:
+    """Call native code, which does not hold the interpreter's lock, for columns from the first to the end,
+    in blocks of whole lanes, `side` columns each.  Each thread takes the next block as soon as it has
+    done one.  Returns how many blocks there are in turn.
+
+    work : what there is to do for a column, and what is worth a thread.
+    """
+    many = end - first
+    threads = max(1, min(workers, many * work[0] // work[1], many // side))
+    share = -(-many // (threads * side)) * side
+    size = min(share, max(side, size // side * side))
+    if size >= many:
+        call(first, end)
+        return 1
+    blocks = range(first, end, size)
+    waiting = iter(blocks)
+
+    def take() -> None:
+        try:
+            for begin in waiting:
+                call(begin, min(begin + size, end))
+        finally:
+            collections.deque(waiting, 0)  # interrupted, nobody begins another block
+
+    in_threads([take] * threads, pool(workers, os.getpid()) if threads > 1 else None)
+    return -(-len(blocks) // threads)
 
 
 @functools.cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import inspect
 import math
@@ -11,31 +12,43 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import Any
 
+from ..compiler import kernel
 from ..compiler.kernel import Several
-from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, StepWarning, warn
+from ..errors import (
+    IncompatibleSystem,
+    IntegrationInterrupted,
+    InvalidInput,
+    InvalidType,
+    StepWarning,
+    warn,
+)
 from ..formulas import Record
 from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
+from ..formulas.signatures import spelt
 from ..integrators.method import Method
+from ..systems.canonical import CanonicalState
+from ..systems.site_state import StateOfSites
 from ..systems.system import State, System, member
 from . import arguments
-from .at_once import advanced, at_once, of_shape
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .checkpoint import Checkpoint
-from .equal import EqualRun
+from .equal import EqualRun, StraightRun
 from .execution import like
 from .fictive import FictiveCarry
 from .fictive_run import FictiveRun
-from .fixed_run import FixedRun
 from .options import EQUAL, FICTIVE, TOLERANCE, Options
 from .prepared import Steps
-from .recorded import Recorder, recorder_of
+from .recorded import recorder_of
 from .short import short
+from .short_steps import advanced, short_steps, short_steps_of_many
+from .sites_carry import SiteCarry
+from .sites_plan import SitesOfPlan
+from .sites_states import by_site, first_of
 from .stepper import Stepper
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
 from .transformed import TransformedRun
-from .watched import sampled
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -66,6 +79,7 @@ class Plan:
     it is when a run begins.
     """
 
+    @spelt
     def __init__(
         self,
         system: System | Sequence[System],
@@ -110,7 +124,7 @@ class Plan:
             if isinstance(value, OfBodies) or (value is not None and arguments.axes(value, name))
         }
         # of starts as they are given: how they are laid out in runs
-        self._laid_out: dict[Layout, Layout] = {}
+        self._laid_out: dict[Any, tuple[Layout, int]] = {}
         first = self._first_of
         self.fictive = bool(first("method").fictive or one.fictive)  # steps equal in fictive time
         control = FICTIVE if self.fictive else TOLERANCE if options.asks_for_tolerance else EQUAL
@@ -130,6 +144,7 @@ class Plan:
             own = h, options.every, compensated, precision, compiled, progress, options.workers
             self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
+        self._sites = SitesOfPlan.of(self)  # of a system of many sites
         self._plain = (  # is there nothing to do but to step, with one length, and for one system?
             not self.adaptive
             and not (self.of_each or self.events or self.fictive or self.recorder is not None)
@@ -170,6 +185,8 @@ class Plan:
         arguments.matching(system, of_body(self.method, 0))
         given, steps = self._given | {"system": system}, self._steps.of_system(system)
         other: Plan = like(self, system=system, _one=system, _given=given, _steps=steps)
+        if self._sites is not None:
+            other._sites = SitesOfPlan.of(other)
         return other
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -178,6 +195,7 @@ class Plan:
 
     # ---------------------------------------------------------------- whole runs
 
+    @spelt
     def run(
         self,
         start: State,
@@ -213,6 +231,10 @@ class Plan:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
             return spread(self, start, executor, steps=steps, t_end=t_end, t0=t0, t_eval=t_eval)
         try:
+            if self._sites is not None:
+                made = self._by_sites(start, steps, t_end, t0, t_eval, checkpoint, checkpoint_every)
+                if made is not None:
+                    return made
             if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
                 run = self._short_run(start, steps, t0)
                 if run is not None:
@@ -225,6 +247,25 @@ class Plan:
             raise
         except KeyboardInterrupt:
             raise self._not_begun(lambda plan: plan._standing(start, t0)) from None
+
+    def _by_sites(
+        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, path: Any, seconds: Any
+    ) -> Trajectory | None:
+        """A run of a system of many sites, site by site; None if it is to be written out."""
+        sites: Any = self._sites
+        if isinstance(start, (StateOfSites, CanonicalState)):
+            start, t0 = arguments.known(self._one, start), arguments.real(t0, "t0")
+            start = by_site(self._one, start)
+            first = first_of(start)
+            wanted = arguments.with_parts(sites.site, first, self._needed(sites.site, first)).arrays
+            start = type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
+        asked = {"t_eval": t_eval}
+        if path is None:
+            made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, **asked)
+            return made
+        with self._kept(path, seconds) as kept:
+            made = sites.trajectory(start, steps, t_end, t0, kept, **asked)
+        return made
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
         """The run of no step."""
@@ -261,7 +302,6 @@ class Plan:
             arguments.large_enough(start)
         if self.adaptive:
             return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
-        one_by_one = self._apart(start, t_end, t_eval)
         if self.fictive:
             if steps is None and t_end is None:
                 raise InvalidInput(
@@ -271,24 +311,24 @@ class Plan:
                 raise InvalidInput(
                     "integrate: t_eval needs t_end, the time up to which the run goes"
                 )
-        if one_by_one and self.fictive:
-            return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
-        if self.fictive:
-            return self._transformed(start, steps, t0, kept)
-        count = 0 if one_by_one else self._count(steps, t_end, t0)
-        doubt = self._doubt(start)
-        if doubt:
-            warn(doubt, StepWarning)
-        if one_by_one:
-            return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
-        return self._stepped(start, count, t0, t_eval, kept)
+            if not self._apart(start, t_end, t_eval):
+                return self._transformed(start, steps, t0, kept)
+        else:
+            if not self._apart(start, t_end, t_eval):
+                self._count(steps, t_end, t0)
+            doubt = self._doubt(start)
+            if doubt:
+                warn(doubt, StepWarning)
+        return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
 
     def _short_run(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
         """A run that has nothing to do but to step, of a start that is laid out as one before;
         None for all others, and for what is to be refused.
         """
-        known = self._known(start) if self._plain else None
-        shape = None if known is None else self._steps.shapes.get((known, False))
+        if self._plain:
+            start = self._inner._written_out(start)
+        known: Any = self._known(start) if self._plain else None
+        shape = None if known is None else self._steps.shapes.get(known)
         if shape is None or type(t0) is not float:
             return None
         h = self._steps.h
@@ -301,13 +341,15 @@ class Plan:
             or self._doubt(start)
         ):
             return None
-        return of_shape(self._steps, shape, start, steps, t0)
+        of_some: Any = short_steps_of_many if known[1] else short_steps
+        made: Trajectory | None = of_some(self._steps, shape, start, steps, t0)
+        return made
 
-    def _known(self, start: Any) -> Layout | None:
-        """How a start of one body is laid out in a run, if one like it was checked before."""
+    def _known(self, start: Any) -> Any:
+        """By what the shape of a start is known in a run, if one like it was checked before."""
         given = known_layout(start)
-        if given is None and isinstance(start, State) and start.bodies is None:
-            given = layout_of(start)
+        if given is None and isinstance(start, State):
+            given = layout_of(start) if start.bodies is None else kind_of_many(start)
         known = None if given is None else self._laid_out.get(given)
         return known if known is not None and self._inner._knows(start) else None
 
@@ -344,8 +386,15 @@ class Plan:
                 run = short(way, start, t0, end, times, limit)
                 if run is not None:
                     return run
-        kind = ToleranceRun if self.adaptive else FictiveRun if self.fictive else EqualRun
-        if recorder is not None and (not alone or self.fictive):
+        kind: Any = ToleranceRun if self.adaptive else FictiveRun if self.fictive else EqualRun
+        straight = kind is EqualRun and not self._apart(start, t_end, t_eval)
+        if straight:
+            kind = StraightRun
+            made = self._at_once(start, t0, steps, t_end) if t_eval is None is kept else None
+            if made is not None:
+                return made
+        instead = t_eval is not None if straight else not alone
+        if recorder is not None and (self.fictive or instead):
             recorder = None
         made = kind(self, start, t0, steps, t_end, t_eval, kept, recorder)
         if recorder is self.recorder:
@@ -356,17 +405,35 @@ class Plan:
         shown: Trajectory = keeper.instead(made.trajectory, own, way.compiled)
         return shown
 
+    def _at_once(self, start: Any, t0: float, steps: Any, t_end: Any) -> Trajectory | None:
+        """A run with fixed steps of one body, if it is a short one."""
+        if not self._plain or start.bodies is not None:
+            return None
+        if isinstance(start, Carry):
+            t0, before, shape = start.t0, start.step, start.shape
+        else:
+            before, shape = 0, self._steps.shapes.get((layout_of(start), 0))
+        if shape is None or not self._steps.owns(shape):
+            return None
+        steps = self._count(steps, t_end, t0, before)
+        return short_steps(self._steps, shape, start, steps, t0)
+
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
         and as the steps if they have steps of their own.
         """
+        start = self._inner._written_out(start)
         known = self._known(start)
         if known is not None:
-            return restricted(start, known)
+            return start if start.bodies else restricted(start, known[0])
         inner, given = self._inner, start
         start = arguments.started(inner, start, self._needed(inner, start))
-        if not self.of_each and start.bodies is None and inner._knows(given):
-            self._laid_out[layout_of(given)] = layout_of(start)
+        if not self.of_each and inner._knows(given):
+            side = kernel.side_by_side(start.bodies)
+            if start.bodies is None:
+                self._laid_out[layout_of(given)] = layout_of(start), side
+            elif start is given:
+                self._laid_out[kind_of_many(given)] = layout_of(member(start, 0)), side
         for name, own in self.of_each.items():
             if start.bodies == len(own):
                 continue
@@ -418,6 +485,7 @@ class Plan:
         )
         return next((doubt for doubt in doubts if doubt), None)
 
+    @spelt
     def resume(
         self,
         run: Trajectory | Stepper,
@@ -451,6 +519,13 @@ class Plan:
         self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
         """What comes after a run of any kind."""
+        if isinstance(getattr(run, "carry", None), SiteCarry):
+            carry = self._of_this_plan(run, "resume")
+            made = None if self._sites is None else self._sites.trajectory(
+                carry, steps, t_end, 0.0, kept, t_eval=t_eval
+            )  # fmt: skip
+            if made is not None:
+                return made
         if isinstance(run, Stepper):
             carry = run.carry
             self._require_mine(carry, "resume")
@@ -458,13 +533,9 @@ class Plan:
             carry = self._of_this_plan(run, "resume")
         else:
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        if self.adaptive or self._apart(carry, t_end, t_eval):
-            return self._in_pieces(carry, 0.0, steps, t_end, t_eval, kept)
-        if self.fictive:
+        if self.fictive and not self._apart(carry, t_end, t_eval):
             return self._transformed(carry, steps, carry.t, kept)
-        return self._stepped(
-            carry, self._count(steps, t_end, carry.t0, carry.step), carry.t0, t_eval, kept
-        )
+        return self._in_pieces(carry, 0.0, steps, t_end, t_eval, kept)
 
     @property
     def _inner(self) -> Any:
@@ -482,7 +553,7 @@ class Plan:
         if kept is not None and recorder is not None:
             kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
         steps = arguments.count(steps, "steps", 0)
-        run = TransformedRun(self._steps, start, t0, kept)
+        run = TransformedRun(self, start, t0, kept)
         if recorder is None:
             return run.steps(steps)
         made: Trajectory = recorder.instead(lambda: run.steps(steps), kind, compiled)
@@ -517,46 +588,6 @@ class Plan:
         for one in {min(h, key=abs), max(h, key=abs)} if isinstance(h, tuple) else (h,):
             arguments.affordable_times(t0, one, before + steps)
         return steps
-
-    def _stepped(
-        self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None
-    ) -> Trajectory:
-        if self.recorder is not None:
-            return self._recorded(self.recorder, start, steps, t0, t_eval, kept)
-        return self._whole(start, steps, t0, t_eval, kept)
-
-    def _recorded(
-        self,
-        recorder: Recorder,
-        start: State | Carry,
-        steps: int,
-        t0: float,
-        t_eval: Any,
-        kept: Checkpoint | None,
-    ) -> Trajectory:
-        """A run that keeps functions of the state."""
-        if t_eval is None:
-            return recorder.fixed(self._steps, start, steps, t0, kept)
-        kind = type(start.state if isinstance(start, Carry) else start)
-        compiled = self._steps.compiled
-        if kept is not None:
-            kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        return recorder.instead(lambda: self._whole(start, steps, t0, t_eval, kept), kind, compiled)
-
-    def _whole(
-        self, start: State | Carry, steps: int, t0: float, t_eval: Any, kept: Checkpoint | None
-    ) -> Trajectory:
-        if t_eval is None:
-            run = at_once(self._steps, start, steps, t0) if kept is None else None
-            return (
-                FixedRun(self._steps, start, steps, t0, checkpoint=kept).trajectory()
-                if run is None
-                else run
-            )
-        begun = start.t if isinstance(start, Carry) else t0
-        before = start.step if isinstance(start, Carry) else 0
-        times: Any = arguments.times(t_eval, begun, t0 + (before + steps) * self._steps.h)
-        return sampled(self._steps, start, steps, t0, times, kept)
 
     def _of_this_plan(self, run: Trajectory, what: str) -> Any:
         """What the run carries along, if it is this plan's to go on with.  what : the method that was
@@ -609,7 +640,8 @@ class Plan:
                     f"{', '.join(differing(mine, theirs))}; start a new one from run.last, or make "
                     "a plan of what it was made with"
                 )
-        wanted = AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
+        wanted: Any = AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
+        wanted = (Carry, SiteCarry) if wanted is Carry else wanted
         several = isinstance(carry, Carries)
         for body, one in enumerate(carry.members if several else (carry,)):
             if isinstance(one, (Waiting, Ended)):
@@ -708,19 +740,21 @@ class Plan:
                     " of another length"
                 )
             steps = arguments.count(steps, "steps", 0)
-            return fictive_tangent_run(self._steps, start, steps, t0, names)
-        return tangent_run(self._steps, start, self._count(steps, t_end, t0), t0, names)
+            return fictive_tangent_run(self, start, steps, t0, names)
+        return tangent_run(self, start, self._count(steps, t_end, t0), t0, names)
 
     # ---------------------------------------------------------------- step by step
 
     def begin(self, start: State, t0: float = 0.0) -> Carry:
         """What the method carries along at the start, for `step`."""
         self._one_length("begin")
-        if self.fictive:
+        if self._sites is not None and self._sites.takes(start):
             return self.run(start, steps=0, t0=t0).carry
+        if self.fictive:
+            return like(self, events=()).run(start, steps=0, t0=t0).carry
         start, t0 = self._started(start), arguments.real(t0, "t0")
         with self._beginning(start, t0):
-            return FixedRun(self._steps, start, 0, t0).trajectory().carry
+            return StraightRun(like(self, events=()), start, t0, 0, None, None).trajectory().carry
 
     def step(self, carry: Carry, steps: int = 1) -> Carry:
         """What the method carries along after some more steps: its `t` and `state` are those of
@@ -734,13 +768,34 @@ class Plan:
         given: Any = carry
         if isinstance(given, Stepper):
             given = given.carry
+        if isinstance(given, SiteCarry) and self._sites is not None:
+            run: Any = self._sites.trajectory(given, steps, None, 0.0, None)
+            after: Carry = run.carry
+            return after
         if type(given) is not Carry or not self._steps.owns(given.shape):
             self._require_mine(given, "step")
             if isinstance(given, FictiveCarry):
-                inner = advanced(given.origin.steps(self._steps), given.inner, steps)
+                inner = self.in_fictive_time(given.origin)._advanced(given.inner, steps)
                 made: Any = FictiveCarry(given.origin, inner, met=given.met)
                 return made
-        return advanced(self._steps, given, steps)
+        return self._advanced(given, steps)
+
+    def in_fictive_time(self, origin: Any) -> Plan:
+        """The plan of the system with its clock that began there."""
+        own: Plan = like(self, system=origin.whole, _steps=origin.steps(self._steps), of_each={})
+        return own
+
+    def _advanced(self, carry: Carry, steps: int) -> Carry:
+        """Where a run stands some steps later, without samples between."""
+        made = advanced(self._steps, carry, steps)
+        if made is not None:
+            return made
+        # of a failing step it says why
+        way = dataclasses.replace(self._steps, every=steps)
+        run = Advance(like(self, _steps=way, events=()), carry, 0.0, steps, None, None).trajectory()
+        if run.carry is None:  # all bodies have stopped
+            raise run.stopped[min(run.stopped)].error
+        return dataclasses.replace(run.carry, met=carry.met)
 
     def stepper(self, start: Any, t0: float | None = None) -> Stepper:
         """A run that is advanced by hand, a step or some at a time, at a cost of a microsecond.
@@ -756,6 +811,13 @@ class Plan:
         Raises what `step` and `resume` raise.
         """
         self._one_length("stepper")
+        if isinstance(getattr(start, "carry", start), SiteCarry) or (
+            self._sites is not None and self._sites.takes(start)
+        ):
+            raise IncompatibleSystem(
+                "Plan.stepper: there is none for systems of many sites; carry = plan.begin(start) and "
+                "carry = plan.step(carry) go on by hand, carry.state is where they are"
+            )
         if isinstance(start, State):
             return Stepper(self, self.begin(start, 0.0 if t0 is None else t0))
         if t0 is not None:
@@ -786,7 +848,7 @@ class Plan:
         if isinstance(carry, FictiveCarry):
             theirs = carry.origin.given, carry.origin.method
         elif inner.shape is not None:
-            method, system, *_ = inner.shape.arguments
+            method, system, *_ = next(iter(inner.shape.lanes.values())).arguments
             theirs = tuple([x.values if isinstance(x, Several) else x for x in (system, method)])
             way = self._steps.way
         mine = tuple([x.members if isinstance(x, OfBodies) else x for x in (self.system, way)])
@@ -811,6 +873,30 @@ class Plan:
             if n not in ("system", "method") and x is not defaults[n].default
         ]
         return f"Plan({', '.join([repr(self.system), repr(self.method), *given])})"
+
+
+class Advance(StraightRun):
+    """Steps that warn of a body only when it stops, and of which an interrupt leaves all bodies at the
+    same one.
+    """
+
+    def _sweep(self, turns: int, every: int, pace: int) -> int:
+        before = self.table.copy()
+        try:
+            return super()._sweep(turns, every, pace)
+        except KeyboardInterrupt:
+            self.table[:] = before
+            raise
+
+    def tell(self, stopped: Any) -> None:
+        if any(not self.over[i] for i in stopped):
+            super().tell(stopped)
+
+
+def kind_of_many(start: Any) -> Any:
+    """What the starts of two ensembles have in common that are laid out in the same way."""
+    parts = [(name, x.shape, x.dtype) for name, x in start.arrays.items()]
+    return type(start), *parts
 
 
 def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:

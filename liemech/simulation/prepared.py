@@ -1,13 +1,8 @@
-"""What all runs of a plan with fixed steps share, if their starts are alike: layouts, and
-native code.
-"""
+"""Layouts and native code that runs of a plan with fixed steps share if their starts are alike."""
 
 from __future__ import annotations
 
 import dataclasses
-import functools
-import operator
-import struct
 from collections.abc import MutableMapping
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -22,22 +17,20 @@ from ..formulas.pytree import (
     compensated,
     double_double,
     fitted,
-    gatherer,
     layout_of,
     leaves,
 )
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
 from ..systems.system import State, System
-from .driver import begin, fixed_steps
-from .execution import Execution, like, numbers_of
+from .driver import begin
+from .execution import COLUMNS, Execution, like
+from .lanes import Lanes
 from .systems import OfBodies, of_body
 
-TIME = struct.Struct("d")
-
-FAR, PAGE, APART = 2**13, 2**8, 2**6
-"""Bodies whose numbers do not stay in the cache.  Where the numbers of a body lie multiples of so
-many columns apart (2 KiB), few of them find room in the cache at once: so many columns are added.
+PAGE, APART = 2**8, 2**3
+"""Where the numbers of a body lie multiples of so many columns apart (2 KiB), few of them find room in
+the cache at once: columns of a line of the cache are added.
 """
 
 
@@ -126,10 +119,14 @@ class Steps:
 
         In double-double precision in numbers of two doubles.
         """
+        return self.remembering_of(self.one, start)
+
+    def remembering_of(self, system: Any, start: State) -> State:
+        """The same of a system."""
         if self.precision == "double-double":
             return double_double(start)
         if self.compensated is None and (self.method.symmetric or self.method.symplectic):
-            motion = self.one.essential_part(start).parts
+            motion = system.essential_part(start).parts
             return type(start)(
                 *(
                     compensated(x) if motion[name] is not None else x
@@ -139,76 +136,27 @@ class Steps:
         return compensated(start) if self.compensated else start
 
 
-class Prepared:
-    """What drivers of steps of all kinds need.
-
-    arguments : method, system, two layouts.  constants : the numbers of method and system.
-    stepping : who runs the driver.
-    """
-
-    arguments: tuple[Any, Any, Any, Any]
-    constants: bytes
-    stepping: Any
-
-    def of_system(self, system: System) -> Any:
-        """The same for another system of the same layout."""
-        method, _, *layouts = self.arguments
-        return like(
-            self,
-            arguments=(method, system, *layouts),
-            constants=numbers_of(method, system),
-            **{"stepping": self.stepping.of(system)} if "stepping" in vars(self) else {},
-        )
-
-
-class Shape(Prepared):
-    """The layouts of a run, and the code that makes its steps.
+class Shape:
+    """The layouts of runs whose starts are alike, and the code that begins them.
 
     given : of a start of one body as it comes; started : in the numbers of the run.
     layout : of what the method carries along.  example, shown : a sample and its layout.
-    lanes : bodies side by side.
-    own : numbers of which every body has its own.
-    carried, sampled : how many numbers are carried along, with that of the steps, and are in a
-    sample.
-    order : for a method without a memory, which number of the start each number is that is carried
-    along; -1 for a rest, zero.
-    column : of steps in fictive time, which number of a sample is the time, once it was asked for.
+    side : bodies side by side.  lanes : the code that makes steps, by control and `side`.
+    order : where the numbers of the start are among those carried along, -1 for zeros, if the method
+    begins with these alone.
     """
-
-    column: int | None = None
 
     def __init__(
         self, steps: Steps, given: Layout, started: Layout, first: Any, example: State, side: int
     ) -> None:
-        method, system = steps.way, steps.system
         self.given, self.started, self.example = given, started, example
         self.layout, self.shown = carried_layout(first), layout_of(example)
         native = steps.compiled is not False and side and kernel.available() is None
-        self.lanes = side if native else 1
-        self.own: list[np.ndarray] = []
-        self.constants, things = b"", []
-        for thing in (method, system):
-            if isinstance(thing, OfBodies):
-                things.append(kernel.Several.of(thing.members, self.columns(len(thing))))
-                self.own.append(things[-1].columns)
-            else:
-                things.append(thing)
-                self.constants += numbers_of(thing)
-        method, system = things
-        self.h: Any = steps.h
-        if isinstance(steps.h, tuple):
-            self.h = kernel.Several.of(steps.h, self.columns(len(steps.h)))
-            self.own.append(self.h.columns)
-        self.carried, self.sampled, self.gather = (
-            self.layout.width + 1,
-            self.shown.width,
-            gatherer(given),
-        )
-        self.arguments = method, system, self.layout, self.shown
-        self.asked, self.progress = steps.compiled, steps.progress
-        self._call = struct.Struct(f"8q{len(self.constants)}s2d").pack
+        self.side = side if native else 1
+        self.lanes: dict[Any, Lanes] = {}
+        self.column: int | None = None
+        self.place: Any = None  # of short runs in memory
         self._beginning: Execution | None = None
-        self.others: dict[Any, Any] = {}
         self.order: list[int] | None = None
         if given == self.shown and all(
             getattr(type(steps.method_of(0)), f) is getattr(Method, f) for f in ("start", "observe")
@@ -217,83 +165,52 @@ class Shape(Prepared):
                 build(given, iter([1.0 + i for i in range(given.width)])), self.layout
             )
             self.order = [int(x) - 1 for x in leaves(numbered, self.layout)]
-            self._first = struct.Struct(f"{self.carried + self.sampled}d")
-            self._picked: Any = operator.itemgetter(*[*self.order, -1, *range(given.width)])
+
+    def whole(self, bodies: int) -> int:
+        """The columns that so many bodies take: whole lanes."""
+        return -(-bodies // self.side) * self.side
 
     def columns(self, bodies: int) -> int:
-        """The columns that so many bodies take: whole lanes, and of large ensembles some more where
-        all numbers of a body would want the same place in the cache.
+        """The columns of an array for so many bodies: some more where all numbers of a body would want
+        the same place in the cache.
         """
-        whole = -(-bodies // self.lanes) * self.lanes
-        return whole + APART if whole >= FAR and whole % PAGE == 0 else whole
+        whole = self.whole(bodies)
+        return whole + APART if whole % PAGE == 0 else whole
 
     def of_system(self, system: System) -> Shape:
-        other: Shape = super().of_system(system)
-        if other._beginning is not None:
-            other._beginning = other._beginning.of(system)
-        other.others = {key: lanes.of_system(system) for key, lanes in self.others.items()}
+        """This shape for another system of the same layout."""
+        beginning = None if self._beginning is None else self._beginning.of(system)
+        lanes = {key: one.of_system(system) for key, one in [*self.lanes.items()]}
+        other: Shape = like(self, _beginning=beginning, lanes=lanes)
+        other.place = None if self.place is None else self.place.of_system(other)
         return other
 
-    @functools.cached_property
-    def stepping(self) -> Execution:
-        """Who runs `fixed_steps`."""
-        none = np.empty(0)
-        call = fixed_steps, *self.arguments, 0.0, self.h, 0, 1, 1, none, none, None
-        return Execution(self.asked, self.progress, *call, lanes=self.lanes)
-
-    @property
-    def beginner(self) -> tuple[Any, ...]:
-        """The arguments of `begin` that are no arrays."""
-        return *self.arguments[:2], self.given, self.started, self.layout, self.shown, self.h
-
-    def begin(self, start: State, memory: Any) -> bool:
-        """Write what one body carries along, and behind it the first sample; False if the method
-        cannot begin so.
-        """
-        numbers = self.gather(start)
-        if self.order is not None:
-            numbers.append(0.0)
-            self._first.pack_into(memory, 0, *self._picked(numbers))
-            return True
-        beginning = self._beginning
-        if beginning is None:
-            return False
-        beginning.used(self.asked)
-        states, out, starts = (
-            memory[: self.carried],
-            memory[self.carried :][: self.sampled],
-            np.array(numbers),
-        )
-        out[:] = numbers if self.given == self.shown else 0.0
-        if beginning.ready(0.0):
-            native: Any = beginning.native
-            native.run(self.constants + TIME.pack(self.h), (), (starts, states, out))
+    def lanes_of(self, steps: Steps, control: Any, extra: Any, side: int) -> Lanes:
+        """The code that makes steps."""
+        key = control, side
+        found = self.lanes.get(key)
+        if found is None:
+            found = self.lanes[key] = Lanes(
+                steps.way, steps.system, control, self.layout, self.example, extra,
+                steps.compiled, steps.progress, side,
+            )  # fmt: skip
         else:
-            arguments = [*self.beginner, starts, states, out, []]
-            with beginning.plain():
-                begin(*arguments)
-        return bool(states[-1] == 0.0)
+            found.stepping.refresh()
+        return found
 
-    def native_steps(
-        self, native: Any, t0: float, h: float, first: int, every: int, samples: int, states: int,
-        out: int,
-    ) -> None:  # fmt: skip
-        """`fixed_steps` of one body.  native : its code.  states, out : the addresses of the
-        arrays.
-        """
-        block = self._call(1, 0, 1, first, every, samples, states, out, self.constants, t0, h)
-        native.on_memory(block, ((states, self.carried), (out, samples * self.sampled)))
-
-    def beginning(self, steps: Steps) -> Execution:
+    def beginning(self, steps: Steps, lanes: Lanes) -> Execution:
         """Who runs `begin`."""
         if self._beginning is None:
-            none = np.empty(0)
-            wanted = steps.compiled if self.lanes > 1 or steps.compiled is False else None
-            call = begin, *self.beginner, none, none, none, None
+            wanted = steps.compiled if self.side > 1 or steps.compiled is False else None
+            call = begin, *self.beginner(lanes.arguments), *[COLUMNS] * 4, None
             self._beginning = Execution(
-                wanted, steps.progress, *call, lanes=self.lanes, silent=self.lanes == 1
+                wanted, steps.progress, *call, lanes=self.side, silent=self.side == 1
             )
         return self._beginning
+
+    def beginner(self, arguments: Any) -> tuple[Any, ...]:
+        """The arguments of `begin` that are no arrays, from those of steps."""
+        return *arguments[:2], self.given, self.started, self.layout, self.shown
 
 
 def times(t0: float, numbers: np.ndarray, h: float | tuple[float, ...]) -> np.ndarray:

@@ -12,14 +12,13 @@ import numpy as np
 
 from ..errors import IntegrationFailure, IntegrationInterrupted, is_mistake, warn
 from ..formulas.pytree import build
-from ..systems.system import State, member
+from ..systems.system import member
 from . import arguments
 from .carry import Carries, Ended, Waiting
 from .control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME, go_on
 from .dense import unpacked
 from .events import NO_EVENTS, Events
 from .execution import LOOK
-from .fictive import members_of
 from .keep import At, Every, Piece
 from .lanes import Lanes
 from .progress import Bar
@@ -51,6 +50,7 @@ class Run:
     """
 
     adaptive: ClassVar[bool] = False
+    lazy: bool = False  # are samples views of what is there, made when somebody looks at them?
     rows: bool = True
     lanes: Lanes
     table: Any
@@ -64,15 +64,14 @@ class Run:
     ) -> None:  # fmt: skip
         self.plan, self.way, self.kept, self.recorder = plan, plan._steps, kept, recorder
         self.start, self.bodies, self.count = start, start.bodies, start.bodies or 1
-        self.asked_for, self.fresh = plan.options.compiled, isinstance(start, State)
-        members = None if self.fresh else members_of(start)
+        self.asked_for, self.fresh = plan.options.compiled, not hasattr(type(start), "ended")
         self.begun = functools.cache(
-            (lambda i: Waiting(member(start, i), t0)) if members is None else members.__getitem__
+            (lambda i: Waiting(member(start, i), t0)) if self.fresh else start.member
         )
-        self.t0 = np.full(self.count, t0) if members is None else np.array([m.t for m in members])
+        self.t0 = np.full(self.count, t0 if self.fresh else start.t)
         self.over = np.zeros(self.count, dtype=bool)
-        if members is not None:
-            self.over[:] = [isinstance(m, Ended) for m in members]
+        if not self.fresh:
+            self.over[[*start.ended]] = True
         self.failures: dict[int, list[Any]] = {}  # what plain Python saw failing steps raise
         self.errors: dict[int, IntegrationFailure] = {
             i: self.begun(i).error
@@ -96,7 +95,7 @@ class Run:
         )
         self.begin()
         self.state_width = self.lanes.state.width
-        self.numbers, self.clocks, self.goals, *_ = self.lanes.parts(self.table)
+        self.numbers, self.clocks, self.goals, *_ = self.lanes.parts(self.table[:, : self.count])
         self.limit = self.goals[LIMIT]
         self.observers = self.observe()
         self.events: Any = None
@@ -241,13 +240,15 @@ class Run:
             return float(taken / max(1.0, limit))
         return 1.0 if end == t0 else (t - t0) / (end - t0)
 
+    @property
+    def measure(self) -> tuple[int, str]:
+        """Of the progress bar."""
+        return (self.count, "body") if self.bodies else (1000, "")
+
     def trajectory(self) -> Trajectory:
         """Take all bodies to their goals."""
         try:
-            with Bar(
-                self.plan.options.progress, self.count if self.bodies else 1000,
-                "body" if self.bodies else "",
-            ) as bar:  # fmt: skip
+            with Bar(self.plan.options.progress, *self.measure) as bar:
                 self._march(bar)
             for i in np.flatnonzero(self.failed).tolist():
                 error = self.why(i)
@@ -259,15 +260,18 @@ class Run:
             made = self.result()
         except (Exception, KeyboardInterrupt) as error:
             raise self._stopped(error) from error.__cause__
-        stopped: Any = made.stopped
+        self.tell(made.stopped)
+        return made
+
+    def tell(self, stopped: Any) -> None:
+        """Warn of bodies that stopped."""
         if stopped:
             some = ", ".join(f"body {i} after {n} steps" for i, n in [*stopped.steps.items()][:5])
             warn(
-                f"integrate: {len(stopped)} of {made.bodies} bodies stopped early: "
+                f"integrate: {len(stopped)} of {self.count} bodies stopped early: "
                 f"{some}. {stopped[min(stopped)].error}",
                 RuntimeWarning,
             )
-        return made
 
     def _march(self, bar: Bar) -> None:
         """Pieces of as many bodies as run side by side, until all have come to their ends."""
@@ -419,26 +423,32 @@ class Run:
     # ---------------------------------------------------------------- functions instead of states
 
     def _flush(self) -> None:
-        """Keep what the recorder keeps of the samples of one body."""
-        rows = self.observers[0].flush()
-        if not len(rows) and self.told:
+        """Keep what the recorder keeps of the samples so far."""
+        t, numbers = self.flush()
+        if not len(t) and self.told:
             return
+        states, kind = self.arrays(numbers), type(self.begun(0).state)
+        run = SimpleNamespace(system=self.plan.system, bodies=self.bodies)
         try:
-            self.told.append((rows[:, 0].copy(), self._recorded(rows)))
+            kept = self.recorder.values(run, kind, t, states, self.asked_for)
         except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
             n, kept = error.kept
-            self.told.append((rows[:n, 0].copy(), kept))
+            self.told.append((t[:n], kept))
             raise
+        self.told.append((t, kept))
 
-    def _recorded(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        states = self.arrays(rows[:, 1:].copy())
-        run = SimpleNamespace(system=self.of(0)[0], bodies=None)
-        kind = type(self.begun(0).state)
-        kept: dict[str, np.ndarray] = self.recorder.values(
-            run, kind, rows[:, 0], states, self.asked_for
-        )
-        return kept
+    def flush(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times and numbers of samples that were not handed on yet."""
+        found: tuple[np.ndarray, np.ndarray] = self.observers[0].flush()
+        return found
+
+    def _told(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """All that the recorder has kept: times, and the functions by name."""
+        told = [one for one in self.told if len(one[0])] or self.told[:1]
+        names = self.recorder.names
+        kept = {name: np.concatenate([kept[name] for _, kept in told]) for name in names}
+        return np.concatenate([t for t, _ in told]), kept
 
     # ---------------------------------------------------------------- results
 
@@ -469,44 +479,42 @@ class Run:
         goes_on = self.adaptive or isinstance(error, KeyboardInterrupt)
         goes_on &= not hasattr(error, "kept")
         if isinstance(error, KeyboardInterrupt) and not isinstance(error, IntegrationInterrupted):
-            told = f"integrate: interrupted at t = {self.here.item(0):g}, after {int(self.made[0])} steps"
-            if self.bodies:
-                left = int(self.open.sum())
-                told = (
-                    f"integrate: interrupted before {left} of {self.count} bodies came to the end"
-                )
-            error = IntegrationInterrupted(f"{told}; the samples are in `.trajectory`")
+            error = IntegrationInterrupted(f"integrate: interrupted {self.so_far()}")
         elif getattr(error, "trajectory", None) is not None and not self.bodies:
             return error
+        if self.recorder is not None and not hasattr(error, "kept"):
+            self._flush()
         for one in (*self.observers, *([self.events] if getattr(self, "events", None) else [])):
             one.forget()
         error.trajectory = self.result(goes_on)
         return error
+
+    def so_far(self) -> str:
+        """How far an interrupted run has come."""
+        told = f"at t = {self.here.item(0):g}, after {int(self.made[0])} steps"
+        if self.bodies:
+            told = f"before {int(self.open.sum())} of {self.count} bodies came to the end"
+        return f"{told}; the samples are in `.trajectory`"
 
     @property
     def made(self) -> np.ndarray:
         """How many steps every body took."""
         return np.where(self.over, 0.0, self.clocks[TAKEN] - self.first)
 
-    def samples(self, i: int) -> np.ndarray:
-        """The samples of a body, rows of time, state, and fictive time."""
+    def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """The samples of a body: times, and numbers of states, and fictive times behind them."""
         rows, told = self.observers[0].rows
-        found: np.ndarray = rows[: told[i], i]
-        return found
+        found = rows[: told[i], i].copy() if self.bodies else rows[: told[i], i]
+        return found[:, 0], found[:, 1:]
 
     def alone(self, i: int, goes_on: bool = True) -> Trajectory:
         """The run of one body."""
-        if self.recorder is not None and self.told:
-            told = [one for one in self.told if len(one[0])] or self.told[:1]
-            t = np.concatenate([t for t, _ in told])
-            states = {
-                name: np.concatenate([kept[name] for _, kept in told])
-                for name in self.recorder.names
-            }
-            extra: dict[str, Any] = {}
+        extra: dict[str, Any] = {}
+        if self.recorder is not None and self.told and not self.bodies:
+            t, states = self._told()
         else:
-            rows = self.samples(i).copy() if self.bodies else self.samples(i)
-            t, states, extra = rows[:, 0], self.arrays(rows[:, 1:]), self.clocks_of(rows)
+            t, numbers = self.samples(i)
+            states, extra = self.arrays(numbers), self.clocks_of(numbers)
         known = self.known(i) | extra
         system, method = self.of(i)
         watch = self.events.each.get(i) if self.events else None
@@ -535,7 +543,7 @@ class Run:
 
     kind: ClassVar[Any] = Trajectory
 
-    def clocks_of(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+    def clocks_of(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
         """Fictive times, and z, of samples; nothing in physical time."""
         return {}
 
@@ -548,7 +556,7 @@ class Run:
 
     def result(self, goes_on: bool = True) -> Trajectory:
         """The run so far."""
-        return self.joined() if self.bodies else self.alone(0, goes_on)
+        return self.joined(goes_on or self.adaptive) if self.bodies else self.alone(0, goes_on)
 
     def member(self, i: int) -> Any:
         """Where a body of an ensemble stands: with what it goes on, or where it has ended."""
@@ -569,8 +577,10 @@ class Run:
         steps = int(self.clocks[TAKEN, i])
         return Ended(self.states_here(i), float(self.here[0, i]), steps, error)
 
-    def joined(self) -> Trajectory:
-        """The runs of all bodies as one: who has less samples stays where it came to."""
+    def together(self) -> tuple[np.ndarray, np.ndarray]:
+        """The samples of all bodies, times, (n,) or (n, bodies), and numbers of states, (n, bodies,
+        width): who has less of them stays where it came to.
+        """
         rows, told = self.observers[0].rows
         failed, heads = self.failed, self.here.T
         late = failed & (self.asked is None) & (told > 0)
@@ -591,33 +601,49 @@ class Run:
             np.copyto(t, self.asked, where=gone)
         if not self.own_times and (t == t[:, :1]).all():
             t = t[:, 0].copy()
+        return t, shown[..., 1:]
+
+    def carries(self) -> Any:
+        """With what the bodies go on."""
+        members = tuple([self.member(i) for i in range(self.count)])
+        return None if all(isinstance(one, Ended) for one in members) else Carries(members)
+
+    @property
+    def most(self) -> int:
+        """How many steps the body took that took most."""
+        return int(self.made.max())
+
+    def joined(self, goes_on: bool = True) -> Trajectory:
+        """The runs of all bodies as one."""
+        extra: dict[str, Any] = {}
+        rest = SimpleNamespace(carry=self.carries if goes_on else lambda: None)
+        if self.recorder is not None and self.told:
+            extra["t"], extra["states"] = self._told()
+        elif self.lazy:
+            made = functools.cache(self.together)
+            rest.t, rest.states = lambda: made()[0], lambda: self.arrays(made()[1])
+        else:
+            extra["t"], numbers = self.together()
+            extra |= {"states": self.arrays(numbers)} | self.clocks_of(numbers)
+        gone = self.failed | np.isin(np.arange(self.count), [*self.errors])
         stopped = {
             int(i): self.begun(i).steps if self.over[i] else int(self.clocks[TAKEN, i])
-            for i in np.flatnonzero(failed | np.isin(np.arange(self.count), [*self.errors]))
+            for i in np.flatnonzero(gone)
         }
-
-        def carry() -> Carries | None:
-            members = tuple([self.member(i) for i in range(self.count)])
-            return None if all(isinstance(one, Ended) for one in members) else Carries(members)
-
         fields = {
             "system": self.plan.system,
             "method": self.plan.method,
-            "t": t,
-            "states": self.arrays(shown[..., 1:]),
             "bodies": self.count,
-            "steps": int(self.made.max()),
+            "steps": self.most,
             "compiled": self.compiled or self.lanes.stepping.native is not None,
             "stopped": Stopped(stopped, self.why),
             "dense": None,
             "events": tuple(zip(*[self.events.shown(i) for i in range(self.count)], strict=True))
             if self.events else (),
             "rejected": None,
-            "observed": (),
+            "observed": () if self.recorder is None else tuple(self.recorder.quantities),
         }  # fmt: skip
-        return self.kind.promised(
-            SimpleNamespace(carry=carry), **fields | self.known(None) | self.clocks_of(shown)
-        )
+        return self.kind.promised(rest, **fields | self.known(None) | extra)
 
 
 def _padded(places: np.ndarray, side: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from .carry import AdaptiveCarry
 from .control import CLOCK, FRESH, GOAL, TAKEN, TIME
 from .dense import DenseOutput, unpacked
 from .driver import SAMPLES, sampled_steps
-from .execution import Execution
+from .execution import COLUMNS, SHARED, Execution
 from .lanes import Lanes
 from .stopped import NONE
 from .trajectory import Trajectory
@@ -46,11 +46,11 @@ class Prepared:
         self.kept = carried + CLOCK.width + GOAL.width
         self.before = SAMPLES.width + row
         self.begun = struct.Struct(f"{self.kept + (0 if sampled else row)}d").pack_into
-        self.call = struct.Struct(f"{12 if sampled else 8}q{len(lanes.constants)}s").pack
+        self.call = struct.Struct(f"{12 if sampled else 9}q{len(lanes.constants)}s").pack
         self.stepping = lanes.stepping
         if sampled:
-            none, stepping = np.empty(0), lanes.stepping
-            call = sampled_steps, *lanes.arguments, 1, 1, *[none] * 7, None
+            stepping, shared = lanes.stepping, (SHARED, COLUMNS, COLUMNS)
+            call = sampled_steps, *lanes.arguments, 1, 1, *[COLUMNS] * 4, *shared, None
             self.stepping = Execution(None, stepping.progress, *call, silent=True)
 
     def ready(self) -> bool:
@@ -128,7 +128,7 @@ class Short:
         buffers = *own, *buffers
         words = *integers, *[where for where, _ in buffers]
         block = shape.call(1, 0, 1, *words, shape.constants)
-        shape.stepping.native.on_memory(block, buffers)  # type: ignore[union-attr]
+        shape.stepping.on_memory(block, buffers)
         self.clock = CLOCKS.unpack_from(self.memory, shape.clock)
 
     @property
@@ -170,7 +170,7 @@ class EveryStep(Short):
         width = shape.row
         room = min(limit, max(1, ROWS // width))
         super().__init__(plan, shape, start, t0, t_end, (1 + room) * width, limit, *shape.no_curve)
-        self._run((room,), (address(self.memory) + 8 * (shape.kept + width), room * width))
+        self._run((room, 1), (address(self.memory) + 8 * (shape.kept + width), room * width))
 
     def trajectory(self, dense: DenseOutput | None = None) -> Trajectory:
         """With the motion between the steps."""

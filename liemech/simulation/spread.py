@@ -19,7 +19,7 @@ from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
 from ..systems.system import State, member, state_of
 from . import arguments
 from .carry import Carries, Carry, Waiting
-from .fictive import FictiveCarry, Origin, members_of
+from .fictive import FictiveCarry, Origin
 from .fictive_run import FictiveRun
 from .prepared import shown_step
 from .progress import WANTED, Bar
@@ -223,7 +223,8 @@ def _of_their_own(run: Any) -> Any:
         return run
     given, method, start = run.origin.given, run.origin.method, run.origin.start
     origin = tuple([Origin(given, method, member(start, i)) for i in range(run.bodies)])
-    carry = None if run.carry is None else Carries(members_of(run.carry))
+    carry: Any = run.carry
+    carry = None if carry is None else Carries(_members_of(carry))
     tau = np.repeat(run.tau[:, None], run.bodies, axis=1)
     return dataclasses.replace(run, origin=origin, tau=tau, carry=carry)
 
@@ -341,6 +342,11 @@ def _all(states: list[Any]) -> Any:
     return type(states[0])(*(None if some[0] is None else np.concatenate(some) for some in arrays))
 
 
+def _members_of(carry: Any) -> tuple[Any, ...]:
+    """What each body carries along."""
+    return tuple([carry.member(i) for i in range(carry.bodies)])
+
+
 def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None) -> Any:
     """What all bodies carry along, from an origin in fictive time; None if those of a chunk have
     all stopped.
@@ -348,7 +354,7 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None
     if any(isinstance(carry, Carries) for carry in carries):
         if None in carries:
             return None
-        return Carries(sum([members_of(carry) for carry in carries], ()))
+        return Carries(sum([_members_of(carry) for carry in carries], ()))
     if origin is not None and None not in carries:
         return FictiveCarry(origin, _carry(chunks, [carry.inner for carry in carries]))
     if not all(isinstance(carry, Carry) for carry in carries):
@@ -362,6 +368,11 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None
         bodies=chunks[-1][1],
         numbers=np.concatenate([carry.numbers for carry in carries], axis=1),
         last=np.concatenate([carry.last for carry in carries], axis=1),
+        taken=None
+        if all(carry.taken is None for carry in carries)
+        else np.concatenate(
+            [np.broadcast_to(1.0 * carry.steps, carry.bodies) for carry in carries]
+        ),
         failures={
             begin + i: error
             for (begin, _), carry in zip(chunks, carries)

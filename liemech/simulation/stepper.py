@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler.kernel import Kernel, address
 from ..errors import IntegrationInterrupted
 from ..systems.system import State
-from . import arguments
-from .at_once import LONGEST, in_one_call
+from . import arguments, short_steps
 from .carry import Carry
 from .dense import unpacked
 from .fictive import FictiveCarry
+from .short_steps import Place, place_of
 from .stopped import Stopped
 
 
@@ -47,7 +46,7 @@ class Stepper:
             while here is not None and steps:
                 before, some = here.taken, min(steps, here.most)
                 try:
-                    here.advance(before, some)
+                    here.advance(some)
                 except KeyboardInterrupt:
                     raise IntegrationInterrupted(
                         f"Stepper.step: interrupted after {here.taken} steps, where it stands now"
@@ -139,10 +138,10 @@ class Stepper:
         self._here: InPlace | None = None
         inner: Carry = carry.inner if self._fictive else carry
         steps = carry.origin.steps(self._plan._steps) if self._fictive else self._plan._steps
-        alone = inner.bodies is None and steps.owns(inner.shape)
-        native = in_one_call(inner.shape, 1) if alone else None
-        if native is not None:
-            self._here = InPlace(native, inner)
+        if inner.bodies is None and steps.owns(inner.shape):
+            place = place_of(steps, inner.shape)  # type: ignore[arg-type]
+            if place.native(1):
+                self._here = InPlace(place, inner)
 
     def _slowly(self, steps: int) -> None:
         """The same by `Plan.step`: in plain Python, for an ensemble, and for a step that fails."""
@@ -155,7 +154,10 @@ class Stepper:
                 if run is None or not 0 < run.steps < steps:
                     raise
                 if isinstance(error, KeyboardInterrupt):
-                    self._stand(run.carry or carry)
+                    there = run.carry
+                    if self._fictive and there is not None:
+                        there = FictiveCarry(carry.origin, there, met=carry.met)
+                    self._stand(there or carry)
                     raise
                 some = run.steps  # to the last one that can be made, and fail there
                 there = self._plan.step(carry, some)
@@ -166,39 +168,41 @@ class Stepper:
 class InPlace:
     """Where one body stands, in memory that native code advances in place.
 
-    memory : the numbers that the method carries along, that of the steps behind them, and the
-    sample.  parts : views of the sample.  most : so many steps come back in milliseconds.
+    memory : as of a short run; the last numbers are the sample.  parts : views of the sample.
+    most : so many steps come back in milliseconds.
     """
 
-    __slots__ = ("begun", "last", "memory", "most", "native", "parts", "places")
+    __slots__ = ("begun", "buffers", "memory", "most", "parts", "place", "where")
 
-    def __init__(self, native: Kernel, begun: Carry) -> None:
-        shape: Any = begun.shape
-        self.native, self.begun, self.last = native, begun, shape.carried - 1
-        self.memory = np.concatenate([begun.numbers, begun.last])
-        self.most = LONGEST // shape.carried**2
-        self.parts = unpacked(shape.shown, self.memory[shape.carried :])
-        self.places = address(self.memory), address(self.memory) + 8 * shape.carried
+    def __init__(self, place: Place, begun: Carry) -> None:
+        self.place, self.begun = place, begun
+        self.memory = np.empty(place.kept + place.sampled)
+        place.go_on(begun, self.memory)
+        self.most = short_steps.LONGEST // place.carried**2
+        self.parts = unpacked(place.shape.shown, self.memory[place.kept :])
+        self.buffers = place.buffers(self.memory, 1, place.kept)
+        self.where = [at for at, _ in self.buffers]
 
     @property
     def taken(self) -> int:
         """How many steps were taken."""
-        return int(self.memory.item(self.last))
+        return int(self.memory.item(self.place.taken))
 
     @property
     def t(self) -> float:
         """The time, in s."""
         return float(self.begun.t0 + self.taken * self.begun.h)  # type: ignore[operator]
 
-    def advance(self, first: int, steps: int) -> None:
-        """Go on by so many steps, from this one on, as far as they can be made."""
-        begun: Any = self.begun
-        begun.shape.native_steps(self.native, begun.t0, begun.h, first, steps, 1, *self.places)
+    def advance(self, steps: int) -> None:
+        """Go on by so many steps, as far as they can be made."""
+        place = self.place
+        block = place.call(1, 0, 1, 1, steps, *self.where, place.constants)
+        place.lanes.stepping.on_memory(block, self.buffers)
 
     @property
     def carry(self) -> Carry:
         """A copy."""
         begun: Any = self.begun
-        now, end = self.memory.copy(), self.last + 1
-        given = begun.shape, begun.t0, begun.h, self.taken, now[:end], now[end:]
+        now, place = self.memory.copy(), self.place
+        given = begun.shape, begun.t0, begun.h, self.taken, now[: place.carried], now[place.kept :]
         return Carry.quickly(*given, begun.met)

@@ -11,8 +11,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas.pytree import layout_of
+from ..formulas.of_each import Each
+from ..formulas.pytree import exchanged, inside, layout_of
+from ..formulas.remembered import Remembered
 from ..integrators.method import Method
+from ..systems.sums_of_terms import OfTerms
 from ..systems.system import System
 
 BY_MEMBER = ("energy", "velocity", "momentum", "casimirs", "multipliers")
@@ -109,9 +112,31 @@ class Systems(OfBodies):
 
 
 def systems_of(given: Any) -> Systems | None:
-    """The systems, if there are several."""
-    found: Systems | None = Systems.of(given, System, "RigidBody(...)")
+    """The systems, if there are several: a list, or one with a parameter for each member."""
+    found: Systems | None = Systems.of(_of_members(given), System, "RigidBody(...)")
     return found
+
+
+def _of_members(system: Any) -> Any:
+    """For every member of an ensemble the system with its own parameters, if some are `each(values)`;
+    those of the edges and sites of one system stay.
+    """
+    if not isinstance(system, System) or _alike.get(system):
+        return system
+    varied = inside(system, Each)
+    if not varied or inside(system, OfTerms):
+        _alike.set(system, True)
+        return system
+    counts = sorted({len(x) for x in varied})
+    if len(counts) > 1:
+        raise InvalidInput(
+            f"integrate: {system!r} has parameters for {counts[0]} members and for {counts[1]}"
+        )
+    return [exchanged(system, Each, [x.of(i) for x in varied]) for i in range(counts[0])]
+
+
+_alike = Remembered()
+"""Systems that all members of an ensemble have in common."""
 
 
 def methods_of(given: Any) -> Methods | None:

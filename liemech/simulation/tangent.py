@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler.driver import attempt, read
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType, is_mistake
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Record, Vec, derivative, record
 from ..formulas.dual import Dual
 from ..formulas.pytree import (
@@ -32,10 +32,13 @@ from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..integrators.method import Method, Wrapping
 from ..systems.clocked import Clocked
 from ..systems.system import State
+from .control import TAKEN
 from .dense import evaluated, flat, told, unpacked
+from .equal import StraightRun
+from .execution import like
 from .fictive import Origin
-from .fixed_run import FixedRun
-from .prepared import Steps
+from .prepared import Steps, times
+from .stopped import Stopped
 from .systems import Methods, Systems
 from .trajectory import TangentTrajectory, Trajectory
 
@@ -174,27 +177,28 @@ def start_moves(frames: dict[str, Any], start: Any) -> list[np.ndarray]:
 
 
 def tangent_run(
-    plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
+    plan: Any, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
     """So many fixed steps from a start, with their derivative by what is named."""
-    method = plan.method
+    way: Steps = plan._steps
+    method = way.method
     if "h" in names:
-        if plan.way is not plan.method and cuts(plan.way, plan.one):
+        if way.way is not way.method and cuts(way.way, way.one):
             raise IncompatibleSystem(
                 f"Plan.tangent: steps of {method!r} end where an input jumps, whatever h is, and "
                 "have no derivative by it; by the start and by parameters of the system they have one"
             )
-        method = with_step(method, plan.h, t0)
-    found = Directions.of(plan.one, method, start, names)
+        method = with_step(method, way.h, t0)
+    found = Directions.of(way.one, method, start, names)
     made, t, values, tangent = carried_along(plan, start, steps, t0, found)
     return told_of(made, TangentTrajectory(
-        plan.one, plan.method, plan.h, t, unpacked(layout_of(start), values), None, steps,
+        way.one, way.method, way.h, t, unpacked(layout_of(start), values), None, steps,
         made.compiled, tangent=found.named(tangent),
     ))  # fmt: skip
 
 
 def carried_along(
-    plan: Steps, start: Any, steps: int, t0: float, found: Directions
+    plan: Any, start: Any, steps: int, t0: float, found: Directions
 ) -> tuple[Trajectory, np.ndarray, np.ndarray, np.ndarray]:
     """The run whose numbers carry the derivatives, as far as all directions came: its times, the
     numbers of the states, (n, width), and their components, (n, components, directions).
@@ -209,8 +213,7 @@ def carried_along(
                 "cannot carry a derivative"
             ) from None
         raise
-    n = run.reached()
-    values, slopes = (x[:n] for x in run.halves())
+    n, values, slopes = run.halves()
     return made, made.t[:n], values, found.components(start, values, slopes)
 
 
@@ -225,13 +228,14 @@ def told_of(made: Trajectory, run: TangentTrajectory) -> TangentTrajectory:
 
 
 def fictive_tangent_run(
-    plan: Steps, start: State, steps: int, t0: float, names: tuple[str, ...]
+    given_plan: Any, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
     """The same of fixed steps in fictive time, at the same fictive times.
 
     What the start decides once for the whole run, the energy or the first 1/sigma, is
     differentiated too: as for parameters by differences of order 8.
     """
+    plan: Steps = given_plan._steps
     inner: Any = getattr(plan.one, "system", None) if plan.one.fictive else plan.one
     origin = Origin(plan.one, plan.method, start)
     whole, frames = origin.whole, frames_of(inner, start)
@@ -285,7 +289,9 @@ def fictive_tangent_run(
         systems.append(build(layout_of(whole), iter([Dual(a, b, LEVEL) for a, b in both])))
     moves = np.array([x[width:] for x in slopes])
     found = Directions(frames_of(whole, now), moves, method, systems, methods, columns)
-    made, tau, values, tangent = carried_along(origin.steps(plan), now, steps, 0.0, found)
+    made, tau, values, tangent = carried_along(
+        given_plan.in_fictive_time(origin), now, steps, 0.0, found
+    )
     t, states, _ = whole.apart(unpacked(layout_of(now), values))
     size = tangent.shape[1]
     # z is not shown
@@ -540,20 +546,13 @@ def with_parameter(system: Any, name: str, value: Any) -> Any:
     return type(system)(**given)
 
 
-class _Run(FixedRun):
+class _Run(StraightRun):
     """A run of an ensemble whose members are the directions of the derivative, all with the same
     values.
     """
 
-    def __init__(
-        self,
-        plan: Steps,
-        start: State,
-        found: Directions,
-        steps: int,
-        t0: float,
-    ) -> None:
-        layout = layout_of(start)
+    def __init__(self, plan: Any, start: State, found: Directions, steps: int, t0: float) -> None:
+        layout, way = layout_of(start), plan._steps
         numbers = leaves(start, layout)
         self.duals = [
             build(
@@ -562,52 +561,51 @@ class _Run(FixedRun):
             for move in found.moves
         ]
         if any(found.systems):
-            rest = dual_of(plan.one)
-            several = Systems(tuple(s or rest for s in found.systems))
-            plan = replace(plan, system=several, shapes={})
+            rest = dual_of(way.one)
+            way = replace(way, system=Systems(tuple(s or rest for s in found.systems)), shapes={})
         if any(found.methods):
             rest = dual_of(found.method)
-            ways = Methods(tuple(m or rest for m in found.methods))
-            plan = replace(plan, method=ways, shapes={})
+            way = replace(way, method=Methods(tuple(m or rest for m in found.methods)), shapes={})
         count = SimpleNamespace(bodies=len(found.moves))
-        super().__init__(plan, count, steps, t0)  # type: ignore[arg-type]
+        super().__init__(like(plan, _steps=way), count, t0, steps, None, None)
 
-    def _member(self, i: int) -> Any:
+    def _member(self, start: Any, i: int) -> Any:
         return self.duals[i]
 
-    def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
+    def _first(self, start: Any, one: State, started: Layout) -> tuple[Any, Any]:
         """All numbers that the method carries along may come to depend on the start, zeros of its
         first guesses too.
         """
-        carry, example = super()._first(one, started)
+        carry, example = super()._first(start, one, started)
         return with_slopes(carry, LEVEL), example
 
-    def _lay_down(self, columns: np.ndarray) -> None:
-        columns[:] = self._padded(
-            np.array([leaves(dual, self.shape.given) for dual in self.duals]).T
-        )
+    def _lay_down(self, start: Any, columns: np.ndarray) -> None:
+        numbers = np.array([leaves(dual, self.shape.given) for dual in self.duals]).T
+        columns[:] = numbers[:, np.minimum(np.arange(columns.shape[1]), self.count - 1)]
 
     def _only_start(self) -> Trajectory:
-        return Trajectory(self.plan.system, self.plan.method, self.plan.h, np.empty(0), {}, None, 0)
+        return self.alone(0)
 
-    def _samples(self, out: np.ndarray, steps: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        return self.times(len(out), steps), {}
+    def alone(self, i: int, goes_on: bool = True) -> Trajectory:
+        """A direction is no motion."""
+        return Trajectory(self.plan.system, self.plan.method, self.way.h, np.empty(0), {}, None, 0)
 
-    def _result(self, steps: int) -> Trajectory:
-        """The run; directions that stop are no bodies of which to warn."""
-        run = self._so_far(steps)
-        return super()._result(steps) if any(map(self._mistaken, run.stopped)) else run
+    def joined(self, goes_on: bool = True) -> Trajectory:
+        stopped = {int(i): int(self.clocks[TAKEN, i]) for i in np.flatnonzero(self.failed)}
+        t = times(self.zero.item(0), self.observers[0].numbers, self.way.h)
+        return Trajectory(
+            self.plan.system, self.plan.method, self.way.h, t, {}, self.count, self.most,
+            self.compiled, Stopped(stopped, self.why),
+        )  # fmt: skip
 
-    def _mistaken(self, i: int) -> bool:
-        """Did a direction fail of a mistake in the program?"""
-        return is_mistake(self._failure(i).__cause__)
+    def tell(self, stopped: Any) -> None:
+        """Directions that stop are no bodies of which to warn."""
 
-    def reached(self) -> int:
-        """The number of samples to which all directions came."""
-        return self._rows(max(0, int(self.taken[: self.count].min()) - self.before))
-
-    def halves(self) -> tuple[np.ndarray, np.ndarray]:
-        """The numbers of the states, (n, width), and their derivatives in every direction, (n,
-        directions, width).
+    def halves(self) -> tuple[int, np.ndarray, np.ndarray]:
+        """The number of samples to which all directions came; the numbers of the states then, (n,
+        width), and their derivatives in every direction, (n, directions, width).
         """
-        return self.out[:, 0::2, 0], self.out[:, 1::2, : self.count].transpose(0, 2, 1)
+        samples = self.observers[0]
+        n = max(1, int(samples.told(self.clocks[TAKEN].min())))
+        out = samples.array[:n]
+        return n, out[:, 0::2, 0], out[:, 1::2, : self.count].transpose(0, 2, 1)

@@ -31,7 +31,7 @@ from .control import (
     go_on,
     noted,
 )
-from .dense import DenseOutput, along, curve_layout, evaluated, flat, packed
+from .dense import DenseOutput, along, evaluated, flat, packed, way_layout
 from .keep import At, Dense, Every, Piece
 from .lanes import Lanes
 from .run import Run
@@ -248,14 +248,14 @@ class ToleranceRun(Run):
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
         point, (system, method) = self.lanes.state, self.of(0)
         dim = system.group.dim
-        curve = curve_layout(dim, (given.shape[1] - 1 - point.width) // dim)
+        row = way_layout(self.lanes.example, dim, (given.shape[1] - 1 - point.width) // dim)
         several = self.lanes.arguments[1]
         retraction = method.retraction
         if isinstance(self.plan.method, OfBodies) and layout_of(retraction).width:
             made = [one.retraction for one in self.plan.method]
             retraction = kernel.Several.of(made, len(made))
         what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
-        arguments = retraction, several, point, curve
+        arguments = retraction, several, row
         return evaluated(along, arguments, given, point.width, self.asked_for, what, body)
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
@@ -271,9 +271,11 @@ class ToleranceRun(Run):
 
     # ---------------------------------------------------------------- what came of it
 
-    def samples(self, i: int) -> np.ndarray:
+    def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
         first = self.observers[0]
-        return first.rows[:, self.head] if isinstance(first, Dense) else super().samples(i)
+        if not isinstance(first, Dense):
+            return super().samples(i)
+        return first.rows[:, 0], first.rows[:, 1 : len(self.here)]
 
     def known(self, i: int | None) -> dict[str, Any]:
         steps = np.where(self.over, 0.0, self.clocks[TAKEN])

@@ -19,6 +19,9 @@ from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
 from .fictive import Origin
+from .sites_totals import constants as constants_of_sites
+from .sites_totals import energy as energy_of_sites
+from .sites_totals import of_sites
 from .stopped import NONE, Stop
 from .systems import OfBodies, Systems, of_body
 
@@ -119,7 +122,7 @@ class Trajectory:
         own = vars(self)
         states = self.states if "_rest" in own else own.get("states", {})
         if name in states:
-            return states[name]
+            return self._by_site(name, states[name])
         found = inspect.getattr_static(type(self), name, None)
         # it is here since a formula has raised an AttributeError, which Python does not show
         if isinstance(found, (property, cached_property)):
@@ -133,7 +136,15 @@ class Trajectory:
     @property
     def g(self) -> np.ndarray | None:
         """The group elements, (n, k, k); None if they were not recorded."""
-        return self.states.get("g")
+        g = self.states.get("g")
+        return None if g is None else self._by_site("g", g)
+
+    def _by_site(self, name: str, array: np.ndarray) -> np.ndarray:
+        """A part of the state with an axis of sites, if there are such."""
+        if name in self.observed or array.ndim != 2 + (self.bodies is not None):
+            return array
+        group = getattr(self.system, "configurations", self.system.group)
+        return group._out_of_rows(array, "Element" if name == "g" else "Vec")
 
     @property
     def _laws(self) -> Any:
@@ -165,6 +176,8 @@ class Trajectory:
         """What the system computes from parts of the state, or what was recorded of it."""
         if name in self.observed:
             return self.states[name]
+        if name == "energy" and self.bodies is None and of_sites(self.system, self.states):
+            return energy_of_sites(self.system, self.t, self.states)
         formula = getattr(self._laws, name, None)
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
@@ -418,11 +431,22 @@ class Trajectory:
         Of a run that recorded functions of the state instead, those among them that stay constant:
         energy, casimirs, ...
         """
-        if self.observed:
-            return Drift.recorded(
-                {n: self.states[n] for n in self.observed if n in RECORDED}, self.t, self.bodies
-            )
+        if self.observed or self._is_of_sites:
+            return Drift.recorded(self._constants, self.t, self.bodies)
         return Drift.of(self.system, self.t, self.states, self.bodies)
+
+    @property
+    def _is_of_sites(self) -> bool:
+        return self.bodies is None and of_sites(self.system, self.states) is not None
+
+    @cached_property
+    def _constants(self) -> dict[str, np.ndarray]:
+        """The constants of the motion at every sample: those of `drift`, by name."""
+        if self.observed:
+            return {name: self.states[name] for name in self.observed if name in RECORDED}
+        if self._is_of_sites:
+            return constants_of_sites(self.system, self.t, self.states)
+        return self.system.constants(self.states)
 
     def _attitude(self, what: str) -> np.ndarray:
         if self.g is None:

@@ -18,9 +18,8 @@ from .arrival import FictiveMotion
 from .carry import Carry
 from .checkpoint import Checkpoint
 from .dense import unpacked
-from .fictive import FictiveCarry, Origin
-from .fixed_run import FixedRun
-from .prepared import Steps
+from .equal import StraightRun
+from .fictive import FictiveCarry, Origin, in_fictive_time
 from .stopped import NONE
 from .trajectory import Trajectory, TransformedTrajectory
 
@@ -32,7 +31,7 @@ class TransformedRun:
     """
 
     def __init__(
-        self, plan: Steps, start: State | FictiveCarry, t0: float, kept: Checkpoint | None = None
+        self, plan: Any, start: State | FictiveCarry, t0: float, kept: Checkpoint | None = None
     ) -> None:
         self.now: Any
         self.carry: Any = None
@@ -43,14 +42,12 @@ class TransformedRun:
             self.origin = Origin(plan.system, plan.method, start)
             self.t0, self.bodies, self.before = t0, start.bodies, 0
             self.now = self.origin.begun(t0)
-        self.whole, self.plan, self.h, self.kept = (
-            self.origin.whole,
-            self.origin.steps(plan),
-            plan.h,
-            kept,
-        )
+        self.whole, self.kept = self.origin.whole, kept
+        self.steps_made = self.origin.steps(plan._steps)
+        self.h = self.steps_made.h
+        self.plan = plan.in_fictive_time(self.origin)
         self.system, self.method = self.whole.system, plan.method
-        self.way = self.plan.way_of(0)
+        self.way = self.steps_made.way_of(0)
         if self.carry is None and self.bodies is None:
             doubt = self.method.step_warning(self.whole, self.now, self.h)
             if doubt:
@@ -62,7 +59,7 @@ class TransformedRun:
     def steps(self, steps: int) -> Trajectory:
         """So many fixed steps in fictive time, for one body or an ensemble."""
         with self._failures():
-            made = FixedRun(self.plan, self.now, steps, checkpoint=self.kept).trajectory()
+            made = StraightRun(self.plan, self.now, 0.0, steps, None, None, self.kept).trajectory()
         return self.presented(made)
 
     @contextmanager
@@ -92,7 +89,11 @@ class TransformedRun:
         """Samples of the extended system as those of the system."""
         if isinstance(run, TransformedTrajectory):
             return run
-        carry = FictiveCarry(self.origin, run.carry) if isinstance(run.carry, Carry) else None
+        carry: Any = run.carry
+        if carry is not None and self.bodies is None:
+            carry = FictiveCarry(self.origin, carry)
+        elif carry is not None:
+            carry = in_fictive_time(self.origin, carry, self.h)
         more = {"steps": run.steps, "compiled": run.compiled, "carry": carry}
         if run.bodies is None:
             numbers = np.concatenate(
@@ -133,7 +134,7 @@ class TransformedRun:
         kind, carry, begun = type(self.origin.start), self.carry, None
         if carry is not None and carry.ahead is not None and t[0] == self.t0:
             begun = np.append(carry.inner.last, carry.tau - carry.inner.t)
-        given = t, numbers, self.plan.compiled, begun
+        given = t, numbers, self.steps_made.compiled, begun
         return FictiveMotion(self.way, self.whole, kind, self.example, self.h, *given)
 
     def _back(self, t: np.ndarray) -> bool:

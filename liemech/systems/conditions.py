@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ..formulas import Mat, Vec, dot, vec, vectors
+from ..formulas import Vec, dot, vec, vectors
 
 
 def connections(touches: Sequence[Sequence[int]], blocks: int) -> dict[str, Any]:
@@ -125,8 +125,3 @@ def solved_sparse(system: Any, m: list[list[Any]], rhs: list[Any]) -> tuple[Vec,
             rest = rest - rows[k][place] * x[j]
         x[k] = rest / rows[k][diagonal]
     return vec(*x), [row[ends[0]] for row, ends in zip(rows, system.elimination)]
-
-
-def times(inertia: Vec | Mat, x: Vec) -> Vec:
-    """J x, a Vec standing for a diagonal matrix."""
-    return inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x

@@ -12,9 +12,9 @@ from ..formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
-from .conditions import connections, joint, led, pulled, solved_sparse, speeds, times
+from .conditions import connections, joint, led, pulled, solved_sparse, speeds
 from .constraint import Constraint, VelocityConstraint, factors_of
-from .kinetic_energy import KineticEnergy
+from .kinetic_energy import KineticEnergy, times
 from .lie_poisson import BodyState, LiePoissonSystem, body_state
 from .mechanical import MechanicalSystem
 from .potential import NoPotential

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, ClassVar, final
 
 import numpy as np
 
 from ..errors import InvalidType, undefined
-from ..formulas import Record, Vec, gradient, record, vec
+from ..formulas import Vec, gradient, record, vec
 from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
+from ..groups.power import PowerGroup
 from .canonical import CanonicalState, PhaseSpace
+from .driven_hamiltonian import DrivenHamiltonian
 from .hamiltonian import Hamiltonian
 from .lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem, body_state
+from .sums_of_terms import driven_of
 
 
 @record
@@ -71,26 +75,6 @@ class DrivenHamiltonianSystem(PhaseSpace):
 
 
 @record
-class DrivenHamiltonian(Record):
-    """The energy of a body as a function of time and momentum, K(t, mu).
-
-    A subclass writes `energy`; the gradient is derived unless it is written too.  Its fields are
-    the parameters.
-
-    Source: Ge and Marsden, Phys. Lett. A 133 (1988), 134.
-    """
-
-    def energy(self, t: float, mu: Vec) -> float:
-        """K(t, mu).  mu : (dim,)."""
-        raise undefined(self, "energy")
-
-    @derived
-    def gradient(self, t: float, mu: Vec) -> Vec:
-        """The velocity xi = dK/dmu.  mu : (dim,)."""
-        return gradient(lambda m: self.energy(t, m), mu)
-
-
-@record
 class Frozen(Hamiltonian):
     """A driven energy as it is at one time, H(mu) = K(time, mu).
 
@@ -129,6 +113,9 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
     hamiltonian: DrivenHamiltonian
 
     def __post_init__(self) -> None:
+        energy = driven_of(type(self).__name__, self.group, self.hamiltonian)
+        if energy is not self.hamiltonian:
+            object.__setattr__(self, "hamiltonian", energy)
         for name, kind in ("group", LieGroup), ("hamiltonian", DrivenHamiltonian):
             if not isinstance(getattr(self, name), kind):
                 raise InvalidType(
@@ -150,6 +137,17 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
     def rate(self, t: float, state: BodyState) -> Vec:
         """The body velocity."""
         return self.velocity(t, state.mu)
+
+    def of_site(self) -> DrivenLiePoissonSystem | None:
+        """The site form of a system of many sites; None if there is none."""
+        return self._of_site
+
+    @cached_property
+    def _of_site(self) -> DrivenLiePoissonSystem | None:
+        of_site = getattr(self.hamiltonian, "of_site", None)
+        if of_site is None or not isinstance(self.group, PowerGroup):
+            return None
+        return DrivenLiePoissonSystem(self.group.base, of_site())
 
     def at(self, t: float) -> LiePoissonSystem:
         """The free system whose energy is for ever what this one's is at time t.  Raises

@@ -10,7 +10,10 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, check_finite, dot, real_array, record, vectors
+from ..formulas.fields import OfEach
+from ..formulas.of_each import Each, each
 from ..formulas.pytree import fill, laid_out
+from ..formulas.vectors import small
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 
@@ -20,8 +23,8 @@ class KineticEnergy(Hamiltonian, Lagrangian):
     """Kinetic energy with inertia J: l(xi) = xi . J xi/2 and, the same number, H(mu) = mu . J^-1
     mu/2.
 
-    inertia : (dim,) principal moments, or (dim, dim) a symmetric matrix.  The inverse is stored:
-    formulas never divide by J.
+    inertia : (dim,) principal moments, or (dim, dim) a symmetric matrix; `each(values)` of them for
+    the sites of `PerSite`.  The inverse is stored: formulas never divide by J.
     Raises InvalidInput for a matrix that is not symmetric, and for an inertia without an inverse.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., sections 1.2 and
@@ -33,6 +36,9 @@ class KineticEnergy(Hamiltonian, Lagrangian):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if isinstance(self.inertia, Each):
+            object.__setattr__(self, "inverse", _inverse_of_each(self.inertia))
+            return
         if not len(self.inertia):
             raise InvalidInput(f"{type(self).__name__}: inertia is empty; got {self.inertia!r}")
         require_invertible(self.inertia)
@@ -62,8 +68,29 @@ class KineticEnergy(Hamiltonian, Lagrangian):
         """J."""
         return self.inertia
 
+    @property
+    def inertias(self) -> np.ndarray:
+        """The inertia as a matrix, (1, dim, dim), or those of all sites."""
+        each = isinstance(self.inertia, OfEach)
+        found = self.inertia.values if each else np.array(self.inertia)[None]
+        return found if found.ndim == 3 else found[:, :, None] * np.eye(found.shape[1])
+
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (len(self.inertia),) if kind == "Vec" else None
+        known = kind == "Vec" and not isinstance(self.inertia, OfEach)
+        return (len(self.inertia),) if known else None
+
+
+def _inverse_of_each(inertia: Each) -> Each:
+    """The inverses of moments or matrices, one for each."""
+    values = inertia.values
+    if values.ndim == 2 and bool((np.abs(values) >= LEAST).all()):
+        return each(1.0 / values)
+    for i, one in enumerate(values):
+        try:
+            require_invertible(small(one))
+        except InvalidInput as error:
+            raise InvalidInput(f"{error} (value {i} of {inertia!r})") from None
+    return each(np.linalg.inv(values))
 
 
 def kinetic_energy(inertia: Vec | Mat) -> KineticEnergy:
@@ -137,3 +164,9 @@ def times(inertia: Vec | Mat, x: Any) -> Any:
     such matrix.
     """
     return inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x
+
+
+def trace(inertia: Vec | Mat) -> float:
+    """The trace of such a matrix of three rows."""
+    m = inertia
+    return m[0, 0] + m[1, 1] + m[2, 2] if isinstance(m, vectors.Mat) else m[0] + m[1] + m[2]

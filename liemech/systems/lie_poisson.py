@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -10,11 +11,15 @@ from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Vec, record, vec
 from ..formulas.arrays import at_a_glance
 from ..formulas.pytree import fill, laid_out
+from ..formulas.remembered import Remembered
 from ..groups.lie_group import LieGroup
+from ..groups.power import PowerGroup
 from ..retractions import Retraction
 from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
+from .site_state import SiteState, site_state, velocities_of_sites
+from .sums_of_terms import KineticTerms, hamiltonian_of, released
 from .system import State, System, as_precise, element_at_a_glance, frozen, members_of, points
 
 
@@ -71,6 +76,10 @@ class LiePoissonMotion(System):
         """The momentum."""
         return BodyState(state.mu, None)
 
+    def _written_out(self, state: Any) -> Any:
+        """Of many sites all numbers in a row."""
+        return in_a_row(self, state)
+
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
         change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
@@ -113,7 +122,19 @@ class LiePoissonSystem(LiePoissonMotion):
     hamiltonian: Hamiltonian
     lagrangian: Lagrangian | None = None
 
+    def __repr__(self) -> str:
+        same: Any = self.lagrangian
+        alone = same is None or same == self.hamiltonian
+        more = "" if alone else f", lagrangian={self.lagrangian!r}"
+        return (
+            f"{type(self).__name__}(group={self.group!r}, hamiltonian={self.hamiltonian!r}{more})"
+        )
+
     def __post_init__(self) -> None:
+        name = type(self).__name__
+        energy = hamiltonian_of(name, self.group, self.hamiltonian)
+        if energy is not self.hamiltonian:
+            object.__setattr__(self, "hamiltonian", energy)
         given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or _NO_LAGRANGIAN
         for name, value, kind in zip(
             ("group", "hamiltonian", "lagrangian"), given, (LieGroup, Hamiltonian, Lagrangian)
@@ -125,7 +146,9 @@ class LiePoissonSystem(LiePoissonMotion):
         if self.lagrangian is None and isinstance(self.hamiltonian, Lagrangian):
             object.__setattr__(self, "lagrangian", self.hamiltonian)
         super().__post_init__()
-        require_one_body(type(self).__name__, self.group, self.hamiltonian, self.lagrangian)
+        require_one_body(
+            type(self).__name__, self.group, released(self.hamiltonian), self.lagrangian
+        )
 
     # ---------------------------------------------------------------- formulas
 
@@ -143,9 +166,34 @@ class LiePoissonSystem(LiePoissonMotion):
         """The body velocity."""
         return self.velocity(state.mu)
 
+    def of_site(self) -> LiePoissonSystem | None:
+        """The site form of a system of many sites: that of one body, whose formulas ask the other
+        sites for what they need; None if there is none.
+        """
+        return self._of_site
+
+    @cached_property
+    def _of_site(self) -> LiePoissonSystem | None:
+        of_site = getattr(self.hamiltonian, "of_site", None)
+        if of_site is None or not isinstance(self.group, PowerGroup):
+            return None
+        return LiePoissonSystem(self.group.base, of_site())
+
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, Casimirs and, if the attitude is known, the spatial momentum."""
         return {"energy": np.asarray(self.energy(states["mu"]))} | super().constants(states)
+
+    @property
+    def is_large(self) -> bool:
+        """Are there more sites than formulas would be written out for?"""
+        return self.group.is_large and isinstance(self.group, PowerGroup)
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        energy = self.hamiltonian if self.hamiltonian.is_large else None
+        if method in ("energy", "velocity"):
+            name = "energy" if method == "energy" else "gradient"
+            return energy and energy._in_numpy(name, arguments)
+        return of_group(self.group, method, arguments)
 
     # ---------------------------------------------------------------- checked input
 
@@ -178,16 +226,44 @@ class LiePoissonSystem(LiePoissonMotion):
                 f"{name}: {self!r} has no Lagrangian, which makes a "
                 "momentum of the velocity xi; give mu"
             )
+        if isinstance(self.group, PowerGroup) and isinstance(self.lagrangian, KineticTerms):
+            return self.lagrangian.momenta(velocities_of_sites(f"{name}: xi", self.group, xi))
         dim = self.group._sizes[0]
         return self.lagrangian.momentum(
             points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}")
         )
 
 
-def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> BodyState:
+def in_a_row(system: System, state: State) -> State:
+    """The state of a body whose vectors are those of all sites in a row; any other state as it is."""
+    if not isinstance(state, SiteState):
+        return state
+    row: State | None = _written.get(state)
+    if row is None:
+        row = BodyState(**state.in_a_row)
+        _written.set(state, row)
+    return system._vouched(row) if system._knows(state) else row
+
+
+_written = Remembered()
+"""For states of many sites the same in a row."""
+
+
+def of_group(group: LieGroup, method: str, arguments: dict[str, Any]) -> Any:
+    """Casimirs and spatial momenta on arrays; None for anything else."""
+    if method == "casimirs":
+        return group._in_numpy("casimirs", arguments)
+    if method == "spatial_momentum":
+        return group._in_numpy("K", {"g": arguments["g"], "mu": arguments["mu"]})
+    return None
+
+
+def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
     """Momenta on a group and, if given, elements of it, checked; one of either may serve for many
     of the other.
     """
+    if isinstance(group, PowerGroup):
+        return site_state(name, group, mu, g)
     dim, shape = group._sizes
     quick = at_a_glance(mu, dim)
     if quick is not None and (g is None or (at := element_at_a_glance(group, g)) is not None):

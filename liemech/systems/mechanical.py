@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
+from functools import cached_property
 from typing import Any, ClassVar, final
 
 import numpy as np
@@ -14,9 +15,11 @@ from ..groups.coadjoint import CoadjointAction
 from ..groups.lie_group import LieGroup
 from ..groups.semidirect import SemidirectProduct
 from ..retractions import Exponential, Retraction
-from .lie_poisson import BodyState, LiePoissonSystem, body_state
+from .lie_poisson import BodyState, LiePoissonSystem, body_state, in_a_row, of_group
 from .potential import Force, Potential
+from .sums_of_terms import PlaceTerms, load_of, potential_of
 from .system import System, as_precise
+from .trials_of_terms import require_apart
 
 _NO_FORCE = Force()
 
@@ -52,6 +55,13 @@ class MechanicalSystem(System):
     load: Force | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
+        if isinstance(self.body, LiePoissonSystem):
+            field = potential_of(type(self).__name__, self.body.group, self.potential)
+            if field is not self.potential:
+                object.__setattr__(self, "potential", field)
+            load = load_of(type(self).__name__, self.body.group, self.load)
+            if load is not self.load:
+                object.__setattr__(self, "load", load)
         given: tuple[tuple[str, Any, type, str], ...] = (
             ("body", self.body, LiePoissonSystem, "such as RigidBody([1.0, 1.5, 2.0])"),
             ("potential", self.potential, Potential, "a subclass with an `energy(g)`"),
@@ -158,6 +168,42 @@ class MechanicalSystem(System):
             self.body.group, mu, g
         )
 
+    def of_site(self) -> MechanicalSystem | None:
+        """The site form of a system of many sites: that of one body, whose formulas ask the other
+        sites for what they need; None if there is none.
+        """
+        return self._of_site
+
+    @cached_property
+    def _of_site(self) -> MechanicalSystem | None:
+        body, of_site = self.body.of_site(), getattr(self.potential, "of_site", None)
+        load = None if self.load is None else getattr(self.load, "of_site", None)
+        if body is None or of_site is None or (load is None and self.load is not None):
+            return None
+        return MechanicalSystem(body, of_site(), load=None if load is None else load())
+
+    def _written_out(self, state: Any) -> Any:
+        """Of many sites all numbers in a row."""
+        return in_a_row(self, state)
+
+    @property
+    def is_large(self) -> bool:
+        """Are there more sites than formulas would be written out for?"""
+        return self.body.is_large
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        places = {"g": arguments["g"]} if "g" in arguments else {}
+        if method in ("energy", "force") and not self.potential.is_large:
+            return None
+        if method == "energy":
+            kinetic = self.body._in_numpy("energy", {"mu": arguments["mu"]})
+            return kinetic + self.potential._in_numpy("energy", places)
+        if method == "force":
+            return self.potential._in_numpy("force", places)
+        if method == "velocity":
+            return self.body._in_numpy("velocity", arguments)
+        return of_group(self.body.group, method, arguments)
+
     # ---------------------------------------------------------------- checked input
 
     @final
@@ -176,7 +222,11 @@ class MechanicalSystem(System):
                 "the body is, give state(mu=..., g=...)"
             )
         momentum = mu if xi is None and mu is not None else self.body._momentum_of(name, mu, xi)
-        return self._vouched(body_state(name, self.body.group, momentum, g))
+        state = body_state(name, self.body.group, momentum, g)
+        if isinstance(self.potential, PlaceTerms):
+            require_apart(name, self.potential, state.g)
+            _require_rest(name, self.potential.held, state.mu)
+        return self._vouched(state)
 
     # elements are those of the configurations
 
@@ -193,8 +243,23 @@ class MechanicalSystem(System):
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return (self.group.dim,) if argument == "omega" else self.body.group._shape(argument, kind)
 
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        return self.body.group._in_rows(value, kind)
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        return self.body.group._out_of_rows(results, kind)
+
     def _complex(self, kind: str) -> bool:
         return self.body.group._complex(kind)
 
     def _objection(self, argument: str, value: Any) -> str | None:
         return self.body.group._objection(argument, value)
+
+
+def _require_rest(name: str, held: tuple[int, ...], mu: np.ndarray) -> None:
+    """Raise InvalidInput for a site that is held, and has a momentum."""
+    if not held:
+        return
+    moving = np.flatnonzero(mu[..., list(held), :].any(axis=-1).reshape(-1, len(held)).any(axis=0))
+    if len(moving):
+        raise InvalidInput(f"{name}: site {held[moving[0]]} is held: its momentum must be zero")

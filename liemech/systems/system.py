@@ -113,6 +113,7 @@ class System(Record):
     called: ClassVar[str] = "system"
     coordinates: ClassVar[tuple[str, ...]] = ()
     alternatives: ClassVar[str] = "RKMK accepts every system"
+    small: ClassVar[int] = 48  # up to so many numbers many sites are written out, as one body
     bounded: ClassVar[bool] = False  # does it depend on its parameters which states there are?
     fictive: ClassVar[bool] = False  # is it one in a fictive time, with physical time in its state?
     if TYPE_CHECKING:  # a field here would be an argument of every system
@@ -143,6 +144,26 @@ class System(Record):
         """The part of the state that the velocity depends on; what is None in it may be left
         unrecorded.
         """
+        return state
+
+    def of_site(self) -> System | None:
+        """The site form of a system of many sites; None if there is none."""
+        return None
+
+    def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """Parts of states of many sites, with an axis of sites where users see none."""
+        return arrays
+
+    def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """The inverse of `by_site`."""
+        return arrays
+
+    def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """What many sites keep beside the energy, by name, at many samples."""
+        return {}
+
+    def _written_out(self, state: Any) -> Any:
+        """The state as formulas take it: of many sites all numbers in a row."""
         return state
 
     def variation(self, state: Any, omega: Vec) -> tuple[Vec, Vec]:
@@ -183,6 +204,12 @@ class System(Record):
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return self.group._shape(argument, kind)
+
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        return self.group._in_rows(value, kind)
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        return self.group._out_of_rows(results, kind)
 
     def _complex(self, kind: str) -> bool:
         return self.group._complex(kind)

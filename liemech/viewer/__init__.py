@@ -18,6 +18,7 @@ from .live import Live
 from .motion import Motion
 from .points import Points
 from .scene import Scene
+from .sites import Sites, Spins
 from .vectors import Momentum, Nose, SpatialMomentum, Vertical
 
 __all__ = [
@@ -32,7 +33,9 @@ __all__ = [
     "Path",
     "Points",
     "Scene",
+    "Sites",
     "SpatialMomentum",
+    "Spins",
     "Vertical",
     "animate",
     "live",

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..models.even_boxes import box_of_inertia, inertia_of
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
-from ..models.poses import attitude, configurations, flies, is_pose, place, rotated
+from ..models.poses import attitude, configurations, flies, is_pose, place, rotated, toward
 from ..models.space_bodies import OrbitingBody
-from ..systems.constrained_body import BoundBody
-from ..systems.mechanical import MechanicalSystem
 from ..systems.system import System
 from .content import Content, refuse
-from .drawing import Drawing, toward
+from .drawing import Drawing
 from .motion import Motion
 from .shapes import ball, box, box_edges, mesh_file, mixed, rod, turned
 from .vectors import AXES, axis_of
@@ -27,8 +26,6 @@ Array = NDArray[np.float64]
 STONE = "#d5dbe5"
 TRIAD = 0.75
 """Length of the axes of a top, whose nose is at 1."""
-THINNEST = 0.004
-"""The square of the least edge of a box, of that of the largest."""
 FLYING = 0.17
 """Size of a body beside the path on which it flies, which would often make it a point if it were
 drawn to scale.
@@ -158,42 +155,6 @@ def _swept(motion: Motion) -> Array:
     )
     points = np.concatenate([axis[None], rim, TRIAD * np.eye(3), np.zeros((1, 3))])
     return np.concatenate([rotated(q, point) for point in points])
-
-
-def inertia_of(system: Any) -> Array:
-    """The inertia of rotation of a body, (3, 3); the unit matrix of a system that has none."""
-    inertia = getattr(
-        system, "inertia", getattr(getattr(system, "hamiltonian", None), "inertia", None)
-    )
-    if inertia is None and isinstance(system, (MechanicalSystem, BoundBody)):
-        return inertia_of(system.body)
-    J = np.eye(3) if inertia is None else np.array(inertia, dtype=float)
-    if (
-        J.shape not in ((3,), (6,), (3, 3), (6, 6))
-        or not (np.diagonal(J, 0) if J.ndim == 2 else J)[:3].min() > 0.0
-    ):
-        return np.eye(3)
-    return np.diag(J[:3]) if J.ndim == 1 else J[:3, :3]
-
-
-def box_of_inertia(J: Array) -> Array:
-    """The edges (3,) of a box that has the inertia J, up to its size: half its diagonal is 0.85.
-
-    Of a J that is not diagonal the diagonal counts.
-    """
-    edges = edges_of_inertia(np.diagonal(J), 1.0)
-    return 1.7 * edges / np.linalg.norm(edges)
-
-
-def edges_of_inertia(moments: Array, mass: float) -> Array:
-    """The edges (3,) of an even box along the axes of a body with these principal moments,
-    a_i^2 = 6 (J_j + J_k - J_i)/m.
-
-    Where that is not positive, for an inertia that no body has, the edge is thin.
-    Source: Landau and Lifshitz, Mechanics, 3rd ed., section 32, problem 2.
-    """
-    squares = moments.sum() - 2.0 * moments
-    return np.sqrt(6.0 / mass * np.maximum(squares, THINNEST * squares.max()))
 
 
 def _top(drawing: Drawing, axis: Array, color: str) -> None:

@@ -8,12 +8,14 @@ from ..errors import InvalidInput
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.linkage import Linkage
 from ..models.poses import configurations, flies, is_pose, turns
+from ..models.sites import is_place, is_spin, of_sites
 from ..systems.canonical import CanonicalSystem
 from ..systems.poisson import PoissonSystem
 from .body import Body, Path
 from .content import Content
 from .links import Links
 from .points import Points
+from .sites import Sites, Spins
 from .vectors import Momentum, Nose, SpatialMomentum, Vertical
 
 KNOWN: dict[str, type[Content]] = {
@@ -25,6 +27,8 @@ KNOWN: dict[str, type[Content]] = {
     "path": Path,
     "points": Points,
     "links": Links,
+    "spins": Spins,
+    "sites": Sites,
 }
 """Contents by name."""
 
@@ -44,8 +48,14 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
             f"there is no picture of {system!r} yet; say what to "
             "show, such as show=Points(places=...)"
         )
+    many = of_sites(system)
     wanted: list[Content] = []
-    if isinstance(system, Linkage):
+    if many is not None:
+        if one and (is_pose(many.base) or is_place(many.base)):
+            wanted = [Sites()]
+        elif "mu" in parts and is_spin(many.base):
+            wanted = [Spins()]
+    elif isinstance(system, Linkage):
         wanted = [Links()] if one else []
     elif isinstance(system, (HeavyTop, ReducedHeavyTop)):
         wanted = [Body(), Nose(), Vertical()] if one else [Vertical()] if not ensemble else []

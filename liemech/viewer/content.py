@@ -16,6 +16,9 @@ from .motion import Motion
 
 Array = NDArray[np.float64]
 
+FRONT = (-78.0, 10.0)
+"""The eye in front of a picture that stands upright: the first axis to the right, the third up."""
+
 
 @dataclass(frozen=True)
 class Content:
@@ -27,14 +30,14 @@ class Content:
     origin.
 
     Contents of the same panel share a picture; if they are `alike`, those of equal systems do.
-    With `own` each run has its own.
-    flat : is it best seen from the front?
+    With `own` each run has its own.  Is all that is drawn of a panel in the box of `reach`, which
+    the picture then fills, its contents are `filling`.
     """
 
     panel: ClassVar[str] = "space"
     title: ClassVar[str] = "in space"
-    flat: ClassVar[bool] = False
     alike: ClassVar[bool] = False
+    filling: ClassVar[bool] = False
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The parts of the state that are drawn, such as ("mu",).  Raises InvalidInput if the
@@ -51,6 +54,16 @@ class Content:
         that has none.
         """
         return None
+
+    def eye(self, motion: Motion) -> tuple[float, float]:
+        """The direction from which it is best seen, (azimuth, elevation) in degrees."""
+        return 35.0, 22.0
+
+    def legend(self, motion: Motion) -> list[dict[str, Any]]:
+        """What its colours mean: each a "name" and a "color", or for a scale its "colors" and the
+        texts at its "ends".
+        """
+        return []
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """Put nodes into a panel: `drawing.add`, `drawing.trail`, `drawing.once`."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..models.curves import is_smooth
+from ..models.poses import rotation, toward
 from .shapes import Shape, dots, tube
 
 Array = NDArray[np.float64]
@@ -18,19 +19,15 @@ STILL = 2.0**-20
 screen: it is sent once.
 """
 
-SHARP = np.cos(np.radians(25.0))
-"""A trail whose segments mostly turn by more than this is shown by its points: a curve through them
-would be invented.
-"""
-
 
 @dataclass
 class Node:
     """A place in the tree: what stands there, how it is placed, and the channels that move.
 
     Channels: `position` (3), `quaternion` (4), `direction` (3), towards which the third axis
-    points, `scale` (1), `cloud` (m, 3), the points of dots, and `reveal`, the segments of a trail
-    that are behind the moving point.
+    points, `scale` (1), `reveal`, the segments of a trail that are behind the moving point, and of
+    what is there many times its places `cloud` (m, 3), of dots too, and arrows `vectors` (m, 3) or
+    attitudes `turns` (m, 4).
     """
 
     path: str
@@ -44,13 +41,15 @@ class Node:
 class Panel:
     """One of the pictures side by side: what it is called, and which ball (centre and radius) of
     its own space it shows.
+
+    corners : two of the box that holds all that is drawn, in units of the panel; None: not known.
     """
 
     path: str
     title: str
     centre: Array
     unit: float
-    flat: bool = False
+    corners: Array | None = None
     nodes: dict[str, Node] = field(default_factory=dict)
 
     def inside(self, points: ArrayLike) -> Array:
@@ -95,35 +94,27 @@ class Drawing:
             }
             self.panel.nodes[place] = Node(place, shape, still)
 
-    def trail(self, path: str, points: Array, color: str | None = None) -> None:
+    def trail(
+        self, path: str, points: Array, color: str | None = None, radius: float = 0.011
+    ) -> None:
         """The curve behind a moving point, (n, 3): it grows with the time."""
         if len(points) < 2:
             return
-        shape = (tube if is_smooth(points) else dots)(points, color or self.color)
+        smooth, color = is_smooth(points), color or self.color
+        shape = tube(points, color, radius) if smooth else dots(points, color)
         node = Node(f"{self.panel.path}/{self.name}/{path}", shape, clock=self.clock)
         node.moving["reveal"] = np.arange(len(points), dtype=float)
         self.panel.nodes[node.path] = node
 
 
-RANK = {"position": 1, "quaternion": 1, "direction": 1, "scale": 0, "cloud": 2}
+MANY = ("cloud", "vectors", "turns")
+"""The channels of what is there many times."""
+
+RANK = {"position": 1, "quaternion": 1, "direction": 1, "scale": 0} | dict.fromkeys(MANY, 2)
 """How many axes a channel has at one time."""
 
 PLACED = ("position", "quaternion", "direction", "scale")
 """The channels that a transform holds."""
-
-
-def is_smooth(points: Array) -> bool:
-    """Do most segments of a curve turn little from one to the next?"""
-    steps = np.diff(points, axis=0)
-    length = np.linalg.norm(steps, axis=1)
-    # in units of the panel: shorter ones have no direction that could be seen
-    steps = steps[length > 1e-6]
-    if len(steps) < 2:
-        return True
-    cosines = (steps[1:] * steps[:-1]).sum(axis=1) / (
-        np.linalg.norm(steps[1:], axis=1) * np.linalg.norm(steps[:-1], axis=1)
-    )
-    return bool(np.median(cosines) >= SHARP)
 
 
 def transform(still: dict[str, Array]) -> list[float]:
@@ -140,45 +131,6 @@ def transform(still: dict[str, Array]) -> list[float]:
     matrix[:3, :3] = scale * (np.eye(3) if q is None else rotation(q))
     matrix[:3, 3] = still.get("position", 0.0)
     return matrix.T.ravel().tolist()
-
-
-def toward(d: Array) -> Array:
-    """The quaternion of the shortest turn that takes the third axis to a direction."""
-    x, y, z = d / np.linalg.norm(d)
-    if z < -1.0 + 1e-9:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    q = np.array([-y, x, 0.0, 1.0 + z])
-    return q / np.linalg.norm(q)
-
-
-def rotation(q: Array) -> Array:
-    """The matrix of a unit quaternion (x, y, z, w)."""
-    x, y, z, w = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def carried(directions: Array) -> Array:
-    """Quaternions (n, 4) that take the third axis to directions (n, 3), each by the shortest turn
-    from the one before.
-    """
-    q = toward(directions[0])
-    rows = [q]
-    for a, b in pairwise(directions):
-        half = np.append(np.cross(a, b), 1.0 + a @ b)
-        size = np.linalg.norm(half)
-        if size > 1e-9:  # opposite directions have no shortest turn
-            u, v = half[:3] / size, half[3] / size
-            q = np.append(v * q[:3] + q[3] * u + np.cross(u, q[:3]), v * q[3] - u @ q[:3])
-        else:
-            q = toward(b)
-        rows.append(q)
-    return np.array(rows)
 
 
 def commands(panels: list[Panel]) -> list[dict[str, Any]]:

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..models.even_boxes import principal_box
 from ..models.joints import RigidRod
-from ..models.linkage import Link, Linkage
+from ..models.linkage import Linkage
 from ..models.poses import quaternions
 from ..systems.system import System
-from .body import STONE, edges_of_inertia
-from .content import Content, refuse
+from .body import STONE
+from .content import FRONT, Content, refuse
 from .drawing import Drawing
 from .motion import Motion
 from .shapes import ball, box, box_edges, mixed, rod
@@ -36,7 +37,6 @@ class Links(Content):
 
     panel: ClassVar[str] = "links"
     title: ClassVar[str] = "in space"
-    flat: ClassVar[bool] = True
 
     trail: int | None = -1
 
@@ -73,6 +73,10 @@ class Links(Content):
         return np.concatenate(
             [*swept, *[at[None] for number, at in _points(system) if number is None]]
         )
+
+    def eye(self, motion: Motion) -> tuple[float, float]:
+        """From the front."""
+        return FRONT
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """A node for each body, which carries its box, and the joints on arms from its centre of
@@ -116,17 +120,6 @@ class Links(Content):
             )
         if self.trail is not None:
             drawing.trail("trail", drawing.panel.inside(poses[:, self.trail, :3, 3]))
-
-
-def principal_box(link: Link) -> tuple[Array, Array]:
-    """The principal axes of a link as the columns of a rotation, and the edges of the even box with
-    its inertia and mass, in m.
-    """
-    J = np.array(link.inertia, dtype=float)
-    if J.ndim == 1:
-        return np.eye(3), edges_of_inertia(J, link.mass)
-    moments, axes = np.linalg.eigh(J)
-    return axes * np.array([1.0, 1.0, np.linalg.det(axes)]), edges_of_inertia(moments, link.mass)
 
 
 def _read(motion: Motion) -> tuple[Linkage, Array]:

@@ -46,7 +46,9 @@ class Pen(Drawing):
     def once(self, path: str, shape: Shape, **channels: ArrayLike) -> None:
         """Nothing to do: all runs share what is there already."""
 
-    def trail(self, path: str, points: NDArray[np.float64], color: str | None = None) -> None:
+    def trail(
+        self, path: str, points: NDArray[np.float64], color: str | None = None, radius: float = 0.0
+    ) -> None:
         """The newest point."""
         self.trails[f"{self.panel.path}/{self.name}/{path}"] = points[-1:].tolist()
 
@@ -232,7 +234,7 @@ class Live:
         colors: dict[str, int] = {}
         for run, (t, state) in states.items():
             one = self._scene.shown[run]
-            motion = Motion.moment(one.motion.system, t, state)
+            motion = Motion.moment(one.motion.system, t, state, one.motion.sites)
             for panel, content in self._scene.places(run):
                 pen = Pen(self._panels[panel], f"run {run + 1}", one.color, run)
                 content.draw(motion, pen)

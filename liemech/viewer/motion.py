@@ -5,7 +5,7 @@ show.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import check_finite, real_array
+from ..models.sites import by_site, turn
 from ..simulation.trajectory import Trajectory
 from ..systems.system import State, System
+from .thinning import FAR, shown_samples, shown_sites
+
+FIRST, LATER = slice(None, -1), slice(1, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +28,9 @@ class Motion:
 
     t : (n,) times, rising or falling.  states : a state whose parts have a row for each time, as
     `RigidBody.exact` returns, or such arrays by name: mu (n, dim), g (n, ...), q (n, d), p (n, d).
-    A run of `integrate` need not be wrapped in a Motion.
+    A run of `integrate` need not be wrapped in a Motion.  sites : the numbers of those that are
+    shown, where the states have an axis of sites.  note : what is left out.
+    joined : do turns between two samples take the shortest way?
 
     Raises InvalidInput for wrong shapes, numbers that are not finite, and times that turn back.
     """
@@ -33,6 +39,9 @@ class Motion:
     t: NDArray[np.float64]
     states: Any
     bodies: int | None = None
+    sites: NDArray[np.intp] | None = None
+    note: str = ""
+    joined: bool = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.system, System):
@@ -72,12 +81,19 @@ class Motion:
         object.__setattr__(self, "states", checked)
 
     @classmethod
-    def of(cls, run: Any, frames: int, body: int | None = None, smooth: bool = False) -> Motion:
+    def of(
+        cls,
+        run: Any,
+        frames: int,
+        body: int | None = None,
+        smooth: bool = False,
+        sites: Any = None,
+    ) -> Motion:
         """The motion of a run that is shown: at most `frames` samples of it, evenly chosen, the first and the
-        last among them.
+        last among them, of many sites fewer.
 
         body : the one to show of an ensemble.  smooth : of a run with dense output, which has few
-        and long steps, `frames` samples.
+        and long steps, `frames` samples.  sites : the numbers of those to show.
         """
         if not isinstance(run, (Trajectory, Motion)):
             raise InvalidType(
@@ -87,22 +103,11 @@ class Motion:
         n = len(run.t)
         if not n:
             raise InvalidInput("a scene needs at least one sample; this run has none")
-        if (
-            smooth
-            and n < frames
-            and isinstance(run, Trajectory)
-            and run.dense is not None
-            and n > 1
-        ):
+        states, bodies, t = run.states, run.bodies, run.t
+        if smooth and 1 < n < frames and isinstance(run, Trajectory) and run.dense is not None:
             t = np.linspace(run.t[0], run.t[-1], frames)
-            return cls(run.system, t, run.at(t))
-        kept = (
-            slice(None)
-            if n <= frames
-            else np.unique(np.linspace(0, n - 1, frames).round().astype(int))
-        )
-        states = {name: rows[kept] for name, rows in run.states.items() if rows is not None}
-        bodies, t = run.bodies, run.t[kept]
+            states = run.at(t).parts
+        states = {name: rows for name, rows in states.items() if rows is not None}
         if body is not None:
             if bodies is None or not -bodies <= body < bodies:
                 many = "one body" if bodies is None else f"{bodies} bodies"
@@ -114,24 +119,65 @@ class Motion:
                 "a scene: bodies with steps of their own are shown one at a time; give body=, as "
                 "in viewer.Scene(run, body=0)"
             )
-        return cls(run.system, t, states, bodies)
+        chosen, note = shown_sites(run.system, sites)
+        some = chosen
+        if isinstance(run, Motion) and run.sites is not None:
+            chosen, some, note = run.sites, np.arange(len(run.sites)), run.note
+        numbers = 0
+        if chosen is not None:
+            if bodies is not None:
+                raise InvalidInput(
+                    f"a scene shows one member of an ensemble of many sites, of {bodies} here; give "
+                    "body=, as in viewer.Scene(run, body=0)"
+                )
+            numbers = len(chosen) * (7 if "g" in states else 3)
+
+        def shown(kept: NDArray[np.intp]) -> dict[str, Any]:
+            if some is None:
+                return {name: rows[kept] for name, rows in states.items()}
+            by_sites = {name: by_site(run.system, name, rows) for name, rows in states.items()}
+            return {name: rows[np.ix_(kept, some)] for name, rows in by_sites.items()}
+
+        kept, notes = shown_samples(len(t), frames, numbers), [note] if note else []
+        left_out = len(t) / len(kept)
+        if (
+            left_out > 1.0
+            and left_out * turn(run.system, shown(kept[:-1]), shown(kept[:-1] + 1)) > FAR
+        ):
+            kept = np.arange(len(kept))
+            notes.append(f"the first {len(kept):,} of {len(t):,} samples, to t = {t[kept[-1]]:.6g}")
+        elif left_out > 1.0:
+            notes.append(f"{len(kept):,} of {len(t):,} samples")
+        found = shown(kept)
+        angle = turn(run.system, *({n: x[k] for n, x in found.items()} for k in (FIRST, LATER)))
+        if angle > FAR:
+            notes.append(f"samples one by one, which are up to {angle:.0f} degrees apart")
+        joined = angle <= FAR
+        return cls(run.system, t[kept], found, bodies, chosen, ", ".join(notes), joined)
 
     @classmethod
-    def moment(cls, system: System, t: float, state: State) -> Motion:
+    def moment(
+        cls, system: System, t: float, state: State, sites: NDArray[np.intp] | None = None
+    ) -> Motion:
         """A single state, as a motion of one sample; not checked, for it comes from `system.state`
-        or from a step.
+        or from a step.  sites : the numbers of those that are shown.
         """
         states = {
             name: np.asarray(x, dtype=float)[None]
             for name, x in state.parts.items()
             if x is not None
         }
+        if sites is not None:
+            states = {name: by_site(system, name, x)[:, sites] for name, x in states.items()}
         motion = object.__new__(cls)
         for name, value in (
             ("system", system),
             ("t", np.array([t])),
             ("states", states),
             ("bodies", state.bodies),
+            ("sites", sites),
+            ("note", ""),
+            ("joined", True),
         ):
             object.__setattr__(motion, name, value)
         return motion
@@ -142,10 +188,6 @@ class Motion:
     def __getitem__(self, part: str) -> NDArray[np.float64]:
         """The rows of one part of the state."""
         return self.states[part]
-
-    def thinned(self, frames: int) -> Motion:
-        """This motion with fewer samples."""
-        return self if len(self) <= frames else replace(Motion.of(self, frames), bodies=self.bodies)
 
 
 def times(t: ArrayLike) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import MissingExtra
-from .drawing import RANK, Node, commands
+from .drawing import MANY, RANK, Node, commands
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -57,10 +57,19 @@ def described(scene: Scene) -> dict[str, Any]:
         "duration": scene.duration,
         "seconds": scene.seconds,
         "view": scene.view,
-        "interpolate": scene.interpolate,
+        "joined": [scene.interpolate and one.motion.joined for one in scene.shown],
         "title": scene.title,
-        "legend": [{"name": one.name, "color": one.color} for one in named],
-        "panels": [{"path": panel.path, "title": panel.title} for panel in panels],
+        "legend": [{"name": one.name, "color": one.color} for one in named] + scene.legend(),
+        "notes": scene.notes(),
+        "axes": any(content.filling for one in scene.shown for content in one.contents),
+        "panels": [
+            {
+                "path": panel.path,
+                "title": panel.title,
+                "corners": None if panel.corners is None else panel.corners.tolist(),
+            }
+            for panel in panels
+        ],
         "commands": commands(panels),
         "clocks": scene.clocks(),
         "tracks": [
@@ -72,11 +81,13 @@ def described(scene: Scene) -> dict[str, Any]:
 def tracks(node: Node) -> list[dict[str, Any]]:
     """The channels of a node that move."""
     found = []
-    for channel, rows in node.moving.items():
+    often = node.shape is not None and node.shape.many is not None
+    still = {c: rows[None] for c, rows in node.still.items() if often and c in MANY}
+    for channel, rows in (still | node.moving).items():
         track: dict[str, Any] = {"path": node.path, "channel": channel, "clock": node.clock}
         if channel == "reveal" and node.shape is not None:
             track |= {"each": node.shape.per_segment, "first": node.shape.per_start}
-        elif channel == "cloud":
+        elif channel in MANY:
             largest = float(np.abs(rows).max()) or 1.0
             track |= {
                 "values": np.round(rows / largest * 32767.0).astype(np.int16).ravel(),

@@ -44,6 +44,10 @@ function startPlayer() {
   const panels = scene.panels.map((panel) => ({ ...panel, object: node(panel.path).object, rect: [0, 0, 1, 1] }));
   const dots = [];
   viewer.scene.traverse((object) => {
+    if (object.isInstancedMesh) {
+      object.frustumCulled = false;
+      object.instanceMatrix = new THREE.InstancedBufferAttribute(new Float32Array(16 * object.count), 16);
+    }
     if (object.isPoints) {
       dots.push({ material: object.material, size: object.material.size });
       object.frustumCulled = false; // they move without their bounds
@@ -98,6 +102,16 @@ function startPlayer() {
     });
     renderer.setPixelRatio(window.devicePixelRatio);
     renderer.setSize(width, height);
+    for (const panel of panels.filter((panel) => panel.corners)) { // as large as the box fits, seen as now
+      panel.zoom = 1;
+      aim(panel);
+      camera.updateMatrixWorld();
+      panel.object.updateWorldMatrix(true, false);
+      const [low, high] = panel.corners;
+      const seen = [0, 1, 2, 3, 4, 5, 6, 7].map((n) => new THREE.Vector3(...low.map((x, k) => (n >> k & 1 ? high[k] : x)))
+        .applyMatrix4(panel.object.matrixWorld).project(camera));
+      panel.zoom = 0.94 / Math.max(...seen.map((v) => Math.max(Math.abs(v.x), Math.abs(v.y))));
+    }
     viewer.needs_render = true;
   }
 
@@ -105,9 +119,19 @@ function startPlayer() {
     const [, , w, h] = panel.rect;
     camera.aspect = w / h;
     camera.fov = 2 * Math.atan(Math.tan(FIELD / 2) / Math.min(1, camera.aspect)) * 180 / Math.PI;
+    camera.zoom = panel.zoom || 1;
     camera.updateProjectionMatrix();
     // three.js measures dots by the height of the whole page, not by the field of view
     for (const { material, size } of dots) material.size = size * Math.min(w, h) / (pane.clientHeight * Math.tan(FIELD / 2));
+  }
+
+  function drawAxes() { // the directions of the scene's axes on the screen
+    const ends = ["x", "y", "z"].map((name, k) => {
+      const v = new THREE.Vector3().setComponent(k, 1).transformDirection(viewer.scene.matrixWorld).transformDirection(camera.matrixWorldInverse);
+      return [name, v.x.toFixed(3), (-v.y).toFixed(3)];
+    });
+    $("axes").innerHTML = ends.map(([name, x, y]) => `<line x2="${26 * x}" y2="${26 * y}"/>` +
+      (Math.hypot(x, y) > 0.15 ? `<text x="${35 * x}" y="${35 * y}">${name}</text>` : "")).join("");
   }
 
   const right = new THREE.Vector3(), up = new THREE.Vector3();
@@ -118,6 +142,7 @@ function startPlayer() {
     camera.updateMatrixWorld();
     right.setFromMatrixColumn(camera.matrixWorld, 0);
     up.setFromMatrixColumn(camera.matrixWorld, 1);
+    if (scene.axes) drawAxes();
     const away = camera.position.distanceTo(controls.target);
     // lights are children of the scene, whose third axis is up
     lamp.position.copy(camera.position).addScaledVector(up, 0.7 * away).addScaledVector(right, -0.5 * away);
@@ -148,16 +173,50 @@ function startPlayer() {
     direction: (object, v) => object.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), new THREE.Vector3().fromArray(v).normalize()),
     scale: (object, v) => object.scale.setScalar(v[0]),
     cloud: (object, v) => {
+      if (object.isInstancedMesh) return hold(object, "cloud", v);
       const position = object.geometry.attributes.position;
       position.array.set(v);
       position.needsUpdate = true;
     },
+    vectors: (object, v) => hold(object, "vectors", v),
+    turns: (object, v) => hold(object, "turns", v),
   };
+
+  // what is there many times, and moves: its places, and its arrows or turns
+  const moved = new Set();
+  const hold = (object, name, v) => { object.userData[name] = v; moved.add(object); };
+  const p = new THREE.Vector3(), q = new THREE.Quaternion(), s = new THREE.Vector3(), d = new THREE.Vector3();
+  const third = new THREE.Vector3(0, 0, 1), matrix = new THREE.Matrix4(), paint = new THREE.Color(), hue = new THREE.Color();
+  function place(object) {
+    const { count, sizes, cloud, vectors, turns, colors, axis, tints } = object.userData;
+    const each = sizes.length > 3 ? 3 : 0;
+    for (let k = 0; k < count; k++) {
+      p.fromArray(cloud, 3 * k);
+      s.fromArray(sizes, each * k);
+      if (turns) q.fromArray(turns, 4 * k);
+      if (vectors) {
+        const length = d.fromArray(vectors, 3 * k).length();
+        q.setFromUnitVectors(third, d.divideScalar(length || 1));
+        s.multiplyScalar(length);
+      }
+      object.setMatrixAt(k, matrix.compose(p, q, s));
+      if (colors) {
+        const along = d.x * axis[0] + d.y * axis[1] + d.z * axis[2], end = colors[along < 0 ? 0 : 2], f = Math.abs(along);
+        object.setColorAt(k, paint.fromArray(colors[1]).lerp(hue.fromArray(end), f));
+      } else if (tints) object.setColorAt(k, paint.fromArray(tints, 3 * k));
+    }
+    object.instanceMatrix.needsUpdate = true;
+    if (object.instanceColor) object.instanceColor.needsUpdate = true;
+  }
+  function placeAll() {
+    moved.forEach(place);
+    moved.clear();
+  }
 
   const tracks = scene.tracks.map((track) => {
     const found = node(track.path), thing = found.children["<object>"];
-    const inner = track.channel === "cloud" || track.channel === "reveal";
-    return { ...track, object: inner ? thing.object : found.object, times: scene.clocks[track.clock], now: new Array(track.width || 0) };
+    const object = ["cloud", "vectors", "turns", "reveal"].includes(track.channel) ? thing.object : found.object;
+    return { ...track, object, times: scene.clocks[track.clock], now: new Array(track.width || 0) };
   });
 
   function behind(times, t) { // the last sample that is not after t
@@ -170,20 +229,37 @@ function startPlayer() {
   }
 
   function move(track, t) {
-    const { times, values, width, now, object, channel } = track;
-    const i = behind(times, t);
+    const { times, values, width, now, object, channel, unit = 1 } = track;
+    const i = values && values.length === width ? 0 : behind(times, t); // it may stand still
     if (channel === "reveal") {
       object.geometry.setDrawRange(0, track.first + track.each * i);
       return;
     }
     let f = 0;
-    if (scene.interpolate && i + 1 < times.length && t > times[i]) f = (t - times[i]) / (times[i + 1] - times[i]);
+    if (scene.joined[track.clock] && (i + 1) * (width || 1) < (values || times).length && t > times[i]) f = (t - times[i]) / (times[i + 1] - times[i]);
     const a = i * width, b = f > 0 ? a + width : a;
     if (channel === "quaternion") {
       THREE.Quaternion.slerpFlat(now, 0, values, a, values, b, f);
     } else {
-      const unit = track.unit || 1;
-      for (let k = 0; k < width; k++) now[k] = unit * (values[a + k] + f * (values[b + k] - values[a + k]));
+      const box = channel === "cloud" && object.userData.box; // out on one side, in on the other
+      for (let k = 0; k < width; k++) {
+        let step = values[b + k] - values[a + k];
+        if (box) step -= box[k % 3] / unit * Math.round(step * unit / box[k % 3]);
+        now[k] = unit * (values[a + k] + f * step);
+      }
+    }
+    if (f > 0 && (channel === "vectors" || channel === "turns")) { // lengths change evenly
+      const n = channel === "turns" ? 4 : 3;
+      for (let k = 0; k < width; k += n) {
+        let first = 0, second = 0, mixed = 0;
+        for (let i = k; i < k + n; i++) {
+          first += values[a + i] ** 2;
+          second += values[b + i] ** 2;
+          mixed += now[i] ** 2;
+        }
+        const longer = mixed > 0 ? unit * ((1 - f) * Math.sqrt(first) + f * Math.sqrt(second)) / Math.sqrt(mixed) : 0;
+        for (let i = k; i < k + n; i++) now[i] *= longer;
+      }
     }
     setters[channel](object, now);
   }
@@ -199,6 +275,7 @@ function startPlayer() {
     seek(t) {
       this.time = Math.max(0, Math.min(scene.duration, t));
       for (const track of tracks) move(track, this.time);
+      placeAll();
       $("time").value = this.time;
       $("label").textContent = "t = " + (scene.start + scene.sign * this.time).toFixed(digits) + " s";
       viewer.needs_render = true;
@@ -244,13 +321,17 @@ function startPlayer() {
   // ---------------------------------------------------------------- the bar, the keys
 
   if (scene.title) $("head").querySelector("h1").textContent = scene.title; else $("head").querySelector("h1").remove();
-  for (const { name, color } of scene.legend) {
+  for (const { name, color, colors, ends = ["", ""] } of scene.legend) {
     const entry = document.createElement("span"), dot = document.createElement("i");
-    dot.style.background = color;
-    entry.append(dot, name);
+    dot.style.background = colors ? `linear-gradient(90deg, ${colors})` : color;
+    if (colors) dot.className = "scale";
+    entry.append(...(colors ? [name, " ", ends[0], dot, ends[1]] : [dot, name]));
     $("legend").append(entry);
   }
-  for (const speed of [0.1, 0.25, 0.5, 1, 2, 5]) $("speed").add(new Option("× " + speed, speed, speed === 1, speed === 1));
+  $("notes").textContent = scene.notes.length ? "shown: " + scene.notes.join("; ") : "";
+  for (const speed of [0.1, 0.25, 0.5, 1, 2, 5]) {
+    $("speed").add(new Option(Number((rate * speed).toPrecision(2)) + " s per second", speed, speed === 1, speed === 1));
+  }
   $("time").max = scene.duration;
   if (!(scene.duration > 0)) $("bar").style.display = "none";
   $("play").onclick = () => { player.toggle(); $("play").blur(); };
@@ -289,10 +370,11 @@ function startPlayer() {
       for (const [path, channels] of Object.entries(update.nodes)) {
         const found = node(path);
         for (const [channel, value] of Object.entries(channels)) {
-          const target = channel === "cloud" ? found.children["<object>"].object : found.object;
-          setters[channel](target, Array.isArray(value) ? value : [value]);
+          const inner = ["cloud", "vectors", "turns"].includes(channel);
+          setters[channel](inner ? found.children["<object>"].object : found.object, Array.isArray(value) ? value : [value]);
         }
       }
+      placeAll();
       for (const [path, points] of Object.entries(update.trails)) {
         if (!trails.has(path)) trails.set(path, newTrail(path, update.colors[path]));
         trails.get(path)(points);

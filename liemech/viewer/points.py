@@ -16,7 +16,7 @@ from ..models.n_body import NBody
 from ..models.poses import places, rods
 from ..systems.canonical import CanonicalSystem
 from ..systems.system import System
-from .content import Content, refuse
+from .content import FRONT, Content, refuse
 from .drawing import Drawing
 from .motion import Motion
 from .shapes import ball, mixed, rod
@@ -38,7 +38,6 @@ class Points(Content):
 
     panel: ClassVar[str] = "points"
     title: ClassVar[str] = "position"
-    flat: ClassVar[bool] = True
 
     places: Callable[[Array, Array], Array] | None = None
     rods: bool | None = None
@@ -63,6 +62,10 @@ class Points(Content):
         """The points at all times, the origin, and the pivots of a linkage."""
         pivots = _upright(rods(motion.system)[0]) if self.places is None else np.zeros((0, 3))
         return np.concatenate([self._points(motion).reshape(-1, 3), np.zeros((1, 3)), pivots])
+
+    def eye(self, motion: Motion) -> tuple[float, float]:
+        """From the front."""
+        return FRONT
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """Balls, rods, the trail of the last point, and marks in the pivots."""

@@ -55,9 +55,11 @@ class Scene:
 
     run : what `integrate` returns, or a `Motion(system, t, states)`.
     show : names, "body", "momentum", "spatial momentum", "vertical", "nose", "path", "points",
-    "links", or contents with options, such as Momentum(levels=0).  Left out: what suits the
+    "links", "spins", "sites", or contents with options, such as Momentum(levels=0).  Left out: what suits the
     system.  Nothing else is computed or written.
     name, color : of the run in the legend, "#rrggbb".  body : the one to show of an ensemble.
+    sites : the numbers of those to show of many; left out, all, or of more than 12,000 every third
+    along each axis, or fifth, ...
     title : of the page.  seconds : how long it plays; default: as long as the motion, but 5 to 15
     s.
     frames : samples that are kept of each run, evenly chosen; the data of the run are not touched.
@@ -78,6 +80,7 @@ class Scene:
         name: str = "",
         color: str | None = None,
         body: int | None = None,
+        sites: Any = None,
         title: str = "",
         seconds: float | None = None,
         frames: int = FRAMES,
@@ -100,7 +103,7 @@ class Scene:
         self.shown: list[Shown] = []
         self.runs: list[Any] = []
         if run is not None:
-            self.add(run, show, name=name, color=color, body=body)
+            self.add(run, show, name=name, color=color, body=body, sites=sites)
 
     def add(
         self,
@@ -110,11 +113,13 @@ class Scene:
         name: str = "",
         color: str | None = None,
         body: int | None = None,
+        sites: Any = None,
     ) -> Scene:
         """Put another run into the scene; arguments as above.  Returns the scene."""
-        motion = Motion.of(run, self.frames, body, self.interpolate)
-        if motion.bodies is not None:
-            motion = motion.thinned(min(ENSEMBLE_FRAMES, max(2, ENSEMBLE_DOTS // motion.bodies)))
+        bodies, frames = getattr(run, "bodies", None), self.frames
+        if bodies is not None and body is None:
+            frames = min(frames, ENSEMBLE_FRAMES, max(2, ENSEMBLE_DOTS // bodies))
+        motion = Motion.of(run, frames, body, self.interpolate, sites)
         have = frozenset(motion.states)
         contents = (
             suited(motion.system, have, motion.bodies is not None)
@@ -162,8 +167,26 @@ class Scene:
     @property
     def view(self) -> tuple[float, float]:
         """Azimuth and elevation of the eye, in degrees."""
-        flat = all(content.flat for one in self._some() for content in one.contents)
-        return self._view or ((-78.0, 10.0) if flat else (35.0, 22.0))
+        if self._view is not None:
+            return self._view
+        found = {c.eye(one.motion) for one in self._some() for c in one.contents}
+        return found.pop() if len(found) == 1 else (35.0, 22.0)
+
+    def legend(self) -> list[dict[str, Any]]:
+        """What the colours mean, each said once."""
+        found: list[dict[str, Any]] = []
+        for one in self._some():
+            for content in one.contents:
+                found += [entry for entry in content.legend(one.motion) if entry not in found]
+        return found
+
+    def notes(self) -> list[str]:
+        """What the pictures leave out of the runs."""
+        return [
+            f"{one.name}: {one.motion.note}" if one.name else one.motion.note
+            for one in self._some()
+            if one.motion.note
+        ]
 
     def _some(self) -> list[Shown]:
         if not self.shown:
@@ -304,9 +327,13 @@ def _framed(path: str, members: Sequence[tuple[Shown, Content]], named: bool) ->
     title = f"{content.title}: {first.name}" if named and first.name else content.title
     corners = [c.reach(one.motion) for one, c in members]
     if all(found is None for found in corners):
-        return Panel(path, title, np.zeros(3), 1.0, content.flat)
+        return Panel(path, title, np.zeros(3), 1.0)
     points = np.concatenate([BALL if found is None else found for found in corners])
     low, high = points.min(axis=0), points.max(axis=0)
     centre = low + 0.5 * (high - low)
     unit = float(np.linalg.norm(points - centre, axis=1).max())
-    return Panel(path, title, centre, unit or 1.0, content.flat)
+    unit = unit or 1.0
+    filling = all(c.filling for _, c in members)
+    return Panel(
+        path, title, centre, unit, (np.array([low, high]) - centre) / unit if filling else None
+    )

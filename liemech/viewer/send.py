@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InvalidType, MissingExtra
-from .drawing import Node, carried, commands
+from ..errors import InvalidInput, InvalidType, MissingExtra
+from ..models.poses import carried
+from .drawing import Node, commands
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -38,6 +39,10 @@ def send(scene: Scene, visualizer: Any) -> None:
     if not hasattr(visualizer, "window") or not hasattr(visualizer, "path"):
         raise InvalidType(f"Scene.send: wanted is a meshcat.Visualizer; got {visualizer!r}")
     root, panels = visualizer.path.lower(), scene.panels()
+    if any(node.shape and node.shape.many for panel in panels for node in panel.nodes.values()):
+        raise InvalidInput(
+            "Scene.send: meshcat cannot move many sites; `save` writes a page that does"
+        )
     for k, panel in enumerate(panels):
         place = np.eye(4)
         place[1, 3] = DISTANCE * k

@@ -6,8 +6,8 @@ costs nothing. Lengths are in units of a panel, whose content fits a ball of rad
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from os import PathLike
@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
+from ..models.curves import frames
 
 FORMATS = (".stl", ".obj", ".dae")
 """Mesh files that meshcat's page can read."""
@@ -32,6 +33,8 @@ class Shape:
     per_segment : of a trail, how many entries of the geometry belong to one segment; 0 for shapes
     that do not grow.
     per_start : how many are there before the first segment.
+    many : of a shape that is there many times, as one object: how often, "count", the "sizes" of all
+    or of each, and what the page should know to draw them.
     """
 
     kind: str
@@ -39,6 +42,7 @@ class Shape:
     material: dict[str, Any]
     per_segment: int = 0
     per_start: int = 0
+    many: dict[str, Any] | None = None
 
     def three(self, name: str) -> dict[str, Any]:
         """The object as three.js writes it down; `name` makes its identifiers unique."""
@@ -51,6 +55,15 @@ class Shape:
                 "type": self.kind,
                 "geometry": f"{name} geometry",
                 "material": f"{name} material",
+                **(
+                    {
+                        "count": self.many["count"],
+                        "userData": self.many,
+                        "instanceMatrix": {"array": [0.0] * 16},
+                    }
+                    if self.many
+                    else {}
+                ),
             },
         }
 
@@ -125,6 +138,42 @@ def arrow(color: str, radius: float = 0.018) -> Shape:
 def rod(color: str, radius: float = 0.015) -> Shape:
     """A rod of length 1 along the third axis, from the origin."""
     return turned([(0.0, 0.0), (radius, 0.0), (radius, 1.0), (0.0, 1.0)], color, sides=12)
+
+
+def needle(radius: float, sides: int) -> Shape:
+    """An arrow of length 1 along the third axis, with the origin in its middle.  radius : of its
+    head.
+    """
+    thin, neck = 0.45 * radius, 0.5 - min(2.0 * radius, 0.5)
+    profile = [(0.0, -0.5), (thin, -0.5), (thin, neck), (radius, neck), (0.0, 0.5)]
+    return turned(profile, "#ffffff", sides)
+
+
+def die(colors: Sequence[str]) -> Shape:
+    """A cube with edges 1: the sides on which its axes come out have colours of their own, the other
+    three the fourth.
+    """
+    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    front, back = np.insert(square, 0, 0.5, axis=1), np.insert(square[::-1], 0, -0.5, axis=1)
+    corners = [np.roll(side, k, axis=1) for k in range(3) for side in (front, back)]
+    tints = np.repeat([rgb(colors[k]) for k in (0, 3, 1, 3, 2, 3)], 4, axis=0) / 255.0
+    triangles = (4 * np.arange(6)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    look = solid("#ffffff") | {"vertexColors": True}
+    return Shape("Mesh", lambda: _mesh(np.concatenate(corners), triangles, tints), look)
+
+
+def often(shape: Shape, count: int, sizes: ArrayLike = ((1.0,),), **known: Any) -> Shape:
+    """A shape that is there many times, drawn at once.
+
+    sizes : (1, 1) a factor for all, (count, 1) one for each, (count, 3) three along its axes.
+    known : what the page draws by: "colors" and "axis", the scale for how far arrows point along
+    an axis; "tints" (count, 3); "box", the edges of a periodic one.
+    """
+    rows = np.asarray(sizes, dtype=np.float32)
+    array = np.broadcast_to(rows, (len(rows), 3))
+    return replace(
+        shape, kind="InstancedMesh", many={"count": count, "sizes": array.ravel(), **known}
+    )
 
 
 def mesh_file(path: str | PathLike[str], color: str) -> Shape:
@@ -218,37 +267,6 @@ def dots(points: Array, color: str, size: float = 0.03, colors: Array | None = N
     return Shape("Points", geometry, material, per_segment=1, per_start=1)
 
 
-def frames(points: Array) -> tuple[Array, Array]:
-    """Two unit vectors across a curve (n, 3) at each of its points, carried along it without a
-    twist.  (n, 3) each.
-    """
-    steps = np.diff(points, axis=0)
-    along = np.concatenate([steps[:1], steps[1:] + steps[:-1], steps[-1:]])
-    length = np.linalg.norm(along, axis=1)
-    still = length <= 1e-9 * (length.max(initial=0.0) or 1.0)
-    if still.any():  # a point that is repeated keeps the direction from before it
-        last = np.maximum.accumulate(np.where(still, -1, np.arange(len(along))))
-        first = int(np.argmin(still))
-        along, length = (
-            along[np.where(last < 0, first, last)],
-            length[np.where(last < 0, first, last)],
-        )
-    tangents = along / np.where(length > 0.0, length, 1.0)[:, None]
-    normals = []
-    nx, ny, nz = np.eye(3)[np.abs(tangents[0]).argmin()].tolist()
-    for x, y, z in tangents.tolist():
-        d = nx * x + ny * y + nz * z
-        nx, ny, nz = nx - d * x, ny - d * y, nz - d * z
-        size = (nx * nx + ny * ny + nz * nz) ** 0.5
-        if size < 1e-6:  # the curve turned by a right angle into its own normal
-            nx, ny, nz = (y, -x, 0.0) if abs(z) < 0.9 else (0.0, z, -y)
-            size = (nx * nx + ny * ny + nz * nz) ** 0.5
-        nx, ny, nz = nx / size, ny / size, nz / size
-        normals.append((nx, ny, nz))
-    normal = np.array(normals)
-    return normal, np.cross(tangents, normal)
-
-
 # ------------------------------------------------------------------ materials and buffers
 
 
@@ -303,13 +321,18 @@ def _attribute(rows: Array) -> dict[str, Any]:
     }
 
 
-def _mesh(vertices: Array, triangles: NDArray[np.intp]) -> dict[str, Any]:
+def _mesh(
+    vertices: Array, triangles: NDArray[np.intp], colors: Array | None = None
+) -> dict[str, Any]:
+    attributes = {"position": _attribute(vertices)}
+    if colors is not None:
+        attributes["color"] = _attribute(colors)
     small = len(vertices) < 65536
     index = triangles.astype(np.uint16 if small else np.uint32).ravel()
     return {
         "type": "BufferGeometry",
         "data": {
-            "attributes": {"position": _attribute(vertices)},
+            "attributes": attributes,
             "index": {"type": "Uint16Array" if small else "Uint32Array", "array": index},
         },
     }

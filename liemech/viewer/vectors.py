@@ -25,7 +25,7 @@ from .shapes import arrow, ball, chained, dots, rgb, rod, segments, tube
 
 Array = NDArray[np.float64]
 
-AXES = ("#c44e52", "#55a868", "#8172b3")
+AXES = ("#D55E00", "#009E73", "#8172b3")
 """Of the body, one to three: red, green, violet; blue, as usual for the third, is the colour of the
 first run.
 """

@@ -21,12 +21,14 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from stepping import plan_of
 
 import liemech as lm
 from liemech.compiler import kernel, llvm
 from liemech.formulas import sqrt
 from liemech.integrators.taylor import Taylor
-from liemech.simulation.fixed_run import FixedRun
+from liemech.simulation.control import TAKEN
+from liemech.simulation.equal import StraightRun
 from liemech.simulation.prepared import Steps
 from liemech.systems.clocked import Clocked
 
@@ -327,26 +329,27 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
             steps = False
         else:
             system, method, start, h = case
-            run = FixedRun(
-                Steps(system, method, h, 10**9, None, "double", True, False, 1), start, 10
-            )
+            way = Steps(system, method, h, 10**9, None, "double", True, False, 1)
+            run = StraightRun(plan_of(way), start, 0.0, 10, None, None)
+            run.trajectory()
     result: dict[str, Any] = {"cold": sum(spent.values()), **spent, "instructions": sum(counts)}
     if steps:
-        states, bodies = run.states.copy(), run.columns
+        run.limit[:] = 2.0**53
+        table, bodies = run.table.copy(), run.shape.whole(run.count)
         n, best = 20, 1e9
         while True:
             times = []
             for _ in range(3):
-                run.states[:], run.taken[:] = states, 0.0
+                run.table[:], run.reached = table, 10
                 before = time.process_time()
-                run._piece(0, n, 1, n * bodies)
+                run._sweep(1, n, n * bodies)
                 times.append(time.process_time() - before)
             best = min(times) / n / bodies
             if min(times) > 0.03 or n > 20_000_000:
                 break
             n *= 4
         result["ns"] = best * 1e9
-        result["failed"] = bool((run.taken < n).any())
+        result["failed"] = bool((run.clocks[TAKEN] < 10 + n).any())
     return result
 
 

@@ -4,14 +4,17 @@ the same step.
 
 import time
 from collections.abc import Callable, Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import harness
 import numpy as np
 
-from liemech.simulation.at_once import advanced
-from liemech.simulation.fixed_run import FixedRun
+from liemech.simulation.equal import StraightRun
+from liemech.simulation.options import Options
+from liemech.simulation.plan import Plan
 from liemech.simulation.prepared import Steps
+from liemech.simulation.short_steps import advanced
 
 
 class Native:
@@ -24,12 +27,23 @@ class Native:
     def __init__(
         self, system: Any, method: Any, start: Any, h: float, compensate: bool | None = False
     ) -> None:
-        # a Plan of any method and system, in fictive time too
-        self.plan = Steps(system, method, h, 1, compensate, "double", True, False, 1)
-        self.carry = FixedRun(self.plan, start, 0).trajectory().carry
+        self.plan = plan_of(Steps(system, method, h, 1, compensate, "double", True, False, 1))
+        self.carry = StraightRun(self.plan, start, 0.0, 0, None, None).trajectory().carry
 
     def __call__(self, steps: int) -> np.ndarray:
-        return advanced(self.plan, self.carry, steps).last
+        end = advanced(self.plan._steps, self.carry, steps)
+        if end is None:
+            raise SystemExit(f"{steps} steps were not made at once")
+        return end.last
+
+
+def plan_of(steps: Steps) -> Any:
+    """A Plan of any method and system, in fictive time too."""
+    given = dict.fromkeys(Options._fields) | {"compiled": True, "progress": False}
+    return SimpleNamespace(
+        system=steps.system, method=steps.method, events=(), of_each={}, count=Plan.count,
+        options=Options(**given | {"workers": 1}), _steps=steps,
+    )  # fmt: skip
 
 
 def agreeing(runs: Mapping[str, Callable[[int], np.ndarray]], tolerance: float = 1e-13) -> None:

@@ -4,8 +4,10 @@ in R^2n.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 
 import liemech as lm
@@ -68,3 +70,41 @@ def test_a_wrong_bracket_is_found_on_driven_systems(name: str) -> None:
     report = lm.check_method(Boasting(order=4), system, start, compiled=False, raises=False)
     assert report["Poisson" if name == "body" else "symplectic"].verdict == "broken"
     assert report["order"].verdict == "holds"
+
+
+@lm.record
+class Towed(lm.Force):
+    """A torque that is known for a while, and friction."""
+
+    torque: lm.PiecewisePolynomial
+    friction: float
+
+    def covector(self, t: float, xi: lm.Vec, g: lm.Mat) -> lm.Vec:
+        return self.torque(t) - self.friction * xi
+
+
+def towed(begin: float) -> lm.MechanicalSystem:
+    t = np.linspace(begin, begin + 20.0, 21)
+    torque = lm.PiecewisePolynomial.cubic(t, np.column_stack([np.sin(t), np.cos(t), 0.1 * t]))
+    body = lm.RigidBody([1.0, 1.6, 2.3])
+    return lm.MechanicalSystem(body, lm.NoPotential(), load=Towed(torque, 0.1))
+
+
+@pytest.mark.parametrize(("begin", "given"), [(0.0, True), (990.0, False)])
+def test_a_system_with_a_table_is_looked_at_when_the_table_has_values(
+    begin: float, given: bool
+) -> None:
+    system = towed(begin)
+    start = system.state([0.9, 0.7, -0.6], np.eye(3)) if given else None
+    assert lm.check_system(system, start)
+
+
+@pytest.mark.slow
+def test_a_load_keeps_no_bracket_and_no_method_is_blamed() -> None:
+    """The motion itself is not symplectic; order and symmetry hold."""
+    torque = lm.PiecewisePolynomial.constant([-1e3, 1e3], [[0.1, 0.2, 0.3]])
+    system = replace(towed(0.0), load=Towed(torque, 0.1))
+    start = system.state([0.9, 0.7, -0.6], np.eye(3))
+    report = lm.check_method(lm.LieVerlet(), system, start, compiled=False)
+    found = {f.law: f.verdict for f in report.findings}
+    assert found == {"order": "holds", "symmetric": "holds", "symplectic": "not seen"}

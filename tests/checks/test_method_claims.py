@@ -265,6 +265,7 @@ ELSEWHERE = {
     *(lm.ReversibleController, lm.AdaptiveVerlet),  # equal steps of another time: tests/timing
     # systems of their own: tests/timing, tests/joints, tests/poisson
     *(lm.MultipleTimeSteps, lm.LieRATTLE, lm.LagrangeDAlembert, lm.Boris),
+    *(lm.SublatticeSplitting, lm.BondSplitting),  # tests/sites
 }
 """Methods whose claims `check_method` does not look at."""
 

@@ -339,7 +339,7 @@ def test_what_does_not_exist_is_named_with_what_does(
     assert "RKMK has no 'ordr' (did you mean order?); allowed are order" in refused(
         capsys, "run", "flip", "--method", "RKMK(ordr=4)"
     )
-    assert "is no Method; there are AdaptiveVerlet, Boris" in refused(
+    assert "is no Method; there are AdaptiveVerlet, BondSplitting, Boris" in refused(
         capsys, "run", "flip", "--method", "Kepler"
     )
     assert "accepts" in refused(capsys, "run", "kepler", "--method", "CovariantVariational")

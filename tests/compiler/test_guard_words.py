@@ -10,7 +10,7 @@ import pytest
 import liemech as lm
 from liemech.compiler import guard_words, kernel
 from liemech.compiler.driver import read, write
-from liemech.errors import BufferOverrun
+from liemech.errors import BufferOverrun, NotCompilable
 from liemech.formulas.pytree import NUMBER, vector_layout
 
 pytestmark = pytest.mark.compiled
@@ -34,14 +34,14 @@ def call(at: int, given: np.ndarray, out: Any, lanes: int = 1) -> None:
     kernel.kernel(copied, *args, lanes=lanes)(*args, **bodies)
 
 
-@pytest.mark.parametrize("at", [0, 1, 2])
+@pytest.mark.parametrize("at", [0, 1])
 def test_what_lies_inside_is_written(at: int) -> None:
     out = np.zeros(4)
     call(at, np.array([1.0, 2.0]), out)
-    assert out.tolist() == [0.0] * at + [1.0, 2.0] + [0.0] * (2 - at)
+    assert out.tolist() == [0.0] * 2 * at + [1.0, 2.0] + [0.0] * (2 - 2 * at)
 
 
-@pytest.mark.parametrize("at", [-1, -100, 3, 5, 100])
+@pytest.mark.parametrize("at", [-1, -50, 2, 3, 50])
 def test_an_overrun_is_caught_with_the_names_of_buffer_and_kernel(at: int) -> None:
     with pytest.raises(BufferOverrun, match=r"copied.*outside of its buffer `out`"):
         call(at, np.array([1.0, 2.0]), np.zeros(4))
@@ -49,11 +49,26 @@ def test_an_overrun_is_caught_with_the_names_of_buffer_and_kernel(at: int) -> No
 
 def test_columns_of_many_bodies() -> None:
     lanes = kernel.lanes()
-    given, out = np.random.default_rng(1).normal(size=(2, lanes)), np.zeros((3, lanes))
+    given, out = np.random.default_rng(1).normal(size=(2, lanes)), np.zeros((4, lanes))
     call(1, given, out, lanes)
-    assert np.array_equal(out[1:], given) and not out[0].any()
+    assert np.array_equal(out[2:], given) and not out[:2].any()
     with pytest.raises(BufferOverrun, match="`out`"):
         call(2, given, out, lanes)
+
+
+def test_what_all_bodies_share() -> None:
+    """It is the same for each of them; what each has of its own has no place there."""
+    lanes = kernel.lanes()
+    out = np.zeros((4, lanes))
+    call(1, kernel.Shared(np.array([3.0, 4.0])), kernel.Columns(out), lanes)  # type: ignore[arg-type]
+    assert np.array_equal(out, np.repeat([[0.0], [0.0], [3.0], [4.0]], lanes, axis=1))
+    both = kernel.Shared(np.array([3.0, 4.0])), kernel.Shared(np.zeros(4))
+    call(1, *both, lanes)  # type: ignore[arg-type]
+    assert both[1].array.tolist() == [0.0, 0.0, 3.0, 4.0]
+    with pytest.raises(BufferOverrun, match="`out`"):
+        call(2, *both, lanes)  # type: ignore[arg-type]
+    with pytest.raises(NotCompilable, match="what all bodies share"):
+        call(0, kernel.Columns(out[:2]), kernel.Shared(np.zeros(4)), lanes)  # type: ignore[arg-type]
 
 
 def test_gaps_between_rows_and_arrays_that_may_not_be_written() -> None:

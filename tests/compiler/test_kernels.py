@@ -172,7 +172,7 @@ def test_an_instance_made_anew_is_not_looked_at_as_another(no_disk: None) -> Non
     mine = [
         k
         for k in kernel.alive()
-        if k.entry.__name__ == "fixed_steps" and k.kinds[0] == layout_of(lm.RKMK(order=2))
+        if k.entry.__name__ == "advance" and k.kinds[0] == layout_of(lm.RKMK(order=2))
     ]
     assert len(mine) == 1 and mine[0].reads._guard is not None
 

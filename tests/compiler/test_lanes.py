@@ -22,7 +22,7 @@ from liemech.compiler import kernel
 from liemech.compiler.driver import accepted, attempt, itself
 from liemech.formulas import Record, Vec, dot, record, sin, vec
 from liemech.formulas.pytree import layout_of
-from liemech.simulation.driver import fixed_steps
+from liemech.simulation.driver import advance
 
 pytestmark = pytest.mark.compiled
 
@@ -147,7 +147,7 @@ def march_assembly(order: int, lanes: int) -> str:
     start = body.state(mu=np.full(3 if lanes == 1 else (lanes, 3), 0.5))
     lm.integrate(body, method, start, h=0.1, steps=1, compiled=True)
     kinds = layout_of(method), layout_of(body)
-    mine = [k for k in kernel.alive() if k.entry is fixed_steps and k.kinds[:2] == kinds]
+    mine = [k for k in kernel.alive() if k.entry is advance and k.kinds[:2] == kinds]
     # momentum alone is shown
     return next(k for k in mine if k.lanes == lanes and k.kinds[3].detail.width == 3).assembly()
 
@@ -236,6 +236,49 @@ def test_an_attempt_within_another_fails_by_itself() -> None:
 
 
 @pytest.mark.slow
+def within(t, first, last):
+    if not first <= t <= last:
+        raise ValueError("outside")
+    return t
+
+
+def refused(t, last):
+    if t > last:
+        raise ValueError("outside")
+
+
+def under_a_mask(a, b, c, d, n):
+    x = within(1.0 * n, -10.0, 10.0) if c > 0.0 else b
+    return vec(x, a)
+
+
+def after_others_have_raised(a, b, c, d, n):
+    if c > 2.0:
+        raise ValueError("too much")
+    return vec(within(1.0 * n, -10.0, 10.0) + b)
+
+
+def after_others_have_returned(a, b, c, d, n):
+    if c > 2.0:
+        return vec(b)
+    refused(n, 10)
+    return vec(within(1.0 * n, -10.0, 10.0) + b)
+
+
+@pytest.mark.parametrize(
+    "formula", [under_a_mask, after_others_have_raised, after_others_have_returned]
+)
+@pytest.mark.parametrize("turns", [3, 30])
+def test_what_all_lanes_raise_together_may_stand_under_a_mask(formula: Any, turns: int) -> None:
+    rows = [[0.5, 0.25, c, 1.0] for c in (-1.0, 0.5, 2.5, 3.5)]
+    if formula is after_others_have_raised and turns == 30:
+        rows.append([0.5, 0.25, -1.0, 1.0])
+        found = worlds.native(formula, rows, 1, turns, kernel.lanes())
+        assert found == [worlds.REJECTED] * len(rows)
+    else:
+        worlds.same_in_all_worlds(formula, rows, turns)
+
+
 def test_every_body_of_an_ensemble_is_the_body_run_alone() -> None:
     """Fast and slow bodies side by side: large steps leave the polynomials and call the C library,
     small ones do not.

@@ -284,13 +284,19 @@ def roundings_to_integers(a, b, c, d, n):
 
 @meaning
 def what_people_write(a, b, c, d, n):
-    total = sum([a, b, c, d]) + sum(x * x for x in (a, b)) + sum((a, b), 0.5)
+    total = a + b + c + d
     low, *_, high = (
         sorted([a, b, c, d]) if a == a and b == b and c == c and d == d else [a, b, c, d]
     )
     if (y := total + 1.0) > 2.0:
         total = y
     return vec(total, low, high, WHOLE * a, vec(a, b) @ vec(TABLE[0, 1], TABLE[1, 0]))
+
+
+@meaning
+def sums(a, b, c, d, n):
+    """Beside no entry of an array: from Python 3.12 on `sum` asks which numbers are NumPy's."""
+    return vec(sum([a, b, c, d]), sum(x * x for x in (a, b)), sum((a, b), 0.5))
 
 
 @meaning

@@ -521,3 +521,20 @@ def test_a_misspelt_keyword_is_answered_with_the_nearest(wrong: Any, says: str) 
     with pytest.raises(lm.errors.InvalidType, match=says) as caught:
         wrong()
     assert isinstance(caught.value, TypeError)
+
+
+def test_a_misspelt_option_of_a_run_is_answered_with_the_nearest_one():
+    body = lm.LiePoissonSystem(lm.SO3(), lm.KineticEnergy([1.0, 1.5, 2.0]))
+    start, method = body.state([0.3, 0.5, 0.7]), lm.RKMK(order=4)
+    plan = lm.Plan(body, method, h=0.1)
+    for call, said in (
+        (lambda: lm.integrate(body, method, start, h=0.1, step=3), "integrate.*'step'.*'steps'"),
+        (lambda: lm.Plan(body, method, h=0.1, rtoll=1e-6), "Plan.*'rtoll'.*'rtol'"),
+        (lambda: plan.run(start, t_ende=1.0), "Plan.run.*'t_ende'.*'t_end'"),
+        (lambda: plan.resume(plan.run(start, steps=1), step=1), "Plan.resume.*'step'.*'steps'"),
+        (lambda: lm.check_group(lm.SO3(), nativ=True), "check_group.*'nativ'.*'native'"),
+    ):
+        with pytest.raises(TypeError, match=said):
+            call()
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'start'"):
+        plan.run(steps=3)

@@ -261,6 +261,32 @@ def test_on_other_groups(group: lm.LieGroup) -> None:
     assert not same_bits(one.mu, other.mu)
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("group", "method", "size"),
+    [
+        pytest.param(lm.SO(4), lm.CommutatorFree(order=4), 1.0, id="SO(4)"),
+        pytest.param(lm.SO(4), lm.CommutatorFree(order=4), 60.0, id="SO(4), large steps"),
+        pytest.param(lm.UnitQuaternions(), lm.Composition(CAYLEY, order=4), 1.0, id="quaternions"),
+    ],
+)
+def test_several_displacements_a_step_remember_in_native_code(
+    group: lm.LieGroup, method: lm.Method, size: float
+) -> None:
+    """What a displacement leaves remembers, however large it was, or the next one could not be
+    compiled.
+    """
+    body = lm.LiePoissonSystem(group, lm.KineticEnergy(1.0 + 0.1 * np.arange(group.dim)))
+    start = body.state(size * np.linspace(-0.4, 0.5, group.dim), group.identity())
+    plain_run, native, loose = (
+        lm.integrate(body, method, start, h=0.1, steps=10, compiled=c, compensated=s)
+        for c, s in ((False, True), (True, True), (False, False))
+    )
+    assert same_bits(plain_run.mu, native.mu)
+    assert same_bits(plain_run.g, native.g)
+    assert np.abs(native.mu - loose.mu).max() < 1e-12 * size
+
+
 def test_what_cannot_be_meant() -> None:
     body, start = asymmetric_body()
     with pytest.raises(

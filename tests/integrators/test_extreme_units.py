@@ -84,3 +84,69 @@ def test_a_top_that_swings_through_rest() -> None:
     assert np.abs(back.mu[-1]).max() <= 1e-13
     assert np.abs(back.g[-1] - np.eye(3)).max() <= 1e-13
     assert np.abs(run.energy - run.energy[0]).max() <= 1e-2
+
+
+@lm.record
+class Shaken(lm.GroupEquation):
+    """A mass on a spring, in a unit of length of one's own."""
+
+    unit: float
+
+    def velocity(self, t: float, y: lm.Vec) -> lm.Vec:
+        return lm.vec(y[1], -y[0] + self.unit * lm.formulas.sin(5.0 * t))
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.Taylor(order=12)], ids=lambda m: m.name)
+@pytest.mark.parametrize("power", [-30, 10])
+def test_adaptive_steps_in_a_vector_space_are_those_of_all_units(
+    method: lm.Method, power: int
+) -> None:
+    """Errors are compared with the components: in another unit the same steps, bit for bit."""
+    runs = []
+    for unit in 1.0, 2.0**power:
+        spring = Shaken(lm.VectorSpace(2), unit)
+        start = spring.state([unit, 0.0])
+        run = lm.integrate(
+            spring, method, start, t_end=3.0, rtol=1e-8, atol=1e-10 * unit, compiled=False
+        )
+        runs.append((run.t, run.g / unit))
+    for one, other in zip(*runs, strict=True):
+        assert np.array_equal(one, other)
+
+
+@lm.record
+class Flight(lm.GroupEquation):
+    """A frame that turns and flies, in a unit of length of one's own."""
+
+    unit: float
+
+    def velocity(self, t: float, g: lm.Mat) -> lm.Vec:
+        turn = lm.vec(0.3, lm.formulas.sin(t), 0.5 * g[2, 0])
+        return lm.vec(
+            *turn, self.unit * g[0, 0], g[0, 3] - g[1, 3], self.unit * lm.formulas.cos(3.0 * t)
+        )
+
+
+@pytest.mark.parametrize("power", [-30, 10])
+def test_adaptive_steps_of_motions_of_space_are_those_of_all_units(power: int) -> None:
+    """Errors of positions are compared with the distance from the origin: in another unit of length
+    the same steps, bit for bit.  (An absolute tolerance is one for angles, too.)
+    """
+    runs = []
+    for unit in 1.0, 2.0**power:
+        flight = Flight(lm.SE3(), unit)
+        here = np.eye(4)
+        here[:3, 3] = [unit, 0.5 * unit, 0.0]
+        run = lm.integrate(
+            flight,
+            lm.RKMK(order=5),
+            flight.state(here),
+            t_end=3.0,
+            rtol=1e-8,
+            atol=0.0,
+            compiled=False,
+        )
+        assert len(run.t) > 10
+        runs.append((run.t, run.g[:, :3, :3], run.g[:, :3, 3] / unit))
+    for one, other in zip(*runs, strict=True):
+        assert np.array_equal(one, other)

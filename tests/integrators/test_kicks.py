@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import warnings
 from typing import Any
 
 import mpmath as mp
@@ -496,6 +497,45 @@ def test_orders_under_a_load(friction: float, order: int) -> None:
     assert slope([1 / 24, 1 / 32, 1 / 48], errors) == pytest.approx(order, abs=0.2)
     home = lm.integrate(system, BY_ORDER[1], run.last, h=-2 / n, steps=n, t0=2.3, compiled=False)
     assert np.abs(home.mu[-1] - np.array(start.mu)).max() < 1e-12
+
+
+@lm.record
+class Felt(Force):
+    """Friction that is felt where the table is not zero."""
+
+    strength: lm.PiecewisePolynomial
+
+    def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
+        return -self.strength(t) * xi
+
+
+LATER = lm.PiecewisePolynomial.linear([5.0, 6.0, 7.0], [1.0, 1.0, 1.0])
+
+
+@pytest.mark.parametrize("bodies", [None, 3])
+@pytest.mark.parametrize(
+    ("load", "method", "told"),
+    [
+        (Drive(0.2), KickDrift(order=4), True),
+        (Drive(0.2), KickDrift(order=8), True),
+        (Drive(0.2), KickDrift(), False),
+        (Drive(0.0), KickDrift(order=4), False),
+        (Drive(0.2), lm.Composition(KickDrift(), order=4), False),
+        (Felt(LATER), KickDrift(order=4), True),
+    ],
+    ids=lambda x: type(x).__name__ if isinstance(x, Force) else None,
+)
+def test_an_order_that_friction_takes_away_is_told(
+    load: Force, method: lm.Method, told: bool, bodies: int | None
+) -> None:
+    top, start = heavy_top()
+    system = HeavyTop(top.inertia, top.weight, top.centre, load=load)
+    if bodies:
+        start = system.state(np.tile(start.mu, (bodies, 1)), np.array(start.g))
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        lm.integrate(system, method, start, h=0.01, steps=1, t0=5.0, compiled=False)
+    assert ["is of order 2 under" in str(w.message) for w in seen] == [True] * told
 
 
 # ---------------------------------------------------------------- coefficients

@@ -18,7 +18,7 @@ import liemech as lm
 from liemech.compiler.staleness import Guard
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput
 from liemech.formulas.pytree import compensated, gatherer, layout_of, leaves
-from liemech.simulation.fixed_run import FixedRun
+from liemech.simulation.equal import StraightRun
 
 RKMK4 = lm.RKMK(order=4)
 MOMENTA = ([0.5, 0.0, 0.75**0.5], [0.1, -0.9, 0.3])
@@ -70,7 +70,7 @@ def test_a_short_run_is_the_run_in_pieces(method: lm.Method, every: int) -> None
     start = one.state(mu=MOMENTA[0])
     plan.run(start, steps=4)
     short = plan.run(start, steps=20, t0=0.3)
-    pieces = FixedRun(plan._steps, start, 20, 0.3).trajectory()
+    pieces = StraightRun(plan, start, 0.3, 20, None, None).trajectory()
     assert "_rest" in vars(short)  # nothing of it was made yet
     for name in (
         "system",

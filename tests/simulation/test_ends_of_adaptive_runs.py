@@ -324,16 +324,7 @@ class Ends(lm.HamiltonianSystem):
         return 0.5 * p[0] ** 2 + lm.formulas.sqrt(q[0])
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        pytest.param(
-            {"h": 0.01, "steps": 200},
-            marks=pytest.mark.xfail(strict=True, reason="bodies that step together share a clock"),
-        ),
-        {"t_end": 2.0},
-    ],
-)
+@pytest.mark.parametrize("options", [{"h": 0.01, "steps": 200}, {"t_end": 2.0}])
 @pytest.mark.filterwarnings("ignore:integrate. 1 of 2 bodies stopped early")
 def test_a_body_that_failed_has_its_own_time(options: dict[str, Any]) -> None:
     system = Ends()

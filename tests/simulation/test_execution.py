@@ -19,7 +19,7 @@ from scenes import asymmetric_body
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.formulas import dot
-from liemech.simulation import execution, fixed_run
+from liemech.simulation import equal, execution
 from liemech.simulation import progress as progress_module
 
 pytestmark = pytest.mark.compiled
@@ -70,7 +70,7 @@ def test_a_run_that_changes_on_the_way_has_the_bits_of_one_that_does_not(
     fresh.setattr(execution, "_histories", {})
     fresh.setattr(execution, "WAIT", wait)
     fresh.setattr(execution, "time", Clock())
-    fresh.setattr(fixed_run, "LOOK", 0.0)  # all pieces are short
+    fresh.setattr(equal, "LOOK", 0.0)  # all pieces are short
     run = lm.integrate(body, RKMK, start, h=0.1, steps=120, every=every)
     assert run.compiled
     assert np.array_equal(run.mu, plain.mu)

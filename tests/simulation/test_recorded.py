@@ -12,7 +12,7 @@ import pytest
 
 import liemech as lm
 from liemech import errors
-from liemech.simulation import recorded
+from liemech.simulation import equal
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 START = BODY.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
@@ -60,8 +60,8 @@ def same(run, full):
 @pytest.mark.parametrize("every", [1, 7, 500])
 @pytest.mark.parametrize("start", [START, MANY], ids=["one", "many"])
 def test_what_is_kept_is_that_of_the_samples(every, start, monkeypatch):
-    monkeypatch.setattr(recorded, "STEPS", 30)  # in parts that do not end at samples
-    monkeypatch.setattr(recorded, "SAMPLES", 20)
+    monkeypatch.setattr(equal, "STEPS", 30)  # in parts that do not end at samples
+    monkeypatch.setattr(equal, "SAMPLES", 20)
     full = lm.integrate(BODY, start=start, steps=100, every=every, **STEPS)
     same(lm.integrate(BODY, start=start, steps=100, every=every, record=KEPT, **STEPS), full)
 
@@ -88,7 +88,7 @@ def test_resumed_saved_joined_and_its_last_state(tmp_path: Path):
 
 
 def test_failures_keep_what_there_was(monkeypatch):
-    monkeypatch.setattr(recorded, "STEPS", 8)
+    monkeypatch.setattr(equal, "STEPS", 8)
 
     def far(t, state):
         if t > 0.55:
@@ -106,7 +106,7 @@ def test_failures_keep_what_there_was(monkeypatch):
 
 
 def test_a_body_that_stops_stays(monkeypatch):
-    monkeypatch.setattr(recorded, "STEPS", 12)
+    monkeypatch.setattr(equal, "STEPS", 12)
 
     @lm.record
     class Wall(lm.Force):

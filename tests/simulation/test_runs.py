@@ -420,12 +420,9 @@ INTERRUPTED = lm.LiePoissonSystem(lm.SO3(), Interrupting())
 @watched("all", "every", "functions", "events")
 @pytest.mark.parametrize("part", [0.2, 0.6])
 def test_a_run_that_was_interrupted_goes_on(
-    scene: Scene, bodies: int, observer: str, part: float, request: pytest.FixtureRequest
+    scene: Scene, bodies: int, observer: str, part: float
 ) -> None:
     """Its samples are the first of the whole run, and it ends where that does."""
-    if scene is EQUAL and bodies > 1 and observer != "events":
-        why = "an ensemble with fixed steps in plain Python is no more than its samples then"
-        request.applymarker(pytest.mark.xfail(strict=False, reason=why))
     finer = (
         {"rtol": 1e-9} if scene.by_time else {}
     )  # many steps are left, of which each hangs on all before
@@ -455,6 +452,26 @@ def test_a_run_that_was_interrupted_goes_on(
         if bodies == 1:
             for mine, theirs in zip(found(before.then(gone)), found(one), strict=True):
                 same_events(mine, theirs)
+
+
+@BODIES
+@pytest.mark.parametrize("part", [0.5, 0.9])
+def test_a_stepper_that_was_interrupted_goes_on(bodies: int, part: float) -> None:
+    """All bodies stand at the last step that each of them has made."""
+    scene = replace(EQUAL, system=INTERRUPTED)
+    plan, start = plan_of(scene), scene.start(bodies)
+    LOOKS[0] = 10**9
+    one, looks = plan.run(start, steps=40), 10**9
+    LOOKS[0] = int(part * (looks - LOOKS[0]))
+    stepper = plan.stepper(start)
+    with pytest.raises(IntegrationInterrupted):
+        stepper.step(40)
+    LOOKS[0] = 0
+    made = stepper.steps
+    assert 0 < made < 40 and same(np.max(stepper.t), one.t[made])
+    stepper.step(40 - made)
+    for name, x in one.states.items():
+        assert same(stepper.state.arrays[name], x[-1]), name
 
 
 # ---------------------------------------------------------------- observers

@@ -15,7 +15,7 @@ import pytest
 import liemech as lm
 from liemech import errors
 from liemech.compiler import kernel
-from liemech.simulation import keep, recorded
+from liemech.simulation import equal, keep
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 START = BODY.state(mu=[0.5, 0.1, 0.75**0.5], g=np.eye(3))
@@ -458,14 +458,14 @@ def test_an_interrupt_while_formulas_are_recorded(how, t_eval):
 
 def test_an_interrupt_between_the_parts_of_a_run(monkeypatch):
     """In Python that is nobody's formula: what was recorded is there."""
-    monkeypatch.setattr(recorded, "STEPS", 8)
+    monkeypatch.setattr(equal, "STEPS", 8)
     for kind, how in (
-        (recorded._RecordedRun, dict(record="energy")),
+        (equal.StraightRun, dict(record="energy")),
         (keep.Every, dict(events=Equator())),
     ):
         plan = lm.Plan(BODY, lm.RKMK(order=2), h=0.1, compiled=False, **how)  # type: ignore[arg-type]
         whole, calls = plan.run(START, steps=50), []
-        name = "_keep" if kind is recorded._RecordedRun else "see"
+        name = "_flush" if kind is equal.StraightRun else "see"
         true = getattr(kind, name)
 
         def kept(self, *given, true=true, calls=calls):

@@ -20,7 +20,7 @@ from liemech.errors import (
     InvalidInput,
     InvalidType,
 )
-from liemech.simulation import at_once
+from liemech.simulation import short_steps
 from liemech.simulation.stepper import InPlace
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
@@ -103,7 +103,7 @@ def test_native_code_takes_over_when_it_is_there(monkeypatch: pytest.MonkeyPatch
     stepper.step(2)
     plan.replace(compiled=True).run(start, steps=1)
     stepper.step(3)
-    monkeypatch.setattr(at_once, "LONGEST", 1000)  # more steps than native code makes at once
+    monkeypatch.setattr(short_steps, "LONGEST", 1000)  # more steps than native code makes at once
     stepper.refresh()
     stepper.step(4)
     stands(stepper, run, 9)
@@ -153,8 +153,8 @@ def test_an_interrupt_leaves_it_where_it_has_come_to(monkeypatch: pytest.MonkeyP
     plan, start = plan_of("explicit", True)
     stepper, run, advance = plan.stepper(start), plan.run(start, steps=9), InPlace.advance
 
-    def interrupted(here: InPlace, first: int, steps: int) -> None:
-        advance(here, first, steps)
+    def interrupted(here: InPlace, steps: int) -> None:
+        advance(here, steps)
         if here.taken == 6:
             raise KeyboardInterrupt
 
@@ -165,6 +165,16 @@ def test_an_interrupt_leaves_it_where_it_has_come_to(monkeypatch: pytest.MonkeyP
     stands(stepper, run, 6)
     stepper.step(3)
     stands(stepper, run, 9)
+
+
+def test_events_of_a_plan_are_none_of_an_ensemble_in_fictive_time() -> None:
+    system = lm.SundmanTransformed(lm.Kepler(), lambda q, p: lm.dot(q, q))
+    start = system.state(q=[[0.9, 0.0], [0.8, 0.0]], p=[[0.0, 1.1], [0.1, 1.2]])
+    plan = lm.Plan(system, lm.RKMK(order=4), h=0.03, compiled=False)
+    stepper = plan.replace(events=lambda t, state: state.q[0] - 5.0).stepper(start)
+    for _ in range(3):
+        stepper.step(2)
+    assert np.array_equal(stepper.q, plan.run(start, steps=6).q[-1])
 
 
 # ------------------------------------------------------------------ steps that fail

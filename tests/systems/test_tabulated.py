@@ -515,6 +515,33 @@ def test_a_table_is_right_at_other_times_than_those_of_the_step(outside, delay, 
 
 
 @lm.record
+class Pushed(lm.DrivenHamiltonianSystem):
+    """A bead on a spring, pushed."""
+
+    degrees: ClassVar[int] = 1
+    push: lm.PiecewisePolynomial
+
+    def energy(self, t, q, p):
+        return 0.5 * p[0] ** 2 + 0.5 * q[0] ** 2 - self.push(t) * q[0]
+
+
+@pytest.mark.parametrize("until", [3.0, 0.25])
+@pytest.mark.filterwarnings("ignore:integrate. 5 of 5")
+def test_implicit_methods_of_ensembles_see_where_a_table_ends(until):
+    """In lanes a solver goes on for some bodies only, and the table may refuse a time there."""
+    times = np.linspace(-1.0, until, 9)
+    system = Pushed(lm.PiecewisePolynomial.cubic(times, np.sin(times)))
+    starts = system.state(RNG.normal(size=(5, 1)), RNG.normal(size=(5, 1)))
+    plain, native = (
+        lm.integrate(system, lm.HamiltonJacobi(2), starts, h=0.1, steps=5, compiled=compiled)
+        for compiled in (False, True)
+    )
+    assert np.array_equal(plain.q, native.q, equal_nan=True)
+    for run in plain, native:
+        assert len(run.stopped) == (0 if until > 1.0 else 5)
+
+
+@lm.record
 class Cam(lm.HamiltonianSystem):
     """A bead whose potential is a table of its place."""
 
@@ -651,3 +678,44 @@ def test_what_is_no_table_is_refused():
 
 def test_a_table_shows_its_ends():
     assert "t = 2 to 9," in repr(lm.PiecewisePolynomial.linear([2.0, 5.0, 9.0], [0.0, 1.0, 3.0]))
+
+
+ODD_TIMES = (0.0, -0.0, 1e-300, 1e300, np.inf, -np.inf, np.nan)
+
+
+@pytest.mark.filterwarnings("ignore:invalid value")
+@pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
+def test_no_formula_reads_beyond_a_table(monkeypatch, outside):
+    """Native code does not look where a table ends, and computes the same indices as plain Python."""
+    from liemech.integrators import ending_at_jumps
+    from liemech.systems import tabulated
+
+    def looked_at(table, i):
+        assert type(i) is int and 0 <= i < len(table)
+        return table.array.item(i)
+
+    for module in tabulated, ending_at_jumps:
+        monkeypatch.setattr(module, "entry", looked_at)
+    rng = np.random.default_rng(8)
+    for _ in range(25):
+        knots = np.cumsum(rng.uniform(0.1, 1.0, rng.integers(2, 6))) - 1.0
+        steps = np.round(rng.normal(size=(len(knots) - 1, 2)))
+        f = (
+            lm.PiecewisePolynomial.linear(knots, np.stack([knots, -knots], axis=1), outside)
+            if rng.random() < 0.3
+            else lm.PiecewisePolynomial.constant(knots, steps, outside)
+        )
+        stops = ending_at_jumps.ending_at_jumps(lm.RKMK(order=4), driven(f), knots.tolist())
+        times = [*rng.normal(size=3), *rng.choice(knots, 2), *ODD_TIMES]
+        for t in times:
+            for h in [*rng.normal(size=2), *(rng.choice(knots, 2) - t), *rng.choice(ODD_TIMES, 2)]:
+                for beyond in (None, 0.0, 1.7):
+                    seen = f.during(float(t), float(h), beyond)
+                    for when in (t, t + h, t - 0.3 * h, *rng.choice(times, 2)):
+                        try:
+                            seen(float(when))
+                        except ValueError as error:  # and none of another function
+                            assert "has no value" in str(error)
+                for every in (False, True):
+                    f.jump_ahead(float(t), float(t + h), every)
+                stops._break_before(float(t))

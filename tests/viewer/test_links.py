@@ -12,9 +12,9 @@ import pytest
 import liemech as lm
 from liemech.command_line.scenes import SCENES
 from liemech.errors import InvalidInput
+from liemech.models.even_boxes import principal_box
 from liemech.models.poses import rotated
 from liemech.viewer import Links, Motion, Scene
-from liemech.viewer.links import principal_box
 
 library: Any = lm
 

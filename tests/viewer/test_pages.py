@@ -21,13 +21,13 @@ import liemech as lm
 import liemech.viewer.page as page_module
 from liemech.command_line.main import main
 from liemech.errors import InvalidInput, InvalidType, MissingExtra
-from liemech.models.poses import quaternions, rotated
+from liemech.models.curves import frames
+from liemech.models.even_boxes import box_of_inertia
+from liemech.models.poses import carried, quaternions, rotated, rotation, toward
 from liemech.plots.contours import contours, sphere
 from liemech.viewer import Body, Momentum, Motion, Points, Scene, animate
-from liemech.viewer.body import box_of_inertia
-from liemech.viewer.drawing import carried, rotation, toward
 from liemech.viewer.page import described
-from liemech.viewer.shapes import frames, tube
+from liemech.viewer.shapes import tube
 
 needs_meshcat = pytest.mark.skipif(
     importlib.util.find_spec("meshcat") is None, reason="needs meshcat's page (the extra viewer)"
@@ -550,3 +550,23 @@ def test_a_visualizer_gets_every_object_and_the_animation() -> None:
     )
     with pytest.raises(InvalidType, match=r"meshcat\.Visualizer"):
         scene.send(Path())
+
+
+# ------------------------------------------------------------------ long runs
+
+
+def test_samples_far_apart_are_not_joined() -> None:
+    """A long run shows its first stretch as it is, and samples that are far apart one by one."""
+    t = np.arange(30_000) * 0.1
+    attitudes = Rotation.from_rotvec(np.outer(t, [0.0, 0.0, 2.0])).as_matrix()
+    momentum = np.tile([0.0, 0.0, 1.0], (len(t), 1))
+    run = Motion(BODY, t, {"mu": momentum, "g": attitudes})
+    first = Scene(run, show="body").shown[0].motion
+    assert (first["g"] == attitudes[:900]).all() and first.joined
+    assert described(Scene(run, show="body"))["notes"] == [
+        "the first 900 of 30,000 samples, to t = 89.9"
+    ]
+    few = Scene(Motion(BODY, t[::10], {"mu": momentum[::10], "g": attitudes[::10]}), show="body")
+    assert described(few)["joined"] == [False]  # two radians
+    assert "up to 115 degrees apart" in described(few)["notes"][0]
+    assert described(Scene(RUN))["joined"] == [True] and described(Scene(RUN))["notes"] == []

@@ -1,0 +1,109 @@
+"""Barriers: threads that share the sites of one system wait for each other where sites meet."""
+
+from __future__ import annotations
+
+from llvmlite import ir
+
+from .ir_numbers import I64
+from .stop_checks import look
+
+GIVEN_UP = 2
+"""A flag: the step is given up."""
+
+PATIENCE = 2**14
+"""Looks at a barrier, some 20 us, before the thread sleeps for a while, so that the others find a
+processor.
+"""
+
+REST = 20
+"""Microseconds of such a sleep."""
+
+SLEEPS = 2**10
+"""Sleeps between two looks at whether the thread is to stop."""
+
+BARRIER = f"""
+declare i32 @liemech_sleep(i32)
+
+define internal i64 @barrier(ptr %crew, i64 %flags) noinline nounwind {{
+entry:
+  %threads = load i64, ptr %crew
+  %alone = icmp sle i64 %threads, 1
+  br i1 %alone, label %single, label %many
+single:
+  ret i64 %flags
+many:
+  %arrived = getelementptr i64, ptr %crew, i64 1
+  %met = getelementptr i64, ptr %crew, i64 2
+  %said = getelementptr i64, ptr %crew, i64 3
+  %gone = getelementptr i64, ptr %crew, i64 6
+  %turn = load atomic i64, ptr %met acquire, align 8
+  %odd = and i64 %turn, 1
+  %place = add i64 %odd, 4
+  %result = getelementptr i64, ptr %crew, i64 %place
+  %before = atomicrmw or ptr %said, i64 %flags acq_rel
+  %others = atomicrmw add ptr %arrived, i64 1 acq_rel
+  %all = add i64 %others, 1
+  %last = icmp eq i64 %all, %threads
+  br i1 %last, label %free, label %wait
+free:
+  %together = load atomic i64, ptr %said acquire, align 8
+  store atomic i64 %together, ptr %result monotonic, align 8
+  store atomic i64 0, ptr %said monotonic, align 8
+  store atomic i64 0, ptr %arrived monotonic, align 8
+  %next = add i64 %turn, 1
+  store atomic i64 %next, ptr %met release, align 8
+  ret i64 %together
+wait:
+  %k = phi i64 [ 1, %many ], [ %more, %on ], [ %more, %rest ], [ %more, %ask ]
+  %now = load atomic i64, ptr %met acquire, align 8
+  %done = icmp ne i64 %now, %turn
+  br i1 %done, label %through, label %patient
+patient:
+  %more = add i64 %k, 1
+  %long = icmp sgt i64 %k, {PATIENCE}
+  br i1 %long, label %tired, label %on
+on:
+  br label %wait
+tired:
+  %given_up = load atomic i64, ptr %gone acquire, align 8
+  %alone_now = icmp ne i64 %given_up, 0
+  br i1 %alone_now, label %leave, label %check
+check:
+  %seldom = and i64 %k, {SLEEPS - 1}
+  %asks = icmp eq i64 %seldom, 0
+  br i1 %asks, label %ask, label %rest
+rest:
+  %ignored = call i32 @liemech_sleep(i32 {REST})
+  br label %wait
+ask:
+  %stop = call preserve_mostcc i1 @look()
+  br i1 %stop, label %leave, label %wait
+leave:
+  store atomic i64 1, ptr %gone release, align 8
+  ret i64 2
+through:
+  %heard = load atomic i64, ptr %result monotonic, align 8
+  ret i64 %heard
+}}
+"""
+"""Wait for all threads, and say what any of them says: flags.  The words of the crew: how many
+threads there are, how many have arrived, how often all have met, what they have said so far, what
+was said at the last two meetings, and whether one has given up waiting.
+"""
+
+
+class _Written(ir.Function):
+    """A function that is there as text."""
+
+    def __str__(self) -> str:
+        return BARRIER
+
+
+def barrier(module: ir.Module) -> ir.Function:
+    """The barrier of a module."""
+    known = module.globals.get("barrier")
+    if known is None:
+        look(module)
+        type_ = ir.FunctionType(I64, [I64.as_pointer(), I64])
+        known = _Written(module, type_, "barrier")
+    return known

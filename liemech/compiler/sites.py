@@ -1,0 +1,533 @@
+"""Loops over the sites of one system: a formula of one site is translated with the number of the
+site left open, in lanes across sites.
+
+Where the formula asks what other sites have (`meet`, `total`), the loop ends, and the next one
+begins; `fission` then finds which numbers of the one the other needs.  The values that a site
+publishes, and those numbers, lie in rows of scratch memory, one place for each site.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+
+from ..errors import NotCompilable
+from ..formulas import sites as words
+from ..formulas.pytree import Layout, build, carried_layout, is_any_number, layout_of, leaves
+from ..formulas.sites import TOGETHER, Meeting, SiteArray, SiteTable
+from ..formulas.vectors import Vec
+from . import planes as driver
+from .arrays import vector
+from .barriers import GIVEN_UP, barrier
+from .buffers import SiteRows, unchanged
+from .fission import Pass, divided
+from .ir_numbers import F64, I32, I64, Num
+from .joins import Open, come_from
+
+ROWS = 7
+"""The place among the words of a crew where the number of rows of scratch memory is."""
+
+
+@dataclasses.dataclass(eq=False)
+class Over:
+    """A loop over sites that is being translated.
+
+    passes : the loops that it has become so far.  sites : the rows of the driver.  region : the
+    branches and loops around it.  again : instructions that load what does not change, and may do
+    so in any pass.  came : by the registers of a number, the row of the sites that it was loaded
+    from.  published : numbers of the largest value published.  attempts : around it.  where :
+    a place for the first site that has failed.  range : of the sites that move while others rest;
+    None: all of them move.  loops : the first and the last pass of loops around passes.
+    """
+
+    sites: SiteRows
+    region: Any
+    attempts: int
+    range: tuple[ir.Value, ir.Value] | None = None
+    loops: list[tuple[int, int]] = dataclasses.field(default_factory=list)
+    passes: list[Pass] = dataclasses.field(default_factory=list)
+    again: set[ir.Value] = dataclasses.field(default_factory=set)
+    came: dict[Any, Any] = dataclasses.field(default_factory=dict)
+    published: int = 0
+    where: Any = None
+    saved: bool = False
+
+
+@dataclasses.dataclass(eq=False)
+class Published:
+    """The rows where the numbers of a published value lie.
+
+    meeting : how many passes there were then; None if the rows stay as they are.
+    """
+
+    layout: Layout
+    rows: list[tuple[SiteRows, Any]]
+    meeting: int | None
+
+
+class SiteLoops:
+    """The words of formulas of sites in native code.
+
+    lanes : sites that run side by side.  scratch : its rows; `rows` of them are needed.  notes :
+    where the number of a site that has failed is left.  crew : what threads share.
+    """
+
+    scratch: SiteRows
+    notes: ir.Value
+    crew: ir.Value
+
+    def __init__(self, translator: Any, lanes: int, width: int) -> None:
+        self.t, self.e, self.b = translator, translator.emitter, translator.builder
+        self.lanes, self.width, self.rows, self.lasting = lanes, width, 0, 0
+        self.kernel = self.b.function
+        self.intrinsics: dict[Any, Callable[..., Any]] = {
+            driver.each: self.each,
+            driver.some: self.some,
+            driver.load: self.load,
+            driver.save: self.save,
+            words.meet: self.meet,
+            words.own: self.own,
+            words.total: self.total,
+            words.repeated: self.repeated,
+            words.rows_in: self.rows_in,
+            words.together: self.together,
+            words.is_site: self.is_site,
+            Meeting.of: self.of,
+            Meeting.at: self.at,
+        }
+
+    # -------------------------------------------------------------- the loop
+
+    def each(self, sites: SiteRows, formula: Any, *args: Any) -> None:
+        """Translate a formula for every site.  The attempt around it fails if a site's does."""
+        self._loop(sites, None, formula, *args)
+
+    def some(self, sites: SiteRows, begin: Any, end: Any, formula: Any, *args: Any) -> None:
+        """Translate a formula for the sites from begin to end."""
+        first, last = [self.e.cast(x, "i", False)[0] for x in (begin, end)]
+        self._loop(sites, (first, last), formula, *args)
+
+    def _loop(self, sites: SiteRows, range_: Any, formula: Any, *args: Any) -> None:
+        t, e, b, state = self.t, self.e, self.b, self.t.state
+        if state.over is not None:
+            raise NotCompilable("a loop over sites inside of another one")
+        if b.function is not self.kernel:  # which has the sites that are asked for
+            raise NotCompilable("a loop over sites inside of a native function")
+        outer = vars(state).copy()
+        with e.side_by_side(self.lanes, self.width):
+            state.over = over = Over(sites, state.region, len(state.escapes) + 1, range_)
+            state.failed, state.patience, state.raises, state.marks = e.slot(), 1, 0, 0
+            e.store(False, state.failed)
+            state.escapes.append([])
+            with b.goto_entry_block():
+                over.where = b.alloca(I64)
+            b.store(I64(-1), over.where)
+            self._open()
+            t.call(formula, *args)
+            self._close()
+            failed = self._together(over, state.escapes.pop())
+            kept = 2 * over.published
+            self.rows = max(self.rows, kept + divided(b, e, over, self.scratch, kept))
+        for name in ("over", "failed", "patience", "raises", "marks"):
+            setattr(state, name, outer[name])
+        t.fail_if(failed)
+
+    def _open(self) -> None:
+        """Begin a pass over the sites of this thread."""
+        b, over = self.b, self.t.state.over
+        begin, end = b.function.args[4:6]
+        if over.range is not None:
+            first, last = over.range
+            begin = b.select(b.icmp_signed(">", first, begin), first, begin)
+            end = b.select(b.icmp_signed("<", last, end), last, end)
+        over.passes.append(Pass(b, begin, end))
+
+    def _close(self) -> None:
+        """End a pass; where the first site has failed is written down."""
+        b, state = self.b, self.t.state
+        over, here = state.over, state.over.passes[-1]
+        if state.raises:
+            before = b.load(over.where, typ=I64)
+            failed = b.and_(
+                self.e.any(self.e.load(state.failed)).value, b.icmp_signed("<", before, I64(0))
+            )
+            b.store(b.select(failed, here.index, before), over.where)
+        here.close(b, self.lanes)
+
+    def _wait(self, flags: ir.Value) -> ir.Value:
+        """Wait for the other threads; what all of them say."""
+        return self.b.call(barrier(self.b.module), [self.crew, flags])
+
+    def _pass_on(self) -> None:
+        """Where sites meet: the next pass begins when all threads have come to it, unless one has
+        given the step up.
+        """
+        b, here = self.b, self.t.state.over.passes[-1]
+        self._close()
+        said = self._wait(I64(0))
+        here.left, on = b.append_basic_block(), b.append_basic_block()
+        b.cbranch(b.icmp_signed("!=", said, I64(0)), here.left, on)
+        b.position_at_end(on)
+
+    def _together(self, over: Over, escapes: list[Open]) -> Num:
+        """The ways out of the loop come together; has any site of any thread failed?"""
+        t, e, b = self.t, self.e, self.b
+        ways = []
+        failed = e.any(e.load(t.state.failed)).value
+        ways.append((self._wait(b.zext(failed, I64)), b.block))
+        if escapes:
+            t.join(escapes, {}, b.append_basic_block() if len(escapes) == 1 else None)
+            ways.append((self._wait(I64(GIVEN_UP)), b.block))
+        ways += [(I64(GIVEN_UP), p.left) for p in over.passes if p.left is not None]
+        end = b.append_basic_block()
+        for _, block in ways:
+            b.position_at_end(block)
+            b.branch(end)
+        b.position_at_end(end)
+        said = b.phi(I64)
+        for value, block in ways:
+            said.add_incoming(value, block)
+        found = b.icmp_signed("!=", said, I64(0))
+        told = b.select(found, b.load(over.where, typ=I64), b.load(self.notes, typ=I64))
+        b.store(told, self.notes)
+        return e.num([found])
+
+    def _meeting(self, word: str) -> Over:
+        """The loop over sites, at a place where all sites come together."""
+        over, t = self.t.state.over, self.t
+        if over is None:
+            raise NotCompilable(f"`{word}` outside of a loop over sites")
+        if t.state.region != over.region or t.active(t.frames[-1].env) is not None or t.state.depth:
+            raise NotCompilable(
+                f"`{word}` inside a branch or a loop of unknown length: all sites come together there"
+            )
+        if len(t.state.escapes) > over.attempts or self.b.function is not self.kernel:
+            raise NotCompilable(f"`{word}` inside of an attempt or a native function")
+        if over.saved:
+            raise NotCompilable(f"`{word}` after the numbers of sites were saved")
+        t.outliner.divide()
+        return over
+
+    # -------------------------------------------------------------- the driver's words
+
+    def load(self, sites: SiteRows, k: Any, layout: Layout) -> Any:
+        """Value number k of a site."""
+        over, start = self._over("load"), sites.start(k, layout)
+        sites.body = over.passes[-1].index
+        first, numbers = sites.first(start), []
+        for i, kind in enumerate(layout.kinds):
+            x = sites.load(first, i)
+            over.again |= {*x.values}
+            over.came[x.values] = sites, start + i
+            numbers.append(sites._found(x, kind))
+        return build(layout, iter(numbers))
+
+    def save(self, sites: SiteRows, k: Any, value: Any, layout: Layout) -> None:
+        """Set value number k of a site."""
+        over = self._over("save")
+        over.saved, sites.body = True, over.passes[-1].index
+        sites.write(k, value, layout)
+
+    # -------------------------------------------------------------- the words of formulas
+
+    def meet(self, value: Any) -> Meeting:
+        """Publish a value: in rows of its own, unless it lies in rows that stay as they are."""
+        over, value = self._meeting("meet"), vector(value)
+        layout = carried_layout(value)
+        numbers = leaves(value, layout)
+        came: list[Any] = [over.came.get(x.values) if isinstance(x, Num) else None for x in numbers]
+        if numbers and all(came):
+            return Meeting(Published(layout, came, None), None)
+        if over.range is not None:
+            raise NotCompilable("sites of which some rest meet with numbers that lie in memory")
+        rows = self._publish(
+            over, [self.scratch._kept(x, k) for x, k in zip(numbers, layout.kinds)]
+        )
+        self._pass_on()
+        self._open()
+        return Meeting(Published(layout, rows, len(over.passes)), None)
+
+    def _publish(self, over: Over, numbers: list[Any]) -> list[tuple[SiteRows, Any]]:
+        """Store numbers where others find them; the rows of two meetings in turn are others."""
+        turn, self.scratch.body = len(over.passes) % 2, over.passes[-1].index
+        over.published = max(over.published, len(numbers))
+        for k, x in enumerate(numbers):
+            self.scratch.store(self.scratch.first(2 * k + turn), 0, x)
+        return [(self.scratch, 2 * k + turn) for k in range(len(numbers))]
+
+    def of(self, meeting: Meeting, table: SiteTable, d: Any) -> Any:
+        """What a neighbour has published, gathered lane by lane."""
+        which = self._entries(table, d, "i")
+        return self._published(meeting, lambda rows: self._gathered(rows, which))
+
+    def at(self, meeting: Meeting, j: Any) -> Any:
+        """What one site has published, for all that ask."""
+        b, place = self.b, self.e.cast(j, "i", False)[0]
+        return self._published(
+            meeting,
+            lambda rows: [
+                self.e.num([b.load(rows.after(rows.at(row), place), align=8, typ=F64)])
+                for rows, row in rows
+            ],
+        )
+
+    def _published(self, meeting: Meeting, numbers_of: Callable[..., list[Num]]) -> Any:
+        """A published value, its numbers from their rows."""
+        over, published = self._over("Meeting"), meeting.published
+        if published.meeting not in (None, len(over.passes)):
+            raise NotCompilable("what sites have published is asked for before they meet again")
+        numbers = numbers_of(published.rows)
+        found = (self.scratch._found(x, k) for x, k in zip(numbers, published.layout.kinds))
+        return build(published.layout, found)
+
+    def rows_in(self, table: SiteTable) -> Any:
+        """How many entries a site has in a table."""
+        return self._integer(table.rows) if table.degree is None else table.degree
+
+    def _integer(self, x: Any) -> Num:
+        """A whole number that came as a float."""
+        e = self.e
+        return e.each(lambda v: self.b.fptosi(v, I64), e.cast(x, "f", False))
+
+    def together(self) -> tuple[Num, Num, Num]:
+        """The first of the sites at hand, the one after the last, and how many there are."""
+        e, over, b = self.e, self._over("together"), self.b
+        count, first = over.sites.count.value, over.passes[-1].index
+        last = b.add(first, I64(self.lanes))
+        end = b.select(b.icmp_signed("<", last, count), last, count)
+        alone = b.icmp_signed("==", count, I64(1))
+        places = [e.num([b.select(alone, I64(0), v)]) for v in (first, end, count)]
+        return places[0], places[1], places[2]
+
+    def is_site(self, j: Any) -> Num:
+        """Which of the lanes are site j?  Those behind the last site are that one."""
+        e, b, over = self.e, self.b, self._over("is_site")
+        place, first = e.cast(j, "i", False)[0], over.passes[-1].index
+        last = b.sub(over.sites.count.value, I64(1))
+        if e.lanes == 1:
+            return e.num([b.icmp_signed("==", first, place)])
+        found = []
+        for r in range(0, e.lanes, e.width):
+            lanes = ir.Constant(ir.VectorType(I64, e.width), [*range(r, r + e.width)])
+            own, end = b.add(e.spread(first, e.width), lanes), e.spread(last, e.width)
+            own = b.select(b.icmp_signed("<", own, end), own, end)
+            found.append(b.icmp_signed("==", own, e.spread(place, e.width)))
+        return e.num(found)
+
+    def _gathered(self, rows: list[tuple[SiteRows, Any]], which: Num) -> list[Num]:
+        """The numbers of rows at the places of the lanes: side by side, as neighbours on a lattice
+        mostly are, or lane by lane.
+        """
+        e, b = self.e, self.b
+        firsts = [row.at(k) for row, k in rows]
+
+        def one(k: int, place: ir.Value) -> ir.Value:
+            return b.load(rows[k][0].after(firsts[k], place), align=8, typ=F64)
+
+        if e.lanes == 1:
+            return [e.num([one(k, which.values[0])]) for k in range(len(rows))]
+        zero, type_ = ir.Constant(I32, 0), e.type("f", True)
+        begins = [b.extract_element(places, zero) for places in which.values]
+        steps = ir.Constant(ir.VectorType(I64, e.width), [*range(e.width)])
+        bits = ir.IntType(e.width)
+        together: ir.Value = ir.Constant(ir.IntType(1), 1)
+        for places, first in zip(which.values, begins):
+            same = b.icmp_signed("==", places, b.add(e.spread(first, e.width), steps))
+            together = b.and_(
+                together, b.icmp_signed("==", b.bitcast(same, bits), ir.Constant(bits, -1))
+            )
+        side, apart, done = (b.append_basic_block() for _ in range(3))
+        b.cbranch(together, side, apart)
+        b.position_at_end(side)
+        loaded = [
+            [
+                b.load(b.bitcast(row.after(first, at), type_.as_pointer()), align=8, typ=type_)
+                for at in begins
+            ]
+            for (row, _), first in zip(rows, firsts)
+        ]
+        side_end = b.block
+        b.branch(done)
+        b.position_at_end(apart)
+
+        def register(k: int, places: ir.Value) -> ir.Value:
+            found: ir.Value = ir.Constant(type_, ir.Undefined)
+            for lane in (ir.Constant(I32, i) for i in range(e.width)):
+                found = b.insert_element(found, one(k, b.extract_element(places, lane)), lane)
+            return found
+
+        gathered = [[register(k, places) for places in which.values] for k in range(len(rows))]
+        apart_end = b.block
+        b.branch(done)
+        b.position_at_end(done)
+        found = []
+        for x, y in zip(loaded, gathered):
+            values = []
+            for v, w in zip(x, y):
+                value = b.phi(type_)
+                value.add_incoming(v, side_end)
+                value.add_incoming(w, apart_end)
+                values.append(value)
+            found.append(e.num(values))
+        return found
+
+    def own(self, array: Any, d: Any = None) -> Any:
+        """A site's own parameters."""
+        self._over("own")
+        if isinstance(array, SiteTable):
+            return self._entries(array, 0 if d is None else d, "i")
+        if not isinstance(array, SiteArray):
+            raise NotCompilable("`own` of what is no SiteArray and no SiteTable")
+        dim, d = array.dim or 1, 0 if d is None else d
+        numbers = [self._entries(array, d * dim + k, "f") for k in range(dim)]
+        return numbers[0] if array.dim is None else Vec(*numbers)
+
+    def _entries(self, array: SiteArray | SiteTable, row: Any, kind: str) -> Num:
+        """The numbers of the sites at hand in a row of parameters, which never change."""
+        e, b, over = self.e, self.b, self._over("own")
+        place = e.cast(array.entries.place, "f", False)[0]
+        first = b.inttoptr(b.mul(b.fptosi(place, I64), I64(8)), F64.as_pointer())
+        rows, type_ = copy.copy(over.sites), e.type(kind, e.lanes > 1)
+        rows.pointer, rows.body = first, over.passes[-1].index
+        places = rows.addresses(rows.first(row), 0)
+        values = [b.load(b.bitcast(p, type_.as_pointer()), align=8, typ=type_) for p in places]
+        over.again |= {*values}
+        over.came[tuple(values)] = rows, row
+        return e.num(values)
+
+    def _over(self, word: str) -> Over:
+        over = self.t.state.over
+        if over is None:
+            raise NotCompilable(f"`{word}` outside of a loop over sites")
+        return over
+
+    # -------------------------------------------------------------- sweeps
+
+    def repeated(self, sweep: Any, unknown: Any, judge: Any, state: Any, turns: int) -> Any:
+        """Sweeps over all sites until they are enough: a loop around passes, whose judge sees what is
+        the same for all sites.  The unknown of every site lies in rows of its own.
+        """
+        t, e, b = self.t, self.e, self.b
+        if t.state.over is None:
+            return t.inline(words.repeated, (sweep, unknown, judge, state, turns), {})
+        over = self._meeting("repeated")
+        layout, form = carried_layout(unknown), layout_of(state, is_any_number)
+        if {*layout.kinds} - {"number"}:
+            raise NotCompilable("an unknown that is not made of floats")
+        rows = self._lasting(layout.width)
+        self._keep(rows, leaves(unknown, layout))
+        self._close()
+        before, head, end = b.block, b.append_basic_block(), b.append_basic_block()
+        b.branch(head)
+        b.position_at_end(head)
+        given = [e.lift(x) for x in leaves(state, form)]
+        phis = [t.phi(x.kind, False) for x in given]
+        count = b.phi(I64)
+        self._open()
+        first = len(over.passes) - 1
+        new, told = t.call(sweep, build(layout, iter(self._kept(rows))))
+        unchanged(new, layout)
+        self._keep(rows, leaves(new, layout))
+        sums = self.total(told, again=False)
+        self._wait(I64(0))  # until all have taken these sums
+        now, enough = t.call(judge, build(form, iter(phis)), sums)
+        found = leaves(now, form)
+        if any(isinstance(x, Num) and x.varying for x in (*found, enough)):
+            raise NotCompilable("a judge of sweeps that asks single sites")
+        following = b.add(count, I64(1))
+        more = b.and_(
+            e.cast(e.negation(e.lift(enough)), "b", False)[0],
+            b.icmp_signed("<", following, I64(turns)),
+        )
+        for phi, x, y in zip(phis, given, found, strict=True):
+            come_from(phi, e.cast(x, phi.kind, False), before)
+            come_from(phi, e.cast(y, phi.kind, False), b.block)
+        count.add_incoming(I64(0), before)
+        count.add_incoming(following, b.block)
+        b.cbranch(more, head, end)
+        b.position_at_end(end)
+        over.loops.append((first, len(over.passes) - 1))
+        self._open()
+        return build(layout, iter(self._kept(rows))), now
+
+    def _lasting(self, count: int) -> list[Num]:
+        """Rows of scratch memory that keep what is in them, from the last one backwards."""
+        b, before = self.b, self.lasting
+        self.lasting += count
+        place = b.gep(self.crew, [I64(ROWS)], source_etype=I64)
+        last = b.load(place, typ=I64)
+        self.t.state.over.again.add(last)
+        return [self.e.num([b.sub(last, I64(1 + k))]) for k in range(before, self.lasting)]
+
+    def _keep(self, rows: list[Num], numbers: list[Any]) -> None:
+        """Store numbers of the sites at hand."""
+        self.scratch.body = self.t.state.over.passes[-1].index
+        for row, x in zip(rows, numbers, strict=True):
+            self.scratch.store(self.scratch.first(row), 0, x)
+
+    def _kept(self, rows: list[Num]) -> list[Num]:
+        """The numbers of the sites at hand that were stored."""
+        self.scratch.body = self.t.state.over.passes[-1].index
+        return [self.scratch.load(self.scratch.first(row), 0) for row in rows]
+
+    # -------------------------------------------------------------- sums
+
+    def total(self, value: Any, again: bool = True) -> Any:
+        """The sum over all sites; of one body the value itself.  again : does another pass begin?"""
+        if self.t.state.over is None:
+            return value
+        over, value = self._meeting("total"), vector(value)
+        layout = carried_layout(value)
+        if {*layout.kinds} - {"number"}:
+            raise NotCompilable("`total` of what is no float, or made of floats")
+        rows = self._publish(over, leaves(value, layout))
+        self._pass_on()
+        sums = [self._sum(over, rows, row) for rows, row in rows]
+        if again:
+            self._open()
+        return build(layout, iter(sums))
+
+    def _sum(self, over: Over, rows: SiteRows, row: Any) -> Num:
+        """The sum of a row: sixteen sums side by side, of every sixteenth site, then by halves."""
+        e, b = self.e, self.b
+        width, type_ = e.width, e.type("f", e.lanes > 1)
+        count, start = over.sites.count.value, rows.at(row)
+        before, head, body, done = b.block, *(b.append_basic_block() for _ in range(3))
+        zero = I64(0)
+        b.branch(head)
+        b.position_at_end(head)
+        at = b.phi(I64)
+        sums = [b.phi(type_) for _ in range(TOGETHER // width)]
+        blank = e.constant(0.0, "f", e.lanes > 1).values[0]
+        at.add_incoming(zero, before)
+        b.cbranch(b.icmp_signed("<", at, count), body, done)
+        b.position_at_end(body)
+        for k, s in enumerate(sums):
+            s.add_incoming(blank, before)
+            first = b.add(at, I64(k * width))
+            place = b.bitcast(rows.after(start, first), type_.as_pointer())
+            x = b.load(place, align=8, typ=type_)
+            there = self._there(first, count)
+            s.add_incoming(b.fadd(s, b.select(there, x, blank)), body)
+        at.add_incoming(b.add(at, I64(TOGETHER)), body)
+        b.branch(head)
+        b.position_at_end(done)
+        lanes = [
+            e.num([s if e.lanes == 1 else b.extract_element(s, ir.Constant(I32, k))])
+            for s in sums
+            for k in range(width)
+        ]
+        found: Num = words.halves(lanes)
+        return found
+
+    def _there(self, first: ir.Value, count: ir.Value) -> ir.Value:
+        """Which of the lanes from this site on have a site?"""
+        e, b = self.e, self.b
+        if e.lanes == 1:
+            return b.icmp_signed("<", first, count)
+        lanes = ir.Constant(ir.VectorType(I64, e.width), [*range(e.width)])
+        return b.icmp_signed("<", b.add(e.spread(first, e.width), lanes), e.spread(count, e.width))

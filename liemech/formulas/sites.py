@@ -1,0 +1,485 @@
+"""Sites, the parts of one system: formulas of one site, in which it meets the others.
+
+A formula of a site publishes what others need of it (`meet`), asks for what they have published,
+for its own parameters (`own`) and for sums over all sites (`total`).  In plain Python every site
+runs again and again, up to what it asks next; native code divides the formula into loops over the
+sites there.  Both give the same bits.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType
+from .functions import where
+from .pytree import build, carried_layout, leaves
+from .records import Record, record
+from .tables import Table
+from .vectors import Vec
+
+TOGETHER = 16
+"""Sites that may run side by side: sums over all sites are so many sums, each of every sixteenth
+site.
+"""
+
+
+def padded(count: int) -> int:
+    """The places in a row of numbers of so many sites: whole groups of sixteen, and an odd number
+    of these, so that the rows do not compete for the same places of a cache.
+    """
+    return TOGETHER * (-(-count // TOGETHER) | 1)
+
+
+def rows_of(values: np.ndarray) -> np.ndarray:
+    """Rows of numbers, one number for each site in the last axis, with the places behind the last
+    site filled by it.
+    """
+    count = values.shape[-1]
+    return np.ascontiguousarray(values[..., np.minimum(np.arange(padded(count)), count - 1)])
+
+
+# ------------------------------------------------------------------ parameters of sites
+
+
+@record
+class SiteTable(Record):
+    """Whole numbers of every site: which sites are its neighbours, or which edges lead there.
+
+    entries : (degree, sites) of them, whole numbers from 0, in rows of so many `places`.  rows : how
+    many each site has, the degree.  degree : the same where it is known to formulas, which write
+    loops over it out; None where every run may have another.  Make it by `SiteTable.of`.
+    """
+
+    entries: Any
+    rows: float
+    places: float
+    degree: int | None = None
+
+    @classmethod
+    def of(cls, entries: Any, fixed: bool = True) -> SiteTable:
+        """The table of an array of whole numbers, (degree, sites).  fixed : is the degree known to
+        formulas?  Raises InvalidInput.
+        """
+        found = np.asarray(entries)
+        if found.ndim != 2 or found.dtype.kind not in "iu" or not found.shape[1]:
+            raise InvalidInput(
+                "SiteTable: entries are whole numbers, (degree, sites), of at least one site; got "
+                f"{found.dtype} of shape {found.shape}"
+            )
+        if found.size and not (found.min() >= 0 and found.max() < 2**53):
+            raise InvalidInput("SiteTable: entries are not negative")
+        rows = rows_of(found.astype(np.int64))
+        degree = len(found) if fixed else None
+        table = Table(rows.view(np.float64).ravel())
+        return cls(table, float(len(found)), float(rows.shape[1]), degree)
+
+    @property
+    def largest(self) -> int:
+        """The largest entry; -1 if there is none."""
+        rows: np.ndarray = self.entries.array.view(np.int64)
+        return int(rows.max()) if len(rows) else -1
+
+    def fits(self, count: int) -> bool:
+        """Is it one of so many sites?"""
+        return self.places == padded(count)
+
+
+@record
+class SiteArray(Record):
+    """Numbers of every site, or of every edge of every site; `own` gives a formula those of its
+    site.
+
+    entries : in rows of so many `places`.  dim : how many components each has; None for single
+    numbers.  Make it by `SiteArray.of`.
+    """
+
+    entries: Any
+    places: float
+    dim: int | None = None
+
+    @classmethod
+    def of(cls, values: Any, edges: bool = False) -> SiteArray:
+        """The numbers of an array, (sites,) or (sites, dim); of edges (degree, sites) or (degree,
+        sites, dim).  Raises InvalidInput.
+        """
+        found = np.asarray(values, dtype=np.float64)
+        axes = found.ndim - edges
+        if axes not in (1, 2) or not found.shape[int(edges)]:
+            raise InvalidInput(
+                f"SiteArray: values have shape ({'degree, ' * edges}sites) or ({'degree, ' * edges}"
+                f"sites, dim), with at least one site; got {found.shape}"
+            )
+        rows = rows_of(np.moveaxis(found, -1, -2) if axes == 2 else found)
+        dim = found.shape[-1] if axes == 2 else None
+        return cls(Table(rows.ravel()), float(rows.shape[-1]), dim)
+
+    def fits(self, count: int) -> bool:
+        """Is it one of so many sites?"""
+        return self.places == padded(count)
+
+
+# ------------------------------------------------------------------ the words of formulas
+
+
+def meet(value: Any) -> Meeting:
+    """Publish a value of this site, a number, a vector, a record of numbers; the meeting gives what
+    other sites have published in the same place of the formula.
+    """
+    visit = _visit("meet")
+    return Meeting(visit.ask("meet", value), visit.site)
+
+
+class Meeting:
+    """What all sites have published at one place of a formula."""
+
+    __slots__ = ("published", "site")
+
+    def __init__(self, published: Any, site: Any) -> None:
+        self.published, self.site = published, site
+
+    def of(self, table: SiteTable, d: int) -> Any:
+        """The value of the site that is number d of this site's entries in a table."""
+        return self.at(_entry(table, d, self.site))
+
+    def at(self, j: int) -> Any:
+        """The value of site j, the same for all who ask."""
+        return self.published[j]
+
+    def sum(self, table: SiteTable, formula: Callable[[Any, int], Any], start: Any) -> Any:
+        """start + formula(b, d) + ... over this site's entries in a table, in their order; b is the
+        value of the site that is number d of them.
+        """
+        found = start
+        for d in range(rows_in(table)):
+            found = found + formula(self.of(table, d), d)
+        return found
+
+    def all(self, formula: Callable[[Any, int], Any], start: Any) -> Any:
+        """start + formula(b, j) + ... over all other sites j, in their order; b is what site j has
+        published.
+        """
+        found = start
+        first, end, count = together()
+        for j in range(first):
+            found = found + formula(self.at(j), j)
+        for j in range(first, end):
+            here = is_site(j)
+            other = where(here, self.at(other_than(j)), self.at(j))
+            found = where(here, found, found + formula(other, j))
+        for j in range(end, count):
+            found = found + formula(self.at(j), j)
+        return found
+
+
+def rows_in(table: SiteTable) -> int:
+    """How many entries a site has in a table."""
+    return int(table.rows) if table.degree is None else table.degree
+
+
+def together() -> tuple[int, int, int]:
+    """The first of the sites that run together, the one after the last, and how many sites there
+    are; if there is one only, all three are the same.
+    """
+    visit = _visit("together")
+    count = visit.count
+    return (visit.site, min(visit.site + 1, count), count) if count > 1 else (0, 0, 0)
+
+
+def is_site(j: int) -> bool:
+    """Is this site j?"""
+    return _visit("is_site").site == j
+
+
+def other_than(j: int) -> int:
+    """A site that is not j."""
+    return j - 1 if j > 0 else 1
+
+
+def own(array: Any, d: int | None = None) -> Any:
+    """This site's value of an array of parameters; with d that of its edge d."""
+    site = _visit("own").site
+    if isinstance(array, SiteTable):
+        return _entry(array, d or 0, site)
+    if not isinstance(array, SiteArray):
+        raise InvalidType(f"own: a SiteArray or a SiteTable; got {array!r}")
+    dim, places = array.dim or 1, int(array.places)
+    first = (d or 0) * dim
+    found = [array.entries.array.item((first + k) * places + site) for k in range(dim)]
+    return found[0] if array.dim is None else Vec.of(found)
+
+
+def total(value: Any) -> Any:
+    """The sum over all sites of a number, a vector, a record of numbers; of one body alone the value
+    itself.
+
+    Sixteen sums, each of every sixteenth site, are added by halves: the same bits with any number
+    of lanes and workers.
+    """
+    visit = _present.visit
+    return value if visit is None else visit.ask("total", value)
+
+
+def repeated(
+    sweep: Callable[[Any], tuple[Any, Any]],
+    unknown: Any,
+    judge: Callable[[Any, Any], tuple[Any, Any]],
+    state: Any,
+    turns: int,
+) -> tuple[Any, Any]:
+    """An unknown, swept again and again, until a judge says of what the sweeps tell, in total over all
+    sites, that it is enough; and the last state of the judge.
+
+    sweep : gives a new unknown, and what it tells.  judge : gives of its state and of that a new
+    state, and whether it is enough.  turns : the most there may be.
+    """
+    visit = _present.visit
+    if visit is not None and visit.of_all:
+        return visit.ask("repeated", (sweep, unknown, judge, state, turns))[visit.site]
+    for _ in range(turns):
+        unknown, told = sweep(unknown)
+        state, enough = judge(state, total(told))
+        if enough:
+            break
+    return unknown, state
+
+
+def _entry(table: SiteTable, d: int, site: int) -> int:
+    return int(table.entries.array.view(np.int64)[d * int(table.places) + site])
+
+
+# ------------------------------------------------------------------ plain Python
+
+
+class _Asked(BaseException):
+    """What a site asks for, where nobody has the answer yet; no formula catches it."""
+
+
+class Visit:
+    """One run of a formula for one of so many sites, with the answers that are known so far.
+
+    answers : to the first questions, by the kind of each.  of_all : do all sites run side by side?
+    """
+
+    of_all = True
+
+    def __init__(self, site: int, count: int, answers: list[tuple[str, Any]]) -> None:
+        self.site, self.count, self.answers, self.asked = site, count, answers, 0
+
+    def ask(self, kind: str, value: Any) -> Any:
+        """The answer to the next question; raises _Asked if there is none yet."""
+        if self.asked == len(self.answers):
+            raise _Asked(kind, value)
+        before, answer = self.answers[self.asked]
+        if before != kind:
+            raise InvalidInput(
+                f"site {self.site} asks for `{kind}` where others ask for `{before}`"
+            )
+        self.asked += 1
+        return answer
+
+
+class _Present(threading.local):
+    """The visit of this thread, if there is one."""
+
+    visit: Visit | None = None
+
+
+_present = _Present()
+
+
+def _visit(word: str) -> Visit:
+    if _present.visit is None:
+        raise InvalidInput(
+            f"{word}: there is no site here: formulas of sites are run by `integrate`, for all sites "
+            "together"
+        )
+    return _present.visit
+
+
+def present_site() -> int:
+    """The site whose formula runs."""
+    return _visit("present_site").site
+
+
+def each_site(count: int, formula: Callable[..., Any], *args: Any) -> None:
+    """Run a formula for every site, all of them up to what they ask next, again and again.  What it
+    raises says for which site.
+    """
+    answers: list[tuple[str, Any]] = []
+    while True:
+        asked = [_visited(i, count, answers, formula, args) for i in range(count)]
+        kinds = [kind for kind, _ in asked]
+        if len({*kinds}) > 1:
+            i = next(i for i, kind in enumerate(kinds) if kind != kinds[0])
+            raise InvalidInput(
+                f"sites part ways: site 0 asks for {kinds[0]} where site {i} asks for {kinds[i]}; "
+                "conditions around `meet` and `total` are the same for all sites"
+            )
+        if kinds[0] == "nothing":
+            return
+        values = [value for _, value in asked]
+        answers.append((kinds[0], _ANSWERS[kinds[0]](values)))
+
+
+def some_sites(count: int, begin: int, end: int, formula: Callable[..., Any], *args: Any) -> None:
+    """Run a formula for the sites from begin to end, where all of them meet once: the others rest,
+    and publish what they have.
+    """
+    asked = [_visited(i, count, [], formula, args) for i in range(begin, end)]
+    if all(kind == "nothing" for kind, _ in asked):
+        return
+    everyone = {i: asked[i - begin] for i in range(begin, end)}
+    for i in range(count):
+        if i not in everyone:
+            everyone[i] = _visited(i, count, [], formula, args)
+    published = [("meet", [everyone[i][1] for i in range(count)])]
+    again = [_visited(i, count, published, formula, args) for i in range(begin, end)]
+    if any(kind != "nothing" for kind, _ in again) or any(k != "meet" for k, _ in asked):
+        raise InvalidInput("sites of which some rest meet once, with what they have")
+
+
+class _Some(dict[int, Any]):
+    """What sites have published at one place, as far as they have come there.
+
+    number : of the place.  visit : lets a site come as far as to a place.
+    """
+
+    def __init__(self, number: int, visit: Callable[[int, int], Any]) -> None:
+        super().__init__()
+        self.number, self.visit = number, visit
+
+    def __missing__(self, site: int) -> Any:
+        self.visit(site, self.number)
+        return self[site]
+
+
+FEW = 2000
+"""Sites that are all visited for the sake of one, which asks for a total."""
+
+
+class TooManySites(Exception):
+    """One site asks for a total over more than a few."""
+
+
+class _Early(Visit):
+    """A visit of one site where most others have not been visited.
+
+    until : the question after which it may end.  visit : lets another site come as far as to one.
+    """
+
+    of_all = False
+
+    def __init__(
+        self, site: int, count: int, answers: list[tuple[str, Any]], until: int, visit: Any
+    ) -> None:
+        super().__init__(site, count, answers)
+        self.until, self.visit = until, visit
+
+    def ask(self, kind: str, value: Any) -> Any:
+        if self.asked == len(self.answers):
+            self.answers.append((kind, _Some(self.asked, self.visit)))
+        published = self.answers[self.asked][1]
+        published[self.site] = value
+        if self.asked == self.until:
+            raise _Asked(kind, value)
+        if kind == "total" and self.count > FEW:
+            raise TooManySites
+        published = super().ask(kind, value)
+        return _added([published[i] for i in range(self.count)]) if kind == "total" else published
+
+
+def one_site(count: int, site: int, formula: Callable[..., Any], *args: Any) -> Any:
+    """The value of a formula for one of the sites: of the others what it asks of them, no more."""
+    answers: list[tuple[str, Any]] = []
+
+    def visited(i: int, until: int) -> Any:
+        before, _present.visit = _present.visit, _Early(i, count, answers, until, visited)
+        try:
+            return formula(*args)
+        except _Asked:
+            return None
+        except Exception as error:
+            _placed(error, i)
+            raise
+        finally:
+            _present.visit = before
+
+    return visited(site, -1)
+
+
+def _placed(error: Any, site: int) -> None:
+    """Let the error of a formula say for which site."""
+    if not hasattr(error, "site"):
+        error.site = site
+
+
+def _visited(
+    site: int, count: int, answers: list[Any], formula: Any, args: tuple[Any, ...]
+) -> tuple[str, Any]:
+    """What a site asks for next, and the value it gives for it."""
+    before, _present.visit = _present.visit, Visit(site, count, answers)
+    try:
+        formula(*args)
+    except _Asked as question:
+        kind, value = question.args
+        return kind, value
+    except Exception as error:
+        _placed(error, site)
+        raise
+    finally:
+        _present.visit = before
+    return "nothing", None
+
+
+def _swept(asked: list[Any]) -> list[Any]:
+    """The unknowns of all sites and the last state of the judge, where all of them ask for sweeps."""
+    unknowns = [unknown for _, unknown, *_ in asked]
+    _, _, judge, state, turns = asked[0]
+    found: list[Any] = [None for _ in asked]
+
+    def one() -> None:
+        i = present_site()
+        found[i] = asked[i][0](unknowns[i])
+
+    for _ in range(turns):
+        each_site(len(asked), one)
+        unknowns = [unknown for unknown, _ in found]
+        state, enough = judge(state, _added([told for _, told in found]))
+        if enough:
+            break
+    return [(unknown, state) for unknown in unknowns]
+
+
+def _added(values: list[Any]) -> Any:
+    """The sum of values of one layout, number by number."""
+    layout = carried_layout(values[0])
+    columns = zip(*[leaves(value, layout) for value in values])
+    return build(layout, iter([interleaved_sum(list(column)) for column in columns]))
+
+
+_ANSWERS: dict[str, Callable[[list[Any]], Any]] = {
+    "meet": lambda values: values,
+    "total": _added,
+    "repeated": _swept,
+}
+"""What is answered to all sites, of what each of them asks with."""
+
+
+def interleaved_sum(terms: list[float]) -> float:
+    """The sum of numbers of all sites: sixteen sums, then by halves."""
+    sums = [0.0] * TOGETHER
+    for i, x in enumerate(terms):
+        sums[i % TOGETHER] = sums[i % TOGETHER] + x
+    return halves(sums)
+
+
+def halves(sums: list[Any]) -> Any:
+    """The sum of the first half and the second, and so on."""
+    while len(sums) > 1:
+        half = len(sums) // 2
+        sums = [a + b for a, b in zip(sums[:half], sums[half:])]
+    return sums[0]

@@ -1,0 +1,60 @@
+"""Curves through points in space: their frames, and whether they look like curves."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SHARP = np.cos(np.radians(25.0))
+"""A trail whose segments mostly turn by more than this is shown by its points: a curve through them
+would be invented.
+"""
+
+
+def is_smooth(points: Array) -> bool:
+    """Do most segments of a curve turn little from one to the next?"""
+    steps = np.diff(points, axis=0)
+    length = np.linalg.norm(steps, axis=1)
+    # in units of the panel: shorter ones have no direction that could be seen
+    steps = steps[length > 1e-6]
+    if len(steps) < 2:
+        return True
+    cosines = (steps[1:] * steps[:-1]).sum(axis=1) / (
+        np.linalg.norm(steps[1:], axis=1) * np.linalg.norm(steps[:-1], axis=1)
+    )
+    return bool(np.median(cosines) >= SHARP)
+
+
+def frames(points: Array) -> tuple[Array, Array]:
+    """Two unit vectors across a curve (n, 3) at each of its points, carried along it without a
+    twist.  (n, 3) each.
+
+    Source: Bishop, There is more than one way to frame a curve, Amer. Math. Monthly 82 (1975).
+    """
+    steps = np.diff(points, axis=0)
+    along = np.concatenate([steps[:1], steps[1:] + steps[:-1], steps[-1:]])
+    length = np.linalg.norm(along, axis=1)
+    still = length <= 1e-9 * (length.max(initial=0.0) or 1.0)
+    if still.any():  # a point that is repeated keeps the direction from before it
+        last = np.maximum.accumulate(np.where(still, -1, np.arange(len(along))))
+        first = int(np.argmin(still))
+        along, length = (
+            along[np.where(last < 0, first, last)],
+            length[np.where(last < 0, first, last)],
+        )
+    tangents = along / np.where(length > 0.0, length, 1.0)[:, None]
+    normals = []
+    nx, ny, nz = np.eye(3)[np.abs(tangents[0]).argmin()].tolist()
+    for x, y, z in tangents.tolist():
+        d = nx * x + ny * y + nz * z
+        nx, ny, nz = nx - d * x, ny - d * y, nz - d * z
+        size = (nx * nx + ny * ny + nz * nz) ** 0.5
+        if size < 1e-6:  # the curve turned by a right angle into its own normal
+            nx, ny, nz = (y, -x, 0.0) if abs(z) < 0.9 else (0.0, z, -y)
+            size = (nx * nx + ny * ny + nz * nz) ** 0.5
+        nx, ny, nz = nx / size, ny / size, nz / size
+        normals.append((nx, ny, nz))
+    normal = np.array(normals)
+    return normal, np.cross(tangents, normal)

@@ -1,0 +1,158 @@
+"""Rigid water molecules of three sites, and the attraction of masses."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..formulas import Mat, Vec, cross, dot, norm, record, sqrt, vec
+from ..groups.se3 import join
+from ..systems.kinetic_energy import KineticEnergy
+from ..systems.terms import Term
+from .pendulums import check_positive
+
+COULOMB = 138935.45764438
+"""e^2/(4 pi epsilon_0) in u A^3/ps^2, with the constants of CODATA 2018."""
+
+KILOJOULE = 100.0
+"""A kJ/mol in u A^2/ps^2."""
+
+OXYGEN, HYDROGEN = 15.9994, 1.008
+"""Masses in u."""
+
+
+@record
+class SPC(Term):
+    """Rigid water molecules, a term of two on SE(3): charges on the three atoms, and one
+    Lennard-Jones potential between the oxygens.
+
+        V = sum q_i q_j C/r_ij + (B/r_OO)^12 - (A/r_OO)^6
+
+    Lengths in angstrom, times in ps, masses in u; energies are then in u A^2/ps^2 = 0.01 kJ/mol.
+
+    hydrogen : the charge of a hydrogen, in e; the oxygen has twice as much, negative.  A, B : of
+    the Lennard-Jones potential, in A times the root of kJ/mol, (kJ/mol)^(1/6) and (kJ/mol)^(1/12).
+    length, angle : of the bonds O-H in A, and between them in degrees.  coulomb : C.
+    The element of a molecule is the pose of its centre of mass and its principal axes, with the
+    oxygen on the third one.  `kinetic_energy` is that of one molecule.  SPC/E is
+    `SPC(hydrogen=0.4238)`.
+
+    Source: Berendsen, Postma, van Gunsteren and Hermans, in Intermolecular Forces (1981), 331; for
+    SPC/E Berendsen, Grigera and Straatsma, J. Phys. Chem. 91 (1987), 6269.
+    """
+
+    hydrogen: float = 0.41
+    A: float = 3.7122
+    B: float = 3.428
+    length: float = 1.0
+    angle: float = 109.47122063449069
+    coulomb: float = COULOMB
+    atoms: Mat = field(init=False, repr=False)
+    moments: Vec = field(init=False, repr=False)
+    attraction: float = field(init=False, repr=False)
+    repulsion: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        check_positive(self, "A", "B", "length")
+        if not 0.0 < self.angle < 180.0:
+            raise InvalidInput(f"SPC: angle is between 0 and 180 degrees; got {self.angle:g}")
+        half = math.radians(0.5 * self.angle)
+        side, height = self.length * math.sin(half), self.length * math.cos(half)
+        low = 2.0 * HYDROGEN * height / (OXYGEN + 2.0 * HYDROGEN)
+        atoms = np.array([[0.0, 0.0, low], [side, 0.0, low - height], [-side, 0.0, low - height]])
+        masses = np.array([OXYGEN, HYDROGEN, HYDROGEN])
+        squares = masses @ atoms**2
+        whole = masses.sum()
+        moments = np.array([squares.sum() - square for square in squares])
+        object.__setattr__(self, "atoms", atoms)
+        object.__setattr__(self, "moments", [*moments, whole, whole, whole])
+        object.__setattr__(self, "attraction", KILOJOULE * self.A**6)
+        object.__setattr__(self, "repulsion", KILOJOULE * self.B**12)
+        super().__post_init__()
+
+    def __repr__(self) -> str:
+        given = {f.name: f.default for f in dataclasses.fields(self) if f.init}
+        own = [f"{n}={getattr(self, n):g}" for n, x in given.items() if getattr(self, n) != x]
+        return f"SPC({', '.join(own)})"
+
+    @property
+    def kinetic_energy(self) -> KineticEnergy:
+        """That of one molecule: moments of inertia in u A^2, and its mass in u."""
+        return KineticEnergy(self.moments)
+
+    def energy(self, a: Any, b: Any) -> float:
+        """Of two molecules, in u A^2/ps^2."""
+        first, second = self._places(a.g), self._places(b.g)
+        d = second[0] - first[0]
+        s = 1.0 / dot(d, d)
+        s = s * s * s
+        energy = s * (self.repulsion * s - self.attraction)
+        for i in range(3):
+            for j in range(3):
+                energy = energy + self._product(i, j) / norm(second[j] - first[i])
+        return energy
+
+    def force(self, group: Any, k: int, *sites: Any) -> Vec:
+        """Torque and force on molecule k, in its axes."""
+        own, other = sites[k].g, sites[1 - k].g
+        first, second = self._places(own), self._places(other)
+        d = first[0] - second[0]
+        r = 1.0 / dot(d, d)
+        s = r * r * r
+        pulls = [
+            (r * s * (12.0 * self.repulsion * s - 6.0 * self.attraction)) * d,
+            vec(0.0, 0.0, 0.0),
+            vec(0.0, 0.0, 0.0),
+        ]
+        for i in range(3):
+            for j in range(3):
+                d = first[i] - second[j]
+                square = dot(d, d)
+                pulls[i] = pulls[i] + (self._product(i, j) / (square * sqrt(square))) * d
+        turned = [_turned_back(own, pull) for pull in pulls]
+        torque = vec(0.0, 0.0, 0.0)
+        for atom, pull in zip(self.atoms, turned):
+            torque = torque + cross(atom, pull)
+        return join(torque, turned[0] + turned[1] + turned[2])
+
+    def _places(self, g: Any) -> list[Vec]:
+        """The atoms of a molecule, in space."""
+        return [vec(*[dot(g[k][:3], atom) + g[k][3] for k in range(3)]) for atom in self.atoms]
+
+    def _product(self, i: int, j: int) -> float:
+        """The product of the charges of two atoms, the first of each molecule being the oxygen."""
+        many = (-2.0, 1.0, 1.0)
+        return many[i] * many[j] * (self.coulomb * self.hydrogen * self.hydrogen)
+
+
+def _turned_back(g: Any, x: Vec) -> Vec:
+    """R^T x."""
+    return vec(*[g[0][k] * x[0] + g[1][k] * x[1] + g[2][k] * x[2] for k in range(3)])
+
+
+@record
+class Gravity(Term):
+    """The attraction of two masses, -G m_a m_b/|x_a - x_b|, on VectorSpace(n), with `mass` a
+    parameter of the sites: `Terms(Gravity().over(neighbours.all_pairs()), mass=each(m))`.
+
+    constant : G.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., I.2.4.
+    """
+
+    constant: float = 1.0
+
+    def energy(self, a: Any, b: Any) -> float:
+        """Of two masses."""
+        return -self.constant * a.mass * b.mass / norm(a.g - b.g)
+
+    def force(self, group: Any, k: int, *sites: Any) -> Vec:
+        """The pull on mass k."""
+        d = sites[1 - k].g - sites[k].g
+        square = dot(d, d)
+        return (self.constant * sites[0].mass * sites[1].mass / (square * sqrt(square))) * d

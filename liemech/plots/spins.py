@@ -1,0 +1,137 @@
+"""Spins on a lattice at one time: a square one, or a layer of a cubic one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InvalidInput
+from ..formulas import real_array
+from ..models.sites import base_of, by_site, fixed_places, is_spin, lattice_of
+from .style import DIRECTIONS, GREY, needs_run, part, plane_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+MOST_ARROWS = 48
+"""Along an axis; of larger lattices the colours alone are drawn."""
+
+
+def spins(
+    run: Any,
+    sample: int = -1,
+    *,
+    axis: ArrayLike = (0.0, 0.0, 1.0),
+    layer: int | None = None,
+    ax: Axes | None = None,
+    title: str | None = None,
+) -> Axes:
+    """Draw the directions of the spins of a lattice, seen from above: arrows as far as they lie in
+    the plane, coloured by how far they point along an axis.
+
+    run : of a system of many spins on a square lattice, or on a cubic one.  sample : which one, from 0,
+    or from -1 backwards.  axis : orange points along it, blue against it.  layer : of a cubic
+    lattice, z; left out, the one in the middle.
+
+    Site (i, j) of a square lattice is at x = j, y = i, site (i, j, k) of a cubic one at x = k, y = j,
+    z = i.  Of more than 48 sites along an axis the colours are drawn without arrows.  Returns the axes.
+    """
+    needs_run(run, "plots.spins")
+    lattice = lattice_of(run.system)
+    if not is_spin(base_of(run.system)) or lattice is None or len(lattice.shape) < 2:
+        raise InvalidInput(
+            "plots.spins draws spins on a square or a cubic lattice, which "
+            f"{run.system!r} has not; `run.view()` shows spins everywhere"
+        )
+    if run.bodies is not None:
+        raise InvalidInput("plots.spins draws one member of an ensemble; run it by itself")
+    along = real_array(axis, "plots.spins: axis")
+    if along.shape != (3,) or not 0.0 < np.linalg.norm(along) < np.inf:
+        raise InvalidInput(f"plots.spins: axis is a direction in space; got {axis!r}")
+    rows = part(run, "mu", "plots.spins")
+    if not -len(rows) <= sample < len(rows):
+        raise InvalidInput(f"plots.spins: the run has {len(rows)} samples; got sample = {sample!r}")
+    mu = by_site(run.system, "mu", rows[sample])
+    places = fixed_places(run.system)
+    if len(lattice.shape) == 3:
+        layer = lattice.shape[0] // 2 if layer is None else layer
+        there = places[:, 2] == layer
+        if not there.any():
+            raise InvalidInput(
+                f"plots.spins: layers are 0 to {lattice.shape[0] - 1}; got {layer!r}"
+            )
+        places, mu = places[there], mu[there]
+    elif layer is not None:
+        raise InvalidInput(f"plots.spins: {lattice!r} has no layers; leave layer out")
+    return _drawn(run, sample, places, mu, along / np.linalg.norm(along), layer, ax, title)
+
+
+def has_spins(run: Any) -> bool:
+    """Is this a run of one system of spins that `spins` draws?"""
+    lattice = lattice_of(run.system)
+    flat = lattice is not None and len(lattice.shape) > 1
+    return flat and is_spin(base_of(run.system)) and "mu" in run.states and run.bodies is None
+
+
+def _drawn(
+    run: Any,
+    sample: int,
+    places: Array,
+    mu: Array,
+    axis: Array,
+    layer: int | None,
+    ax: Axes | None,
+    title: str | None,
+) -> Axes:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LinearSegmentedColormap, Normalize
+
+    size = np.linalg.norm(mu, axis=1)
+    unit = mu / np.where(size > 0.0, size, 1.0)[:, None]
+    scale = LinearSegmentedColormap.from_list("directions", DIRECTIONS)
+    norm = Normalize(-1.0, 1.0)
+    at = f"$t$ = {run.t[sample]:.4g}" + ("" if layer is None else f", $z$ = {layer}")
+    ax = plane_axes(ax, title or at, "$x$", "$y$", (5.2, 4.4))
+    ax.grid(False)
+    ax.set_aspect("equal")
+    columns, rows = (int(n) + 1 for n in places[-1, :2])
+    colors, edge = unit @ axis, (-0.5, columns - 0.5, -0.5, rows - 0.5)
+    if max(columns, rows) <= MOST_ARROWS:
+        ax.quiver(
+            *places[:, :2].T,
+            *(mu[:, :2] / (size.max() or 1.0)).T,
+            colors,
+            cmap=scale,
+            norm=norm,
+            pivot="mid",
+            angles="xy",
+            scale_units="xy",
+            scale=1.0 / 0.9,
+            width=0.13 / columns,
+            headwidth=3.6,
+            headlength=4.0,
+            headaxislength=3.7,
+            minlength=0.6,
+        )
+        ax.set_xlim(edge[:2])
+        ax.set_ylim(edge[2:])
+    else:
+        ax.imshow(
+            colors.reshape(rows, columns),
+            cmap=scale,
+            norm=norm,
+            origin="lower",
+            extent=edge,
+            interpolation="nearest",
+        )
+    known = {(1.0, 0.0, 0.0): "$x$", (0.0, 1.0, 0.0): "$y$", (0.0, 0.0, 1.0): "$z$"}
+    name = known.get(tuple(axis.tolist()), "the axis")
+    bar = ax.figure.colorbar(ScalarMappable(norm, scale), ax=ax, shrink=0.7, ticks=[-1, 0, 1])
+    bar.ax.tick_params(labelsize=8.5, color=GREY, labelcolor=GREY)
+    bar.set_label(f"direction along {name}", fontsize=9, color=GREY)
+    bar.outline.set_visible(False)
+    return ax

@@ -1,0 +1,550 @@
+"""Graphs: which sites of a system are neighbours."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType, undefined
+from ..formulas import Element, Record, Vec, check_finite, mat, real_array, record, vec
+from ..formulas.fields import frozen_array
+from ..formulas.pytree import with_fields
+from ..groups.lie_group import LieGroup
+from ..groups.se2 import SE2
+from ..groups.se3 import SE3
+from ..groups.vector_space import VectorSpace
+
+
+class Incidence(NamedTuple):
+    """For each site the edges that end there in one role, as tables with a column for each site.
+
+    others : (k - 1, degree, sites), the other ends, in the order of the arguments of the term.
+    edges : (degree, sites), the numbers of the edges, rising in a column.
+    counts : (sites,), how many entries of a column count; those below repeat the last one that does,
+    those of a site without edges are any site and edge.
+    """
+
+    others: np.ndarray
+    edges: np.ndarray
+    counts: np.ndarray
+
+
+@record
+class Graph(Record):
+    """Edges between the sites of a system: each tells one, two or three of them, or more; abstract.
+
+    sites : how many sites there are; None: as many as the system has.
+    A subclass writes `edges`.
+    """
+
+    @property
+    def sites(self) -> int | None:
+        """How many sites there are; None: as many as the system has."""
+        raise undefined(self, "sites")
+
+    @property
+    def ordered(self) -> bool | None:
+        """Does an edge say which of its ends comes first?  None: where the term asks for it."""
+        return False
+
+    @property
+    def arity(self) -> int:
+        """How many sites an edge has."""
+        return 2
+
+    @property
+    def edges(self) -> np.ndarray:
+        """The sites of each edge, (edges, arity)."""
+        raise undefined(self, "edges")
+
+    @property
+    def layout(self) -> np.ndarray | None:
+        """Where its sites are drawn, (sites, 3), with neighbours at a distance of 1; None: nobody
+        knows.
+        """
+        return None
+
+    def on(self, sites: int) -> Graph:
+        """The graph on so many sites.  Raises InvalidInput if it has another number of them."""
+        if self.sites not in (None, sites):
+            raise InvalidInput(
+                f"{self!r} has {self.sites} sites, and the system {sites}; edges take sites={sites} "
+                "where some have none"
+            )
+        return self
+
+    def ties(self, i: int, j: int) -> bool:
+        """Is there an edge of these two sites?"""
+        return bool((np.sort(self.edges, axis=1) == (i, j)).all(axis=1).any())
+
+    def some_edges(self, most: int) -> list[tuple[int, list[int]]]:
+        """Some of the edges, at most so many: their numbers and sites."""
+        edges = self.edges
+        some: Any = (
+            np.unique(np.linspace(0, len(edges) - 1, most).astype(np.int64)) if len(edges) else []
+        )
+        return [(int(number), edges[number].tolist()) for number in some]
+
+    def incidence(self, role: int | None = None) -> Incidence:
+        """The edges at each site: those of which it is the end number `role`, from 0; None: either
+        end of two, where these need not be told apart.
+        """
+        found = self._known.get(role)
+        if found is None:
+            found = self._known[role] = _incidence(self.edges, self.sites or 0, role)
+        return found
+
+    @cached_property
+    def _known(self) -> dict[Any, Incidence]:
+        return {}
+
+
+def _incidence(edges: np.ndarray, sites: int, role: int | None) -> Incidence:
+    arity = edges.shape[1]
+    if role is None and arity == 2:
+        own, numbers = edges.ravel(), np.repeat(np.arange(len(edges)), 2)
+        others = edges[:, ::-1].reshape(-1, 1)
+    else:
+        own, numbers = edges[:, role or 0], np.arange(len(edges))
+        others = np.delete(edges, role or 0, axis=1)
+    order = np.argsort(own, kind="stable")
+    own, numbers, others = own[order], numbers[order], others[order]
+    counts = np.bincount(own, minlength=sites)
+    degree = int(counts.max(initial=0))
+    place = np.arange(len(own)) - np.repeat(np.cumsum(counts) - counts, counts)
+    table = np.zeros((degree, sites), dtype=np.int64)
+    table[place, own] = numbers
+    ends = np.empty((arity - 1, degree, sites), dtype=np.int64)
+    ends[:] = (np.arange(sites) + 1) % sites  # of sites without edges
+    ends[:, place, own] = others.T
+    if (counts < degree).any():
+        last = np.minimum(np.arange(degree)[:, None], np.maximum(counts - 1, 0))
+        table = np.take_along_axis(table, last, axis=0)
+        ends = np.take_along_axis(ends, np.broadcast_to(last, ends.shape), axis=1)
+    return Incidence(ends, table, counts)
+
+
+# ------------------------------------------------------------------ lattices
+
+
+@record
+class Lattice(Graph):
+    """Sites in rows, squares or cubes, each tied to the next along each axis.
+
+    shape : how many along each axis; the last one runs fastest.  periodic : is the last one tied to
+    the first, for each axis?
+    """
+
+    shape: tuple[int, ...]
+    periodic: tuple[bool, ...]
+    called: str = "lattice"
+
+    @property
+    def sites(self) -> int:
+        """The product of the numbers along the axes."""
+        return int(np.prod(self.shape))
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """Those along the first axis, then those along the second, ..."""
+        place = np.arange(self.sites).reshape(self.shape)
+        found = []
+        for axis, (n, periodic) in enumerate(zip(self.shape, self.periodic)):
+            if n > 1:
+                first = place if periodic else np.delete(place, -1, axis)
+                second = np.roll(place, -1, axis) if periodic else np.delete(place, 0, axis)
+                found.append(np.stack([first.ravel(), second.ravel()], axis=1))
+        return np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
+
+    @cached_property
+    def layout(self) -> np.ndarray:
+        """Site j of a chain is at (j, 0, 0), (i, j) of a square lattice at (j, i, 0), (i, j, k) of a
+        cubic one at (k, j, i); those of a ring are on a circle about the origin.
+        """
+        if len(self.shape) == 1 and self.periodic[0]:
+            angle = 2.0 * np.pi * np.arange(self.sites) / self.sites
+            radius = 0.5 / np.sin(np.pi / self.sites)
+            return radius * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=-1)
+        steps = np.indices(self.shape).reshape(len(self.shape), -1)[::-1].T
+        return np.pad(steps.astype(float), ((0, 0), (0, 3 - len(self.shape))))
+
+    def __repr__(self) -> str:
+        given = ", ".join(map(str, self.shape))
+        if self.called in ("ring", "chain"):
+            return f"neighbours.{self.called}({given})"
+        same = len({*self.periodic}) == 1
+        how = (
+            ""
+            if all(self.periodic)
+            else f", periodic={self.periodic[0] if same else self.periodic}"
+        )
+        return f"neighbours.{self.called}({given}{how})"
+
+
+def ring(sites: int) -> Lattice:
+    """Sites in a circle, each tied to the next, the last one to the first."""
+    if _count("ring", "sites", sites) == 1:
+        raise InvalidInput(
+            "neighbours.ring(1): the edge (0, 0) ties site 0 to itself; a ring has 3 sites at least"
+        )
+    return _lattice("ring", (sites,), True)
+
+
+def chain(sites: int) -> Lattice:
+    """Sites in a row, each tied to the next."""
+    return _lattice("chain", (sites,), False)
+
+
+def square(rows: int, columns: int, periodic: Any = True) -> Lattice:
+    """Sites of a square lattice: site (i, j) has the number columns i + j.
+
+    periodic : is the last row tied to the first, and the last column; a truth value for both or one
+    for each.
+    """
+    return _lattice("square", (rows, columns), periodic)
+
+
+def cubic(layers: int, rows: int, columns: int, periodic: Any = True) -> Lattice:
+    """Sites of a cubic lattice: site (i, j, k) has the number columns (rows i + j) + k.
+
+    periodic : is the last layer tied to the first, and so on; a truth value for all axes or one for
+    each.
+    """
+    return _lattice("cubic", (layers, rows, columns), periodic)
+
+
+def _lattice(name: str, shape: tuple[int, ...], periodic: Any) -> Lattice:
+    shape = tuple([_count(name, "a length", n) for n in shape])
+    some: Any = (
+        (periodic,) * len(shape) if isinstance(periodic, (bool, np.bool_)) else tuple(periodic)
+    )
+    if len(some) != len(shape) or not all(isinstance(x, (bool, np.bool_)) for x in some):
+        raise InvalidInput(
+            f"neighbours.{name}: periodic is True or False, or one of them for each of "
+            f"{len(shape)} axes; got {periodic!r}"
+        )
+    some = tuple([bool(x) and n > 1 for x, n in zip(some, shape)])
+    for axis, (n, x) in enumerate(zip(shape, some)):
+        if n == 2 and x:
+            step = int(np.prod(shape[axis + 1 :]))
+            cure = (
+                "take chain(2)"
+                if len(shape) == 1
+                else f"let axis {axis} be open, periodic={tuple([p and m > 2 for p, m in zip(some, shape)])}"
+            )
+            raise InvalidInput(
+                f"neighbours.{name}({', '.join(map(str, shape))}): the edges (0, {step}) and "
+                f"({step}, 0) are the same, as two sites in a circle are tied twice; {cure}"
+            )
+    return Lattice(shape, some, name)
+
+
+def _count(name: str, what: str, n: Any) -> int:
+    if isinstance(n, (bool, np.bool_)) or not isinstance(n, (int, np.integer)) or n < 1:
+        raise InvalidInput(f"neighbours.{name}: {what} must be a whole number from 1 on; got {n!r}")
+    return int(n)
+
+
+# ------------------------------------------------------------------ given ones
+
+
+@record
+class Edges(Graph):
+    """Edges that are given one by one, of two sites each, or of three, or more.
+
+    given : (edges, arity).  count : how many sites there are.  order : is the first of an edge told
+    from the second?
+    """
+
+    given: np.ndarray
+    count: int
+    order: bool | None = None
+
+    @property
+    def edges(self) -> np.ndarray:
+        """As they were given."""
+        return self.given
+
+    @property
+    def sites(self) -> int:
+        """How many sites there are."""
+        return self.count
+
+    @property
+    def ordered(self) -> bool | None:
+        """As was said; None: where the term asks for it."""
+        return self.order
+
+    @property
+    def arity(self) -> int:
+        """How many sites an edge has."""
+        return int(self.given.shape[1])
+
+    def __repr__(self) -> str:
+        what = {2: "pairs", 3: "triples"}.get(self.arity, f"edges of {self.arity}")
+        return f"neighbours.edges({len(self.edges)} {what}, sites={self.count})"
+
+
+def edges(pairs: Any, sites: int | None = None, ordered: bool | None = None) -> Edges:
+    """Edges between sites that are given one by one: (edges, 2) pairs of numbers of sites, from 0,
+    or (edges, 3) triples.
+
+    sites : how many there are; left out, up to the largest number.  ordered : does (i, j) say that i
+    comes first?  Left out, where the term is not symmetric.
+    Raises InvalidInput for an edge to itself, a number beyond the sites, and one that is there
+    twice.
+    """
+    name = "neighbours.edges"
+    try:
+        array = np.asarray(pairs)
+    except ValueError:
+        raise InvalidInput(f"{name}: pairs are ragged: edges have one number of sites") from None
+    if array.size == 0:
+        array = np.empty(
+            (0, array.shape[1] if array.ndim == 2 and array.shape[1] else 2), dtype=np.int64
+        )
+    if array.dtype.kind == "f" and (array == np.floor(array)).all():
+        array = array.astype(np.int64)
+    if array.dtype.kind not in "iu":
+        raise InvalidType(f"{name}: pairs are whole numbers, those of sites; got {array.dtype}")
+    if array.ndim != 2 or array.shape[1] < 2:
+        raise InvalidInput(
+            f"{name}: pairs have shape (edges, 2), triples (edges, 3); got {array.shape}"
+        )
+    array = array.astype(np.int64)
+    most = int(array.max(initial=-1)) + 1
+    count = max(most, 1) if sites is None else _count("edges", "sites", sites)
+    wrong = ((array < 0) | (array >= count)).any(axis=1)
+    if wrong.any():
+        at = int(wrong.argmax())
+        raise InvalidInput(
+            f"{name}: edge {at}, {_shown(array[at])}, names a site that is not there; they are 0 to "
+            f"{count - 1}"
+        )
+    rows = np.sort(array, axis=1)
+    same = (rows[:, 1:] == rows[:, :-1]).any(axis=1)
+    if same.any():
+        at = int(same.argmax())
+        raise InvalidInput(f"{name}: edge {at}, {_shown(array[at])}, ties a site to itself")
+    if ordered not in (True, False, None):
+        raise InvalidType(f"{name}: ordered is True, False or None; got {ordered!r}")
+    made = Edges(frozen_array(array, name), count, ordered)
+    require_no_duplicates(made, array if ordered is not False or array.shape[1] > 2 else rows)
+    return made
+
+
+def require_no_duplicates(graph: Graph, rows: np.ndarray) -> None:
+    """Raise InvalidInput if two rows, those of the edges, are the same."""
+    order = np.lexsort(rows.T[::-1])
+    sorted_ = rows[order]
+    twice = (sorted_[1:] == sorted_[:-1]).all(axis=1)
+    if twice.any():
+        at = int(twice.argmax())
+        i, j = sorted(map(int, order[at : at + 2]))
+        raise InvalidInput(
+            f"neighbours.edges: edges {i}, {_shown(graph.edges[i])}, and {j}, "
+            f"{_shown(graph.edges[j])}, are the same"
+        )
+
+
+def _shown(edge: Any) -> str:
+    return str(tuple(map(int, edge)))
+
+
+# ------------------------------------------------------------------ all of them
+
+
+@record
+class AllPairs(Graph):
+    """Every site is tied to every other one.
+
+    count : how many sites there are; None: as many as the system has.
+    """
+
+    count: int | None = None
+
+    @property
+    def sites(self) -> int | None:
+        """How many sites there are."""
+        return self.count
+
+    def on(self, sites: int) -> Graph:
+        """That of so many sites."""
+        return AllPairs(sites) if self.count is None else super().on(sites)
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """(0, 1), (0, 2), ..., (1, 2), ..."""
+        return np.stack(np.triu_indices(self.count or 0, 1), axis=1).astype(np.int64)
+
+    def ties(self, i: int, j: int) -> bool:
+        """Every two."""
+        return True
+
+    def some_edges(self, most: int) -> list[tuple[int, list[int]]]:
+        """(0, 1), (0, 2), ..."""
+        return [(i, [0, i + 1]) for i in range(min(most, (self.count or 0) - 1))]
+
+    def __repr__(self) -> str:
+        return f"neighbours.all_pairs({'' if self.count is None else self.count})"
+
+
+def all_pairs(sites: int | None = None) -> AllPairs:
+    """Every site is tied to every other one.  sites : how many there are; left out, as many as the
+    system has.
+    """
+    return AllPairs(None if sites is None else _count("all_pairs", "sites", sites))
+
+
+@record
+class Within(AllPairs):
+    """Every two sites whose places are nearer than a cutoff, in space or in a periodic box.
+
+    cutoff : that distance.  inner : up to this one a term has its full energy; from there on a
+    switch takes it to zero, which it is at the cutoff with three derivatives.  box : the lengths of
+    the periodic box; None: there is none.  The place of a site is that of its element in space.
+
+    Written out it is all pairs, of which those beyond the cutoff add zero; `near` finds the others,
+    so that sums have the same bits whichever list they go through and whenever it was made.
+
+    Source: Allen and Tildesley, Computer Simulation of Liquids, 2nd ed., sections 1.6 and 5.3.
+    """
+
+    cutoff: float = 0.0
+    inner: float = 0.0
+    box: Vec | None = None
+
+    def on(self, sites: int) -> Graph:
+        """That of so many sites."""
+        return with_fields(self, count=sites)
+
+    def pairs(self, places: Any, reach: float) -> np.ndarray:
+        """The pairs of sites up to a distance, (pairs, 2), in rising order.  places : (sites, n)."""
+        from scipy.spatial import cKDTree
+
+        at, box = np.asarray(places, dtype=float), None
+        if self.box is not None:
+            box = np.array(self.box)
+            at = np.mod(at, box)
+            at[at >= box] = 0.0  # of -1e-17
+        found = cKDTree(at, boxsize=box).query_pairs(reach, output_type="ndarray")
+        found = np.sort(found.astype(np.int64), axis=1)
+        return found[np.lexsort((found[:, 1], found[:, 0]))]
+
+    def near(self, places: Any, reach: float) -> Incidence:
+        """The sites near each site, in rising order.  reach : the cutoff or more.  Lists that reach
+        further give the same sums: what is beyond the cutoff adds zero.
+        """
+        return _incidence(self.pairs(places, reach), self.sites or len(places), None)
+
+    def __repr__(self) -> str:
+        box = "" if self.box is None else f", box={list(self.box)}"
+        return f"neighbours.within({self.cutoff:g}{box})"
+
+
+def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within:
+    """Every two sites nearer than a cutoff.  Their energy goes to zero there, by a switch from
+    `inner` on.
+
+    box : the lengths of a periodic box, (n,), or one number for a cube of space: every site sees
+    the nearest image of another.  inner : left out, 0.9 of the cutoff.
+    Raises InvalidInput for a cutoff beyond half the box.
+    """
+    name = "neighbours.within"
+    numbers = real_array([cutoff, 0.9 * cutoff if inner is None else inner], f"{name}: cutoff")
+    check_finite(numbers, f"{name}: cutoff")
+    far, near = numbers.tolist()
+    if not 0.0 <= near < far:
+        raise InvalidInput(
+            f"{name}: cutoff is a positive distance, and inner a shorter one; got {far:g} and {near:g}"
+        )
+    if box is None:
+        return Within(None, far, near)
+    lengths = np.atleast_1d(real_array(box, f"{name}: box"))
+    lengths = np.repeat(lengths, 3) if lengths.shape == (1,) else lengths
+    check_finite(lengths, f"{name}: box")
+    if lengths.ndim != 1 or not (lengths > 0.0).all():
+        raise InvalidInput(f"{name}: box is the lengths of a box, positive; got {box!r}")
+    if far > 0.5 * lengths.min():
+        raise InvalidInput(
+            f"{name}: the cutoff {far:g} is beyond half the box, {0.5 * lengths.min():g}: a site would "
+            "meet two images of another"
+        )
+    return Within(None, far, near, Vec.of(lengths.tolist()))
+
+
+def place(group: LieGroup, g: Element) -> Vec:
+    """Where in space an element is, of SE3(), SE2() or VectorSpace(n).  g : an element."""
+    if isinstance(group, SE3):
+        return vec(g[0, 3], g[1, 3], g[2, 3])
+    if isinstance(group, SE2):
+        return vec(g[0, 2], g[1, 2])
+    if isinstance(group, VectorSpace):
+        return g
+    raise IncompatibleSystem(
+        f"neighbours.within needs places in space, which elements of {group!r} have not; SE3(), SE2() "
+        "and VectorSpace(n) have"
+    )
+
+
+def seen_from(group: LieGroup, g: Element, x: Vec) -> Vec:
+    """A force in space on the place of an element, in its own axes, (dim,): <f, eta> is the power
+    when it moves with velocity eta.
+    """
+    if isinstance(group, VectorSpace):
+        return x
+    n = len(x)
+    turned = [sum([g[i, k] * x[i] for i in range(n)]) for k in range(n)]
+    return vec(*[0.0 for _ in range(group.dim - n)], *turned)
+
+
+def places_of(group: LieGroup, g: Any) -> np.ndarray:
+    """Those of many elements, (..., n).  g : (..., n), or (..., n + 1, n + 1)."""
+    return g if isinstance(group, VectorSpace) else g[..., :-1, -1]
+
+
+def displaced(group: LieGroup, g: Element, shift: Vec) -> Any:
+    """The element that is moved in space by a shift.  g : an element."""
+    if isinstance(group, VectorSpace):
+        return g + shift
+    n = len(shift)
+    return mat(
+        *[
+            vec(*[g[i, j] + shift[i] if j == n and i < n else g[i, j] for j in range(n + 1)])
+            for i in range(n + 1)
+        ]
+    )
+
+
+@record
+class EachSite(Graph):
+    """Every site for itself: the edges of terms that have one argument.
+
+    count : how many sites there are; None: as many as the system has.
+    """
+
+    count: int | None = None
+
+    @property
+    def sites(self) -> int | None:
+        """How many sites there are."""
+        return self.count
+
+    @property
+    def arity(self) -> int:
+        """One."""
+        return 1
+
+    def on(self, sites: int) -> Graph:
+        """That of so many sites."""
+        return EachSite(sites) if self.count is None else super().on(sites)
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """(0,), (1,), ..."""
+        return np.arange(self.count or 0, dtype=np.int64)[:, None]
+
+    def __repr__(self) -> str:
+        return "every site"

@@ -1,0 +1,69 @@
+"""Terms of sites that are near each other in space: cutoffs and periodic boxes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..formulas import Vec, constant, dot, record, vec, where
+from ..formulas.pytree import with_fields
+from ..groups.lie_group import LieGroup
+from .graphs import displaced, place, seen_from
+from .terms import Term
+
+
+@record
+class NearPairs(Term):
+    """A term of two sites that are near each other: with the nearest image of the second in a
+    periodic box, times a switch that takes it to zero at the cutoff.
+
+        s(x) = 1 - x^4 (35 - 84 x + 70 x^2 - 20 x^3),  x = (r^2 - inner^2)/(cutoff^2 - inner^2)
+
+    Source: the polynomial of least degree with three derivatives that vanish at both ends; Allen and
+    Tildesley, Computer Simulation of Liquids, 2nd ed., section 5.3 (switched potentials).
+    """
+
+    term: Term
+    group: LieGroup
+    cutoff: float
+    inner: float
+    box: Vec | None
+
+    def __repr__(self) -> str:
+        return repr(self.term)
+
+    def image(self, a: Any, b: Any) -> Any:
+        """The image of b that is nearest to a."""
+        if self.box is None:
+            return b
+        apart = place(self.group, b.g) - place(self.group, a.g)
+        shift = vec(
+            *[-length * ((constant(d) / length + 0.5) // 1.0) for d, length in zip(apart, self.box)]
+        )
+        return with_fields(b, g=displaced(self.group, b.g, shift))
+
+    def switch(self, a: Any, b: Any) -> float:
+        """1 for sites that are near, 0 from the cutoff on."""
+        apart = place(self.group, b.g) - place(self.group, a.g)
+        near, far = self.inner * self.inner, self.cutoff * self.cutoff
+        x = (dot(apart, apart) - near) / (far - near)
+        y = 1.0 - x * x * x * x * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
+        return where(x > 0.0, where(x < 1.0, y, 0.0), 1.0)
+
+    def energy(self, a: Any, b: Any) -> float:
+        """s times the energy of the term."""
+        there = self.image(a, b)
+        s = self.switch(a, there)
+        return where(s > 0.0, s * self.term.energy(a, there), 0.0)
+
+    def force(self, group: Any, k: int, *sites: Any) -> Vec:
+        """The force on site number k: s times that of the term, and what the switch adds."""
+        first, second = sites
+        ends = (first, self.image(first, second))
+        s = self.switch(*ends)
+        apart = place(self.group, ends[k].g) - place(self.group, ends[1 - k].g)
+        near, far = self.inner * self.inner, self.cutoff * self.cutoff
+        x = (dot(apart, apart) - near) / (far - near)
+        steep = where(x > 0.0, where(x < 1.0, 140.0 * (x * (1.0 - x)) ** 3, 0.0), 0.0)
+        push = (2.0 * steep * self.term.energy(*ends) / (far - near)) * apart
+        force = s * self.term.force(group, k, *ends) + seen_from(self.group, ends[k].g, push)
+        return vec(*[where(s > 0.0, c, 0.0) for c in force])

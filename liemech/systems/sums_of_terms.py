@@ -1,0 +1,455 @@
+"""Sums of terms as Hamiltonians, potentials and forces on a power of a group."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import IncompatibleSystem, InvalidInput
+from ..formulas import (
+    Element,
+    Mat,
+    Record,
+    Vec,
+    mat,
+    record,
+    vec,
+    vectors,
+)
+from ..formulas.of_each import Each
+from ..formulas.pytree import exchanged, fields_of, inside, with_fields
+from ..formulas.sites import SiteArray, interleaved_sum
+from ..groups.lie_group import LieGroup
+from ..groups.power import PowerGroup
+from .bound_terms import BoundTerm, bound, forces, loads, share, slopes
+from .colouring import Coloured
+from .driven_hamiltonian import DrivenHamiltonian
+from .hamiltonian import Hamiltonian
+from .kinds_of_terms import kind_of
+from .kinetic_energy import KineticEnergy
+from .lagrangian import Lagrangian
+from .potential import Force, Potential
+from .terms import AtTime, PerSite, Terms, as_terms, is_a_force, site_class
+from .terms_at_site import (
+    EachOfSites,
+    ForceOfSite,
+    HamiltonianOfSite,
+    OwnOfSites,
+    PotentialOfSite,
+    RoleAtSite,
+)
+from .terms_in_arrays import energies, slopes_of
+from .trials_of_terms import plain_term, tried
+
+
+@record
+class OfTerms(Record):
+    """What energies of many sites have in common; abstract.
+
+    group : the power whose copies are the sites.  parts : the terms.  names, own : parameters of
+    the sites.  held : the sites that do not move.
+    """
+
+    group: PowerGroup
+    parts: tuple[BoundTerm, ...]
+    names: tuple[str, ...] = ()
+    own: tuple[Any, ...] = ()
+    held: tuple[int, ...] = ()
+
+    def __repr__(self) -> str:
+        own = [f"{name}={value!r}" for name, value in zip(self.names, self.own)]
+        held = [f"held={list(self.held)}"] if self.held else []
+        if self.of_one is not None and not own:
+            return repr(self.parts[0])
+        return f"Terms({', '.join([*map(repr, self.parts), *own, *held])})"
+
+    @property
+    def is_large(self) -> bool:
+        """Are there more sites than formulas would be written out for?"""
+        return self.group.is_large
+
+    @cached_property
+    def site(self) -> Any:
+        """A site of which nothing is known."""
+        return site_class(self.names)()
+
+    def site_with(self, i: int, mu: Any, g: Any, xi: Any = None) -> Any:
+        """Site i as terms see it."""
+        own = [x.of(i) if isinstance(x, Each) else x for x in self.own]
+        return type(self.site)(mu, g, xi, *own)
+
+    def energy_of(self, sites: list[Any]) -> float:
+        """The sum over terms and edges, site by site."""
+        found: list[Any] = []
+        for i in range(self.group.copies):
+            energy = 0.0
+            for part in self.parts:
+                energy = share(energy, part.edges_at(sites, i), part.merged)
+            found = [*found, energy]
+        return interleaved_sum(found)
+
+    def _at_a_site(self) -> tuple[Any, ...]:
+        """The fields of the site form."""
+        roles = [RoleAtSite.of(part, role) for part in self.parts for role in part.roles]
+        own = [OwnOfSites.of_each(x) if isinstance(x, Each) else x for x in self.own]
+        moves = np.ones(self.group.copies)
+        moves[[*self.held]] = 0.0
+        return tuple(roles), self.names, tuple(own), SiteArray.of(moves) if self.held else None
+
+    @property
+    def of_one(self) -> Any:
+        """The energy of one body that each site has, if there is nothing else; None if there is."""
+        alone = len(self.parts) == 1 and isinstance(self.parts[0].term, PerSite) and not self.held
+        return self.parts[0].term.energy_of_one if alone else None
+
+    def _of_one_at_a_site(self) -> Any:
+        one = self.of_one
+        return one and exchanged(one, Each, map(EachOfSites.of_each, inside(one, Each)))
+
+
+@record
+class MomentumTerms(OfTerms, Hamiltonian):
+    """The Hamiltonian that `Terms` are on a power of a group: a sum of terms in momenta.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
+    """
+
+    __repr__ = OfTerms.__repr__
+
+    def _sites(self, mu: Vec) -> list[Any]:
+        n = self.group.base.dim
+        return [self.site_with(i, mu[n * i : n * (i + 1)], None) for i in range(self.group.copies)]
+
+    def energy(self, mu: Vec) -> float:
+        """The sum over terms and edges, site by site.  mu : (sites dim,), or (sites, dim)."""
+        return self.energy_of(self._sites(mu))
+
+    def gradient(self, mu: Vec) -> Vec:
+        """Its derivative.  mu : (sites dim,), or (sites, dim)."""
+        sites, found = self._sites(mu), []  # type: Any, list[Any]
+        for i in range(self.group.copies):
+            slope = vec(*[0.0 for _ in range(self.group.base.dim)])
+            for part in self.parts if i not in self.held else ():
+                slope = slopes(slope, part.edges_at(sites, i))
+            found = [*found, *slope]
+        return vec(*found)
+
+    @cached_property
+    def affine(self) -> Coloured:
+        """The sites in groups, such that no term that is affine in each has two of one group."""
+        graphs = [part.graph for part in self.parts if part.kind.affine]
+        return Coloured(tuple(graphs), self.group.copies)
+
+    @cached_property
+    def pairs(self) -> Coloured:
+        """The edges of two sites in groups, such that no two of one group share a site."""
+        graphs = [part.graph for part in self.parts if part.graph.arity == 2]
+        return Coloured(tuple(graphs), self.group.copies)
+
+    def of_site(self) -> Hamiltonian:
+        """Its site form: the Hamiltonian of one body, which asks the other sites for what it needs;
+        of `PerSite` alone the one that it was given.
+        """
+        return self._of_one_at_a_site() or HamiltonianOfSite(*self._at_a_site())
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        if method not in ("energy", "gradient"):
+            return None
+        mu = self.group.by_site(arguments["mu"], "Vec")
+        if method == "energy":
+            return energies(self, mu, True)
+        return slopes_of(self, mu, True).reshape(len(mu), -1)
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (self.group.dim,) if kind == "Vec" else None
+
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        return self.group._in_rows(value, kind)
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        return self.group._out_of_rows(results, kind)
+
+
+@record
+class KineticTerms(MomentumTerms, Lagrangian):
+    """The Hamiltonian of sites each of which has a Lagrangian too, such as `PerSite(KineticEnergy(
+    J))`, and that Lagrangian.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.2.
+    """
+
+    __repr__ = OfTerms.__repr__
+
+    def of_one_at(self, i: int) -> Any:
+        """The energy of site i."""
+        return self.parts[0].at_edge(i).energy_of_one
+
+    def _each_one(self) -> list[Any]:
+        return [self.of_one_at(i) for i in range(self.group.copies)]
+
+    def _velocities(self, xi: Vec) -> list[Any]:
+        n = self.group.base.dim
+        return [xi[n * i : n * (i + 1)] for i in range(self.group.copies)]
+
+    def value(self, xi: Vec) -> float:
+        """The sum over the sites.  xi : (sites dim,), or (sites, dim)."""
+        return interleaved_sum(
+            [one.value(x) for one, x in zip(self._each_one(), self._velocities(xi))]
+        )
+
+    def momentum(self, xi: Vec) -> Vec:
+        """Those of the sites.  xi : (sites dim,), or (sites, dim)."""
+        found = [one.momentum(x) for one, x in zip(self._each_one(), self._velocities(xi))]
+        return vec(*[x for part in found for x in part])
+
+    def hessian(self, xi: Vec) -> Mat | Vec:
+        """Those of the sites, as blocks of the diagonal."""
+        blocks = [one.hessian(x) for one, x in zip(self._each_one(), self._velocities(xi))]
+        if all([isinstance(block, vectors.Vec) for block in blocks]):  # noqa: C419
+            return vec(*[x for block in blocks for x in block])
+        n, width = self.group.base.dim, self.group.dim
+        return mat(
+            *[
+                vec(*[0.0] * (n * i), *_row(block, k), *[0.0] * (width - n * (i + 1)))
+                for i, block in enumerate(blocks)
+                for k in range(n)
+            ]
+        )
+
+    def momenta(self, xi: Any) -> np.ndarray:
+        """Those of arrays, as many sites as there may be.  xi : (..., sites, dim)."""
+        one = self.of_one
+        if isinstance(one, KineticEnergy):
+            J = one.inertia.values if isinstance(one.inertia, Each) else np.array(one.inertia)
+            if J.ndim - isinstance(one.inertia, Each) == 2:
+                return np.asarray((J @ xi[..., None])[..., 0])
+            return np.asarray(J * xi)
+        each_one = self._each_one() if inside(one, Each) else [one]
+        if len(each_one) == 1:
+            return np.asarray(one.momentum(xi))
+        found = [np.asarray(x.momentum(xi[..., i, :])) for i, x in enumerate(each_one)]
+        return np.stack(found, axis=-2)
+
+
+def _row(block: Any, k: int) -> list[Any]:
+    """Row k of a matrix, or of one that is told by its diagonal."""
+    if isinstance(block, vectors.Vec):
+        return [block[k] if j == k else 0.0 for j in range(len(block))]
+    return [*block[k]]
+
+
+@record
+class PlaceTerms(OfTerms, Potential):
+    """The potential that `Terms` are on a power of a group: a sum of terms in elements.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
+    """
+
+    __repr__ = OfTerms.__repr__
+
+    def _sites(self, g: Vec) -> list[Any]:
+        return [self.site_with(i, None, self.group.site(g, i)) for i in range(self.group.copies)]
+
+    def energy(self, g: Element) -> float:
+        """The sum over terms and edges, site by site.  g : an element of the power."""
+        return self.energy_of(self._sites(g))
+
+    def force(self, group: LieGroup, g: Element) -> Vec:
+        """The forces on all sites.  g : an element of the power."""
+        sites, base, found = self._sites(g), self.group.base, []  # type: Any, Any, list[Any]
+        for i in range(self.group.copies):
+            force = vec(*[0.0 for _ in range(base.dim)])
+            for part in self.parts if i not in self.held else ():
+                force = forces(force, base, part.edges_at(sites, i))
+            found = [*found, *force]
+        return vec(*found)
+
+    def of_site(self) -> Potential:
+        """Its site form: the potential of one body, which asks the other sites for what it needs;
+        of `PerSite` alone the one that it was given.
+        """
+        return self._of_one_at_a_site() or PotentialOfSite(*self._at_a_site())
+
+    def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        if method not in ("energy", "force"):
+            return None
+        g = arguments["g"].reshape(len(arguments["g"]), self.group.copies, -1)
+        if method == "energy":
+            return energies(self, g, False)
+        return slopes_of(self, g, False).reshape(len(g), -1)
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (self.group.dim,) if kind == "Vec" else self.group.element_shape
+
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        return self.group._in_rows(value, kind)
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        return self.group._out_of_rows(results, kind)
+
+
+@record
+class ForceTerms(OfTerms, Force):
+    """The load that `Terms` are on a power of a group: a sum of forces on sites.
+
+    Source: Marsden and West, Acta Numerica 10 (2001), section 3.1.
+    """
+
+    __repr__ = OfTerms.__repr__
+
+    def covector(self, t: float, xi: Vec, g: Any) -> Vec:
+        """The forces on all sites.  xi : (sites dim,), g : an element of the power."""
+        n, copies, found = self.group.base.dim, self.group.copies, []  # type: int, int, list[Any]
+        sites = [
+            self.site_with(i, None, self.group.site(g, i), xi[n * i : n * (i + 1)])
+            for i in range(copies)
+        ]
+        for i in range(copies):
+            force = vec(*[0.0 for _ in range(n)])
+            for part in self.parts if i not in self.held else ():
+                force = loads(force, t, part.edges_at(sites, i))
+            found = [*found, *force]
+        return vec(*found)
+
+    def of_site(self) -> Force:
+        """Its site form: the load on one body, which asks the other sites for what it needs; of
+        `PerSite` alone the one that it was given.
+        """
+        return self._of_one_at_a_site() or ForceOfSite(*self._at_a_site())
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (self.group.dim,) if kind == "Vec" else self.group.element_shape
+
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        return self.group._in_rows(value, kind)
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        return self.group._out_of_rows(results, kind)
+
+
+@record
+class DrivenTerms(DrivenHamiltonian):
+    """A Hamiltonian of many sites some of whose terms change with time.
+
+    at_zero : it, with these terms as they are at time 0.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
+    """
+
+    at_zero: Hamiltonian
+
+    def __repr__(self) -> str:
+        return repr(self.at_zero)
+
+    def at(self, t: float) -> Any:
+        """It at time t."""
+        moved = [with_fields(x, time=t) for x in inside(self.at_zero, AtTime)]
+        return exchanged(self.at_zero, AtTime, moved)
+
+    def energy(self, t: float, mu: Vec) -> float:
+        """At time t.  mu : (sites dim,), or (sites, dim)."""
+        return self.at(t).energy(mu)
+
+    def gradient(self, t: float, mu: Vec) -> Vec:
+        """The velocities at time t.  mu : (sites dim,), or (sites, dim)."""
+        return self.at(t).gradient(mu)
+
+    def of_site(self) -> DrivenTerms:
+        """Its site form."""
+        at_zero: Any = self.at_zero
+        return DrivenTerms(at_zero.of_site())
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return self.at_zero._shape(argument, kind)
+
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        return self.at_zero._in_rows(value, kind)
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        return self.at_zero._out_of_rows(results, kind)
+
+
+# ------------------------------------------------------------------ what is wrong with terms
+
+
+def hamiltonian_of(name: str, group: LieGroup, energy: Any) -> Any:
+    """The Hamiltonian that terms are on a group; anything else as it is."""
+    energy = as_terms(energy)
+    if not isinstance(energy, Terms):
+        return energy
+    made = _made(MomentumTerms, name, group, energy)
+    changing = inside(made, AtTime)
+    if changing:
+        raise IncompatibleSystem(
+            f"{name}: {changing[0]!r} changes with time: make it a DrivenLiePoissonSystem(group, terms)"
+        )
+    return KineticTerms(**fields_of(made)) if isinstance(made.of_one, Lagrangian) else made
+
+
+def driven_of(name: str, group: LieGroup, energy: Any) -> Any:
+    """The driven Hamiltonian that terms are on a group; anything else as it is."""
+    energy = as_terms(energy)
+    return (
+        DrivenTerms(_made(MomentumTerms, name, group, energy))
+        if isinstance(energy, Terms)
+        else energy
+    )
+
+
+def potential_of(name: str, group: LieGroup, energy: Any) -> Any:
+    """The potential that terms are on a group; anything else as it is."""
+    energy = as_terms(energy)
+    if not isinstance(energy, Terms):
+        return energy
+    made = _made(PlaceTerms, name, group, energy)
+    changing = inside(made, AtTime)
+    if changing:
+        raise IncompatibleSystem(
+            f"{name}: {changing[0]!r} changes with time, and potentials do not: write its force as a "
+            "term with `covector(t, a)`, load=Terms(...)"
+        )
+    return made
+
+
+def load_of(name: str, group: LieGroup, load: Any) -> Any:
+    """The load that terms are on a group; anything else as it is."""
+    load = as_terms(load)
+    return _made(ForceTerms, name, group, load) if isinstance(load, Terms) else load
+
+
+def released(system: Any) -> Any:
+    """The system with sites that are held free to move: then forces are those of its energy."""
+    held = inside(system, OfTerms)
+    return exchanged(system, OfTerms, [with_fields(x, held=()) for x in held]) if held else system
+
+
+def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
+    if not isinstance(group, PowerGroup):
+        raise IncompatibleSystem(
+            f"{name}: terms are energies of many sites, and {group!r} is the group of one; write "
+            f"{group!r} ** sites, such as {group!r} ** 100"
+        )
+    parts = bound(terms, group)
+    made = kind(group, parts, terms.names, tuple(terms.own.values()), terms.held)
+    for part in parts:
+        _require_kind(name, kind, part)
+    parts = tuple([tried(made, part) for part in parts])
+    if kind is MomentumTerms:
+        parts = tuple([with_fields(part, kind=kind_of(made, part)) for part in parts])
+    return with_fields(made, parts=parts)
+
+
+def _require_kind(name: str, kind: Any, part: BoundTerm) -> None:
+    term: Any = plain_term(part.term)
+    one = term.energy_of_one if isinstance(term, PerSite) else None
+    wanted = next(base for base in (Hamiltonian, Potential, Force) if issubclass(kind, base))
+    force = isinstance(one, Force) if one is not None else is_a_force(type(term))
+    if force != (wanted is Force) or (one is not None and not isinstance(one, wanted)):
+        what = {
+            Hamiltonian: "the Hamiltonian takes energies of momenta",
+            Potential: "the potential takes energies of elements",
+            Force: "the load takes forces, terms with `covector(t, a)`",
+        }[wanted]
+        raise InvalidInput(f"{name}: {what}; got {term!r}")

@@ -1,0 +1,316 @@
+"""Energies of many sites: sums of terms over the edges of graphs.
+
+H = sum over terms, sum over edges (a, b, ...) of  term.energy(a, b, ...)
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType, undefined
+from ..formulas import (
+    Record,
+    Vec,
+    gradient,
+    record,
+    vec,
+)
+from ..formulas.derived import derived
+from ..formulas.of_each import Each
+from ..formulas.pytree import with_fields
+from ..formulas.signatures import bare
+from ..formulas.vectors import small
+from .graphs import EachSite, Graph
+from .hamiltonian import Hamiltonian
+from .potential import Force, Potential
+
+SAMPLES = 64
+"""Edges at which a term is tried with its arguments in another order."""
+
+APART = 1e-9
+"""Energies that should be the same and differ by more than this, relative to the largest one seen,
+are two.
+"""
+
+
+# ------------------------------------------------------------------ what a user writes
+
+
+@record
+class Site(Record):
+    """A site as a term sees it: its momentum `mu`, its element `g`, its velocity `xi` (None where
+    they do not count), and its own parameters by their names.
+    """
+
+    mu: Any = None
+    g: Any = None
+    xi: Any = None
+
+
+@functools.cache
+def site_class(names: tuple[str, ...]) -> Any:
+    """The class of sites with parameters of these names."""
+    if not names:
+        return Site
+    name = f"Site_{'_'.join(names)}"
+    fields = {"__annotations__": dict.fromkeys(names, Any), "__module__": __name__}
+    return record(type(name, (Site,), fields | dict.fromkeys(names)))
+
+
+if TYPE_CHECKING:  # systems take what stands for an energy, and make one of it
+    StandsForAnEnergy: Any = object
+else:
+    StandsForAnEnergy = object
+
+
+@record
+class Term(Record, StandsForAnEnergy):
+    """An energy of one site, of two, or of three, which is summed over the edges of a graph.
+
+    1. A subclass writes `energy(a)`, `energy(a, b)` or `energy(a, b, c)`, as a formula of the
+    momenta `a.mu`, the elements `a.g`, and the parameters of sites that `Terms` was given, such as
+    `a.mass`.  Its fields are the parameters (`float`, `Vec`, `Mat`); `each(values)` in place of one
+    gives every edge its own.
+    2. The derivatives follow; `slope` and `force` may be written in closed form.
+    3. An energy that changes with time takes it last, `energy(a, b, t)`.
+    4. A force without an energy is a term with `covector(t, a)` or `covector(t, a, b)` instead.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2, for
+    the energy of one body.
+    """
+
+    if TYPE_CHECKING:  # with as many arguments as there are sites
+        energy: ClassVar[Any]
+        covector: ClassVar[Any]
+
+    else:
+
+        def energy(self, *sites: Any) -> float:
+            """The energy of an edge.  sites : those that it ties, as many as the formula takes."""
+            raise undefined(self, "energy")
+
+        def covector(self, t: float, *sites: Any) -> Vec:
+            """The force on the first of the sites in its axes, where there is no energy: friction, a
+            drive.  It is a function of the velocities `a.xi` and the elements `a.g`.
+            """
+            raise undefined(self, "covector")
+
+    @derived
+    def slope(self, k: int, *sites: Any) -> Vec:
+        """The derivative by the momentum of site number k of the edge, (dim,)."""
+
+        def moved(m: Any) -> Any:
+            return self.energy(
+                *[with_fields(s, mu=m) if j == k else s for j, s in enumerate(sites)]
+            )
+
+        return gradient(moved, sites[k].mu)
+
+    @derived
+    def force(self, group: Any, k: int, *sites: Any) -> Vec:
+        """The force on site number k of the edge, <f, eta> = -d/ds energy(... g exp(s eta) ...) at
+        s = 0.
+        """
+
+        def moved(eta: Any) -> Any:
+            there = with_fields(sites[k], g=group.compose_exp(sites[k].g, eta))
+            return self.energy(*[there if j == k else s for j, s in enumerate(sites)])
+
+        return -gradient(moved, vec(*[0.0 for _ in range(group.dim)]))
+
+    def over(self, graph: Any) -> Over:
+        """The sum of the term over the edges of a graph, such as `neighbours.ring(100)`."""
+        if not isinstance(graph, Graph):
+            raise InvalidType(
+                f"{type(self).__name__}.over: a graph, such as neighbours.ring(100); got {graph!r}"
+            )
+        return Over(self, graph)
+
+
+@record
+class Over(Record, StandsForAnEnergy):
+    """A term and the graph over whose edges it is summed."""
+
+    term: Term
+    graph: Graph
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        takes = self.arguments
+        if takes is not None and takes != self.graph.arity:
+            what = {1: "one site", 2: "two sites", 3: "three sites"}
+            raise InvalidInput(
+                f"{type(self.term).__name__}.energy takes {what.get(takes, f'{takes} sites')}, and an "
+                f"edge of {self.graph!r} has {self.graph.arity}"
+            )
+
+    @property
+    def arguments(self) -> int | None:
+        """How many sites the energy takes; None: as many as it is given."""
+        names = _arguments(type(self.term))
+        return None if names is None else len(names)
+
+    def __repr__(self) -> str:
+        return (
+            repr(self.term)
+            if isinstance(self.graph, EachSite)
+            else f"{self.term!r}.over({self.graph!r})"
+        )
+
+
+def is_a_force(cls: Any) -> bool:
+    """Has a class of terms no energy, but a force?"""
+    return bare(cls.energy) is bare(Term.energy) and bare(cls.covector) is not bare(Term.covector)
+
+
+def _arguments(cls: Any) -> tuple[str, ...] | None:
+    """The names of the sites that the formula of a class of terms takes."""
+    code = bare(cls.covector if is_a_force(cls) else cls.energy).__code__
+    if code.co_flags & inspect.CO_VARARGS:
+        return None
+    names = tuple(code.co_varnames[1 : code.co_argcount])
+    return names[1:] if is_a_force(cls) else tuple([name for name in names if name != "t"])
+
+
+@record
+class AtTime(Term):
+    """A term that changes with time, as it is at one."""
+
+    term: Term
+    time: float = 0.0
+
+    def __repr__(self) -> str:
+        return repr(self.term)
+
+    def energy(self, *sites: Any) -> float:
+        """Its energy then."""
+        return self.term.energy(*sites, self.time)
+
+
+def timed(term: Term) -> Term:
+    """The term, with its time for itself if it has one."""
+    code = bare(type(term).energy).__code__
+    return AtTime(term) if code.co_varnames[1 : code.co_argcount][-1:] == ("t",) else term
+
+
+@record
+class PerSite(Term):
+    """An energy that every site has on its own, such as `PerSite(KineticEnergy(J))`, or a force.
+
+    energy_of_one : a Hamiltonian, a Potential or a Force.  Its parameters may be `each(values)`, one
+    for every site.
+    """
+
+    energy_of_one: Any
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.energy_of_one, (Hamiltonian, Potential, Force)):
+            raise InvalidType(
+                "PerSite: a Hamiltonian such as KineticEnergy([1.0, 1.5, 2.0]), or a Potential; got "
+                f"{self.energy_of_one!r}"
+            )
+
+    def __repr__(self) -> str:
+        return f"PerSite({self.energy_of_one!r})"
+
+    def energy(self, a: Any) -> float:
+        """Its energy there."""
+        if isinstance(self.energy_of_one, Hamiltonian):
+            return self.energy_of_one.energy(a.mu)
+        return self.energy_of_one.energy(a.g)
+
+    def covector(self, t: float, *sites: Any) -> Vec:
+        """Its force."""
+        return self.energy_of_one.covector(t, sites[0].xi, sites[0].g)
+
+    def slope(self, k: int, *sites: Any) -> Vec:
+        """Its gradient."""
+        return self.energy_of_one.gradient(sites[0].mu)
+
+    def force(self, group: Any, k: int, *sites: Any) -> Vec:
+        """Its force."""
+        return self.energy_of_one.force(group, sites[0].g)
+
+
+@record
+class Terms(Record, StandsForAnEnergy):
+    """A sum of terms over graphs, which is an energy of many sites: the Hamiltonian of a
+    `LiePoissonSystem` on a power of a group, or the potential of a `MechanicalSystem`.
+
+    terms : terms over graphs, `Exchange(1.0).over(neighbours.ring(100))`; without `over` a term is
+    one of every site.
+    own : parameters of the sites by name, numbers for all or `each(values)`: with `mass=each(m)`
+    formulas read `a.mass`.
+    held : the numbers of sites that do not move: no slope and no force is theirs, others feel them.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
+    """
+
+    terms: tuple[Any, ...]
+    own: dict[str, Any]
+    held: tuple[int, ...] = ()
+
+    def __init__(self, *terms: Any, held: Any = (), **own: Any) -> None:
+        object.__setattr__(self, "terms", tuple([_over(term) for term in terms]))
+        object.__setattr__(self, "own", {name: _parameter(name, x) for name, x in own.items()})
+        object.__setattr__(self, "held", tuple(sorted({*map(int, np.atleast_1d(held))})))
+        self.__post_init__()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.terms:
+            raise InvalidInput("Terms: give one term at least, such as Exchange(1.0).over(graph)")
+
+    def __repr__(self) -> str:
+        own = [f"{name}={value!r}" for name, value in self.own.items()]
+        held = [f"held={list(self.held)}"] if self.held else []
+        return f"Terms({', '.join([*map(repr, self.terms), *own, *held])})"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Those of the parameters of sites."""
+        return tuple(self.own)
+
+
+def as_terms(energy: Any) -> Any:
+    """What stands for a sum of terms as one; anything else as it is."""
+    return Terms(energy) if isinstance(energy, (Term, Over)) else energy
+
+
+def _over(term: Any) -> Over:
+    if isinstance(term, Over):
+        return term
+    if isinstance(term, Term):
+        takes = _arguments(type(term))
+        if takes is not None and len(takes) != 1:
+            raise InvalidInput(
+                f"Terms: {type(term).__name__}.energy takes ({', '.join(takes)}): say over which "
+                f"edges it is summed, {type(term).__name__}(...).over(neighbours.ring(100))"
+            )
+        return Over(term, EachSite())
+    cure = "; write it with brackets" if isinstance(term, type) else ""
+    raise InvalidType(
+        f"Terms: a term such as Exchange(1.0).over(neighbours.ring(100)); got {term!r}{cure}"
+    )
+
+
+def _parameter(name: str, value: Any) -> Any:
+    if name in ("mu", "g", "xi", "t"):
+        raise InvalidInput(
+            f"Terms: {name} is no parameter of a site, but where it is; name it otherwise"
+        )
+    if isinstance(value, Each):
+        return value
+    found = small(np.asarray(value))
+    if isinstance(found, (int, float)) and not isinstance(found, bool):
+        return float(found)
+    if isinstance(found, Record) or not hasattr(found, "axes"):
+        raise InvalidType(
+            f"Terms: {name} is a number or a vector that all sites have, or each(values); got {value!r}"
+        )
+    return found

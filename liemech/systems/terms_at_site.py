@@ -1,0 +1,287 @@
+"""Terms as one site has them: the site form of the energies of many."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..formulas import Element, Record, Vec, mat, record, vec, vectors, where
+from ..formulas.fields import OfEach
+from ..formulas.of_each import Each
+from ..formulas.pytree import exchanged, inside, with_fields
+from ..formulas.sites import SiteArray, SiteTable, meet, own
+from ..groups.lie_group import LieGroup
+from .bound_terms import BoundTerm
+from .graphs import AllPairs, Incidence, Lattice, Within
+from .hamiltonian import Hamiltonian
+from .potential import Force, Potential
+from .terms import Term, site_class
+
+
+@record
+class ValuesOfSites(Record, OfEach):
+    """A number, a vector or a matrix for each site, of which a formula of a site asks its own;
+    abstract.
+    """
+
+    array: SiteArray
+    shape: tuple[int, ...] = ()
+
+    @classmethod
+    def of_each(cls, each: Each) -> Any:
+        """That of values of which there is one for each site."""
+        values = each.values.reshape(len(each), -1)
+        return cls(SiteArray.of(values if each.shape else values[:, 0]), each.shape)
+
+    @property
+    def values(self) -> np.ndarray:
+        """All of them, (n, ...), the last one perhaps more than once."""
+        rows = np.asarray(self.array.entries.array).reshape(self.array.dim or 1, -1)
+        return rows.T.reshape(-1, *self.shape)
+
+    def here(self) -> Any:
+        """The value of this site."""
+        return _shaped(own(self.array), self.shape)
+
+
+@record
+class EachOfSites(ValuesOfSites):
+    """Values of a parameter in the energy of one body: `at_this_site` puts that of the site there."""
+
+
+@record
+class OwnOfSites(ValuesOfSites):
+    """Values of a parameter that sites have for themselves, and show to others."""
+
+
+@record
+class EachOfEdges(Record, OfEach):
+    """A number, a vector or a matrix for each edge of each site."""
+
+    array: SiteArray
+    shape: tuple[int, ...] = ()
+
+    def here(self, d: int) -> Any:
+        """The value of edge d of this site."""
+        return _shaped(own(self.array, d), self.shape)
+
+
+def _shaped(numbers: Any, shape: tuple[int, ...]) -> Any:
+    if len(shape) < 2:
+        return numbers
+    n = shape[1]
+    return mat(*[numbers[n * k : n * (k + 1)] for k in range(shape[0])])
+
+
+def at_this_site(value: Any) -> Any:
+    """A record, such as a system, with the parameters of this site in place of those of each, in the
+    energies that every site has on its own.
+    """
+    return exchanged(value, EachOfSites, [x.here() for x in inside(value, EachOfSites)])
+
+
+@record
+class RoleAtSite(Record):
+    """A term at a site that stands in one place of its energy: a part of the site form.
+
+    term : with `EachOfEdges` for parameters of edges.  others : for every other place of the energy
+    the sites that stand there; none of them: it is tied to all others.  counts : how many edges each
+    site has; None: as many as the tables have rows.  near : the graph of pairs within a cutoff, of
+    which a run may make lists.
+    """
+
+    term: Term
+    role: int
+    merged: bool
+    alone: bool
+    others: tuple[SiteTable, ...] = ()
+    counts: SiteArray | None = None
+    near: Within | None = None
+
+    @classmethod
+    def of(cls, part: BoundTerm, role: int) -> RoleAtSite:
+        """That of a term on a graph."""
+        alone = part.graph.arity == 1
+        if isinstance(part.graph, AllPairs) and not inside(part.term, Each) and part.merged:
+            near = with_fields(part.graph, count=None) if isinstance(part.graph, Within) else None
+            return cls(part.term, role, True, False, near=near)
+        incidence = part.incidence(role)
+        edges = incidence.edges
+
+        def of_edges(each: Each) -> EachOfEdges:
+            values = each.values.reshape(len(each), -1)[edges]
+            return EachOfEdges(
+                SiteArray.of(values if each.shape else values[..., 0], edges=True), each.shape
+            )
+
+        term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
+        fixed = isinstance(part.graph, Lattice)
+        made = cls(term, role, part.merged, alone)
+        return made if alone else made.with_tables(incidence, fixed)
+
+    def with_tables(self, incidence: Incidence, fixed: bool = False) -> RoleAtSite:
+        """The same with other neighbours.  fixed : is their number known to formulas?"""
+        counts = incidence.counts
+        tables = tuple([SiteTable.of(table, fixed=fixed) for table in incidence.others])
+        same = fixed and bool((counts == len(incidence.edges)).all())
+        known = None if same else SiteArray.of(counts.astype(float))
+        return with_fields(self, others=tables, counts=known)
+
+    def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any) -> Any:
+        """A number or a vector, and the values of a formula(term, sites) for all edges at this site.
+
+        meeting : the others.  seen : makes of what a site publishes what terms see of it.
+        """
+        if self.alone:
+            return total + formula(self.at_edge(0), [me])
+        if len(self.others) == 0:
+            return meeting.all(lambda b, j: formula(self.term, self.ends(me, [seen(b)])), total)
+        first, more = self.others[0], self.others[1:]
+
+        def of_edge(b: Any, d: Any) -> Any:
+            mates = [seen(b), *[seen(meeting.of(table, d)) for table in more]]
+            value = formula(self.at_edge(d), self.ends(me, mates))
+            return value if self.counts is None else masked(d < own(self.counts), value)
+
+        if first.degree is None:
+            return meeting.sum(first, of_edge, total)
+        for d in range(first.degree):
+            total = total + of_edge(meeting.of(first, d), d)
+        return total
+
+    def at_edge(self, d: Any) -> Term:
+        """The term with the parameters of edge d of this site."""
+        return exchanged(
+            self.term, EachOfEdges, [one.here(d) for one in inside(self.term, EachOfEdges)]
+        )
+
+    def ends(self, me: Any, mates: list[Any]) -> list[Any]:
+        """The sites of an edge in the order in which the energy takes them."""
+        return [*mates[: self.role], me, *mates[self.role :]]
+
+
+def masked(here: Any, value: Any) -> Any:
+    """A number or a vector; zero where the edge is not there."""
+    if isinstance(value, vectors.Vec):
+        return vec(*[where(here, x, 0.0) for x in value])
+    return where(here, value, 0.0)
+
+
+@record
+class TermsOfSite(Record):
+    """Terms as one site has them, which asks the others for what it needs; abstract.
+
+    roles : the terms, and the places in their energies.  names, own : parameters of the site.
+    moves : 1 for sites that move, 0 for those that are held; None: all move.
+    """
+
+    roles: tuple[RoleAtSite, ...]
+    names: tuple[str, ...] = ()
+    own: tuple[Any, ...] = ()
+    moves: SiteArray | None = None
+
+    @cached_property
+    def site(self) -> Any:
+        """A site of which nothing is known."""
+        return site_class(self.names)()
+
+    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, first: bool = False) -> Any:
+        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
+        role by role.  first : of those where it is the first of the sites.
+        """
+        own = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
+        me = type(self.site)(mu, g, xi, *own)
+        alone = all(role.alone for role in self.roles)
+        varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(own, self.own)]
+        meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
+
+        def seen(published: Any) -> Any:
+            theirs = [
+                getattr(published, name) if isinstance(x, OwnOfSites) else x
+                for name, x in zip(self.names, self.own)
+            ]
+            return type(self.site)(published.mu, published.g, published.xi, *theirs)
+
+        for one in [role for role in self.roles if not first or role.role == 0]:
+            total = one.added(
+                total,
+                me,
+                meeting,
+                seen,
+                lambda term, sites, role=one: formula(role, term, sites),
+            )
+        return total
+
+    def share(self, mu: Any, g: Any) -> float:
+        """The part of this site in the energy, whose sum over all sites is the whole: of every edge
+        to the first of its ends, of one whose ends are alike half to each.
+        """
+
+        def part(role: RoleAtSite, term: Any, sites: list[Any]) -> float:
+            energy = term.energy(*sites)
+            return 0.5 * energy if role.merged else energy
+
+        return self.added(0.0, mu, g, None, part, first=True)
+
+    def if_it_moves(self, x: Vec) -> Vec:
+        """A velocity or a force; zero at sites that are held."""
+        if self.moves is None:
+            return x
+        moves = own(self.moves) > 0.5
+        return vec(*[where(moves, c, 0.0) for c in x])
+
+
+@record
+class HamiltonianOfSite(TermsOfSite, Hamiltonian):
+    """The Hamiltonian of a site among others, a function of its momentum and of theirs.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
+    """
+
+    def energy(self, mu: Vec) -> float:
+        """The share of this site.  mu : (dim,), its momentum."""
+        return self.share(mu, None)
+
+    def gradient(self, mu: Vec) -> Vec:
+        """The velocity of this site.  mu : (dim,), its momentum."""
+        zero = vec(*[0.0 for _ in mu])
+        slope = self.added(
+            zero, mu, None, None, lambda one, term, sites: term.slope(one.role, *sites)
+        )
+        return self.if_it_moves(slope)
+
+
+@record
+class PotentialOfSite(TermsOfSite, Potential):
+    """The potential of a site among others, a function of its element and of theirs.
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 7.7.
+    """
+
+    def energy(self, g: Element) -> float:
+        """The share of this site.  g : its element."""
+        return self.share(None, g)
+
+    def force(self, group: LieGroup, g: Element) -> Vec:
+        """The force on this site.  g : its element."""
+        zero = vec(*[0.0 for _ in range(group.dim)])
+        force = self.added(
+            zero, None, g, None, lambda one, term, sites: term.force(group, one.role, *sites)
+        )
+        return self.if_it_moves(force)
+
+
+@record
+class ForceOfSite(TermsOfSite, Force):
+    """The load on a site among others, a function of where it is and how it moves, and of theirs.
+
+    Source: Marsden and West, Acta Numerica 10 (2001), section 3.1.
+    """
+
+    def covector(self, t: float, xi: Vec, g: Any) -> Vec:
+        """The force on this site.  xi : (dim,), its velocity, g : its element."""
+        zero = vec(*[0.0 for _ in xi])
+        force = self.added(zero, None, g, xi, lambda one, term, sites: term.covector(t, *sites))
+        return self.if_it_moves(force)

@@ -1,0 +1,176 @@
+"""Trials of terms at sample points, where a system is made: are the ends of an edge alike, and has a
+site what the formula asks for?
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..formulas.of_each import Each
+from ..formulas.pytree import inside, with_fields
+from ..formulas.vectors import small
+from .bound_terms import BoundTerm
+from .graphs import require_no_duplicates
+from .hamiltonian import Hamiltonian
+from .near_pairs import NearPairs
+from .potential import Force
+from .terms import AtTime, Site
+
+SAMPLES = 64
+"""Edges at which a term is tried with its sites exchanged."""
+
+POINTS = 3
+"""How often it is tried at each."""
+
+APART = 1e-9
+"""Energies that should be the same and differ by more than this, relative to the largest one of the
+edge, are two.
+"""
+
+
+def plain_term(term: Any) -> Any:
+    """The term that a user wrote."""
+    while isinstance(term, (NearPairs, AtTime)):
+        term = term.term
+    return term
+
+
+def tried(terms: Any, part: BoundTerm) -> BoundTerm:
+    """The term, having looked at some edges whether its ends are alike.  Raises InvalidInput for a
+    term whose ends are not, on edges that do not say which is the first; and for one that asks a
+    site for what it has not.
+
+    terms : of which it is a part.
+    """
+    graph, name = part.graph, type(plain_term(part.term)).__name__
+    near = part.term.term if isinstance(part.term, NearPairs) else None
+    asked = part if near is None else with_fields(part, term=near)  # some are far apart
+    rng = np.random.default_rng(11)
+    force, found = isinstance(terms, Force), False
+    for number, ends in graph.some_edges(SAMPLES):
+        pairs = []
+        for _ in range(POINTS):
+            sites = [_some_site(terms, i, rng) for i in ends]
+            try:
+                pairs.append(_values(asked, number, sites, force))
+            except AttributeError as error:
+                _require_parameters(terms, name, error)
+            except TypeError as error:
+                _require_known(terms, name, error)
+            except Exception:  # a formula may fail anywhere but where it is meant to be used
+                continue
+        if force and pairs:
+            _require_size(terms, name, pairs[0][0])
+        if force or len(ends) != 2 or not pairs:
+            continue
+        found = True
+        size = max(max(abs(a), abs(b)) for a, b in pairs)
+        a, b = max(pairs, key=lambda pair: abs(pair[0] - pair[1]))
+        if abs(a - b) > APART * size:
+            if graph.ordered is False:
+                i, j = ends
+                raise InvalidInput(
+                    f"{name}: its energy is not the same with its sites exchanged, {a:.6g} of ({i}, "
+                    f"{j}) and {b:.6g} of ({j}, {i}) at sample points, and the edges of {graph!r} do "
+                    "not say which is the first: give them one by one, neighbours.edges(pairs, "
+                    "ordered=True)"
+                )
+            return part
+    alike = graph.arity == 2 and graph.ordered is not True
+    if alike and graph.ordered is None and (found or force):
+        require_no_duplicates(graph, np.sort(graph.edges, axis=1))
+    return with_fields(part, merged=alike and (found or force), first=force)
+
+
+def require_apart(name: str, terms: Any, g: np.ndarray) -> None:
+    """Raise InvalidInput for two sites in one place whose energy is not finite there, with the edge.
+
+    terms : the potential.  g : (sites, ...), or (members, sites, ...).
+    """
+    group = terms.group
+    members = np.ascontiguousarray(g).reshape(-1, group.copies, *group.base.element_shape)
+    for member in members:
+        for i, j in _in_one_place(member.reshape(group.copies, -1)):
+            for part in terms.parts:
+                if part.graph.arity == 2 and part.graph.ties(i, j):
+                    _require_finite(name, terms, part, member, (i, j))
+
+
+def _in_one_place(rows: np.ndarray) -> list[tuple[int, int]]:
+    """Some pairs of equal rows, told by the order of a number made of each."""
+    weights = np.random.default_rng(3).uniform(0.5, 1.0, rows.shape[1])
+    order = np.argsort(np.abs(rows @ weights), kind="stable")
+    same = np.flatnonzero((rows[order[1:]] == rows[order[:-1]]).all(axis=1))[:SAMPLES]
+    return [tuple(sorted((int(order[k]), int(order[k + 1])))) for k in same]  # type: ignore[misc]
+
+
+def _require_finite(
+    name: str, terms: Any, part: BoundTerm, g: np.ndarray, ends: tuple[int, int]
+) -> None:
+    sites = [terms.site_with(i, None, small(np.asarray(g[i]))) for i in ends]
+    try:
+        energy = float(part.term.energy(*sites)) if not inside(part.term, Each) else 0.0
+    except ArithmeticError:
+        energy = float("nan")
+    except Exception:
+        return
+    if not np.isfinite(energy):
+        raise InvalidInput(
+            f"{name}: sites {ends[0]} and {ends[1]} are in one place, and the energy of the edge "
+            f"{ends} of {part!r} is not finite there"
+        )
+
+
+def _values(part: BoundTerm, number: int, sites: list[Any], force: bool) -> tuple[Any, Any]:
+    """The energy of an edge, and that with its ends exchanged."""
+    term = part.at_edge(number)
+    if force:
+        found = term.covector(0.3, *sites)
+        return found, found
+    return float(term.energy(*sites)), float(term.energy(*sites[::-1])) if len(sites) == 2 else 0.0
+
+
+def _some_site(terms: Any, i: int, rng: np.random.Generator) -> Any:
+    base, site_with = terms.group.base, terms.site_with
+    numbers = small(rng.uniform(0.5, 1.0, base.dim))
+    if isinstance(terms, Hamiltonian):
+        return site_with(i, numbers, None)
+    g = small(np.asarray(base.random(rng)))
+    return site_with(i, None, g, numbers if isinstance(terms, Force) else None)
+
+
+def _has(terms: Any) -> list[str]:
+    """What a site has."""
+    return ["mu"] if isinstance(terms, Hamiltonian) else ["g", *["xi"] * isinstance(terms, Force)]
+
+
+def _require_parameters(terms: Any, term: str, error: AttributeError) -> None:
+    if isinstance(error.obj, Site):
+        raise InvalidInput(
+            f"{term}: a site has no {error.name!r}; it has {', '.join([*_has(terms), *terms.names])}. "
+            f"Parameters of sites are given by name, Terms(..., {error.name}=each(values))"
+        ) from error
+
+
+def _require_known(terms: Any, term: str, error: TypeError) -> None:
+    if "NoneType" in str(error):
+        which, other = (
+            ("a.g", "the potential of a MechanicalSystem")
+            if isinstance(terms, Hamiltonian)
+            else ("a.mu", "the Hamiltonian of its body")
+        )
+        raise InvalidInput(
+            f"{term}: {which} does not count here ({error}); terms in {which} belong to {other}"
+        ) from error
+
+
+def _require_size(terms: Any, term: str, force: Any) -> None:
+    dim = terms.group.base.dim
+    if np.shape(force) != (dim,):
+        raise InvalidInput(
+            f"{term}.covector gives the force on a site of {terms.group.base!r}, a vector of {dim} "
+            f"components; got {force!r}"
+        )

@@ -1,0 +1,253 @@
+"""Many sites of one system: spins as arrows, bodies and masses at their places.  However many there
+are, they are one object of the page.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InvalidInput
+from ..formulas import real_array
+from ..models.even_boxes import edges_of_inertia
+from ..models.poses import flies, is_pose, rotated
+from ..models.sites import (
+    atoms_of,
+    attitudes_of,
+    base_of,
+    box_of,
+    fixed_places,
+    inertia_of_sites,
+    is_place,
+    is_spin,
+    lattice_of,
+    places_of,
+    spacing,
+)
+from ..plots import COLORS, DIRECTIONS
+from ..systems.system import System
+from .content import FRONT, Content, refuse
+from .drawing import Drawing
+from .motion import Motion
+from .shapes import ball, box_edges, die, needle, often, rgb
+from .vectors import AXES
+
+Array = NDArray[np.float64]
+
+LONG = 0.85
+"""Arrows and bodies fill this much of the distance between neighbours."""
+SEEN = 0.06
+"""Arrows of sites in a row are at least this long, of the length of the row; balls are at most as
+large."""
+FEW = 12
+"""So many masses or less have colours and trails of their own."""
+GREY, OXYGEN, HYDROGEN = "#aab4c2", "#D55E00", "#c9ced8"
+
+
+@dataclass(frozen=True)
+class OnSites(Content):
+    """Something to show of many sites; abstract.
+
+    positions : where they are, (sites, 2) or (sites, 3).  Left out: the sites of a ring, a square or
+    a cubic lattice know it, and what flies is where it is.
+    """
+
+    panel: ClassVar[str] = "sites"
+    filling: ClassVar[bool] = True
+
+    positions: ArrayLike | None = field(default=None, compare=False)
+
+    def own(self, system: System) -> bool:
+        """Yes: lattices would stand in each other's way."""
+        return True
+
+    def eye(self, motion: Motion) -> tuple[float, float]:
+        """From above on what is flat, from the front on what stands upright or in a row."""
+        extent, lattice = np.ptp(self._extent(motion), axis=0), lattice_of(motion.system)
+        if self.positions is None and lattice is not None and lattice.periodic == (True,):
+            return -84.0, 32.0
+        thin = extent < 0.2 * (extent.max() or 1.0)
+        return FRONT if thin[1] else (-84.0, 68.0) if thin[2] else (-62.0, 22.0)
+
+    def reach(self, motion: Motion) -> Array:
+        """Two corners of the box in which they are, with room for what is drawn there."""
+        room = 0.5 * self._size(motion).max()
+        return self._extent(motion) + [[-room], [room]]
+
+    def _fixed(self, motion: Motion) -> Array:
+        """The places of the shown sites that do not move."""
+        return fixed_places(motion.system, self.positions)[motion.sites]
+
+    def _extent(self, motion: Motion) -> Array:
+        """Two corners of the box in which their places are."""
+        places = self._fixed(motion)
+        return np.array([places.min(axis=0), places.max(axis=0)])
+
+    def _size(self, motion: Motion) -> Array:
+        """How large they are drawn."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Spins(OnSites):
+    """The momenta of many sites as arrows about their places, coloured by how far they point along
+    an axis.
+
+    axis : blue points against it, orange along it, and ink across it.
+    """
+
+    title: ClassVar[str] = "spins"
+
+    axis: ArrayLike = field(default=(0.0, 0.0, 1.0), compare=False)
+
+    def needs(self, system: System) -> tuple[str, ...]:
+        """The momenta."""
+        axis = real_array(self.axis, "Spins: axis")
+        if axis.shape != (3,) or not 0.0 < np.linalg.norm(axis) < np.inf:
+            raise InvalidInput(f"Spins: axis is a direction in space; got {self.axis!r}")
+        if not is_spin(base_of(system)):
+            raise refuse(self, system, "the spins of many sites")
+        fixed_places(system, self.positions)
+        return ("mu",)
+
+    def legend(self, motion: Motion) -> list[dict[str, Any]]:
+        """The scale of colours."""
+        given = np.asarray(self.axis, dtype=float).tolist()
+        unit = np.eye(3).tolist()
+        axis = "xyz"[unit.index(given)] if given in unit else "({:g}, {:g}, {:g})".format(*given)
+        return [
+            {"name": "spins along", "colors": DIRECTIONS, "ends": [f"\u2212{axis}", f"+{axis}"]}
+        ]
+
+    def draw(self, motion: Motion, drawing: Drawing) -> None:
+        """One arrow, as often as there are sites."""
+        places, mu = self._fixed(motion), motion["mu"]
+        axis, length = np.array(self.axis, dtype=float), float(self._size(motion)[0])
+        shape = often(
+            needle(min(0.3, 0.5 * spacing(places) / length), 12 if len(places) < 2000 else 5),
+            len(places),
+            [[length / drawing.panel.unit]],
+            colors=[[x / 255.0 for x in rgb(color)] for color in DIRECTIONS],
+            axis=(axis / np.linalg.norm(axis)).tolist(),
+        )
+        largest = np.linalg.norm(mu, axis=-1).max() or 1.0
+        drawing.add("spins", shape, cloud=drawing.panel.inside(places), vectors=mu / largest)
+
+    def _size(self, motion: Motion) -> Array:
+        places, lattice = self._fixed(motion), lattice_of(motion.system)
+        in_a_row = self.positions is None and lattice is not None and len(lattice.shape) == 1
+        return np.array(
+            [max(LONG * spacing(places), SEEN * np.ptp(places, axis=0).max() if in_a_row else 0.0)]
+        )
+
+
+@dataclass(frozen=True)
+class Sites(OnSites):
+    """Bodies and masses at their places: boxes with their inertia and attitude, molecules as their
+    atoms, masses as balls as large as the cube root.
+
+    atoms : places in the axes of a body, (k, 3), drawn as balls in its stead, the first one in orange
+    and larger; left out, those of a term that knows them, as `SPC` does.
+    sizes : diameters of balls and edges of boxes, (1, 1) for all, (sites, 1) or (sites, 3).  Left out,
+    boxes are to scale where masses are known, unless they would be dots.
+    trail : the paths; left out, those of a dozen masses or less.
+    """
+
+    title: ClassVar[str] = "in space"
+
+    atoms: ArrayLike | None = field(default=None, compare=False)
+    sizes: ArrayLike | None = field(default=None, compare=False)
+    trail: bool | None = None
+
+    def needs(self, system: System) -> tuple[str, ...]:
+        """Places and attitudes."""
+        group = base_of(system)
+        if group is None or not (is_pose(group) or is_place(group)):
+            raise refuse(self, system, "the places of many sites")
+        if not flies(group) and (is_pose(group) or group.dim == 1):
+            fixed_places(system, self.positions)
+        return ("g",)
+
+    def legend(self, motion: Motion) -> list[dict[str, Any]]:
+        """The axes of the bodies."""
+        if self._atoms(motion.system) is not None:
+            return []
+        if is_place(base_of(motion.system)):
+            return [{"name": "places to scale, sizes not", "color": "transparent"}]
+        return [{"name": f"axis {k}", "color": color} for k, color in enumerate(AXES, start=1)]
+
+    def draw(self, motion: Motion, drawing: Drawing) -> None:
+        """One body, as often as there are sites, the paths of a few, and the box."""
+        system, unit, box = motion.system, drawing.panel.unit, box_of(motion.system)
+        places, sizes, atoms = self._places(motion), self._size(motion), self._atoms(system)
+        count, shape, masses = places.shape[1], ball(0.5, "#ffffff"), is_place(base_of(system))
+        colors = [drawing.color] * count
+        if masses and count <= FEW:
+            colors = [COLORS[k % len(COLORS)] for k in range(count)]
+        where, channels = places if box is None else np.mod(places, box), {}
+        if not masses:
+            q = attitudes_of(system, motion["g"])
+            if atoms is None:
+                shape, channels["turns"] = die([*AXES, GREY]), q
+            else:  # a ball for each
+                turned = [rotated(q.reshape(-1, 4), atom).reshape(where.shape) for atom in atoms]
+                where = np.concatenate([where + arm for arm in turned], axis=1)
+                sizes = np.repeat([1.5, *[1.0] * (len(atoms) - 1)], count)[:, None] * spacing(atoms)
+                colors = [OXYGEN] * count + [HYDROGEN] * (len(colors) * (len(atoms) - 1))
+        known = {} if box is None else {"box": (box / unit).tolist()}
+        if shape.kind == "Mesh" and "turns" not in channels:
+            known["tints"] = np.array([rgb(color) for color in colors], dtype=np.float32) / 255.0
+        drawing.add(
+            "sites",
+            often(shape, where.shape[1], sizes / unit, **known),
+            cloud=drawing.panel.inside(where),
+            **channels,
+        )
+        if box is not None:
+            drawing.once(
+                "box", box_edges(box / unit, "#5f6672"), position=drawing.panel.inside(0.5 * box)
+            )
+        elif self.trail or (self.trail is None and masses and count <= FEW):
+            for k in range(count):
+                drawing.trail(
+                    f"trail {k + 1}", drawing.panel.inside(places[:, k]), colors[k], 0.006
+                )
+
+    def _atoms(self, system: System) -> Array | None:
+        """The atoms of a molecule, (k, 3)."""
+        return atoms_of(system) if self.atoms is None else np.asarray(self.atoms, dtype=float)
+
+    def _places(self, motion: Motion) -> Array:
+        """Where the shown sites are, (n, m, 3)."""
+        group = base_of(motion.system)
+        moves = flies(group) or (is_place(group) and group.dim > 1)
+        return places_of(motion.system, motion["g"], None if moves else self._fixed(motion))
+
+    def _extent(self, motion: Motion) -> Array:
+        box, places = box_of(motion.system), self._places(motion)
+        if box is not None:
+            return np.array([0.0 * box, box])
+        return np.array([places.min(axis=(0, 1)), places.max(axis=(0, 1))])
+
+    def _size(self, motion: Motion) -> Array:
+        """Diameters of balls, edges of boxes, (1, 1), (m, 1) or (m, 3)."""
+        if self.sizes is not None:
+            given = real_array(self.sizes, "Sites: sizes")
+            return given if len(given) == 1 else given[motion.sites]
+        start, inertia = self._places(motion)[0], inertia_of_sites(motion.system)
+        whole = np.ptp(self._extent(motion), axis=0).max() or 1.0
+        fitting = LONG * (spacing(start) if len(start) > 1 else whole)
+        if inertia is None:
+            return np.array([[0.6 * fitting]])
+        inertia = inertia[motion.sites]
+        if is_place(base_of(motion.system)):
+            share = np.cbrt(inertia[:, :1] / inertia[:, 0].max())
+            return min(fitting, SEEN * whole) * np.maximum(share, 0.3)
+        mass = inertia[:, 3:4] if inertia.shape[1] > 3 else np.zeros((1, 1))
+        edges = np.array([edges_of_inertia(J, 1.0) for J in inertia[:, :3]])
+        if mass.min() > 0.0 and (edges / np.sqrt(mass)).max() > 0.02 * whole:
+            return edges / np.sqrt(mass)
+        return fitting * edges / np.linalg.norm(edges, axis=1).max()

@@ -1,0 +1,153 @@
+"""Systems of many sites beside C++: classical spins with exchange on a ring and on cubic lattices, a
+step of RKMK4; with how it grows, what a kernel costs, and what two workers gain.
+
+    python tests/benchmarks/sites.py [--rounds 5] [--largest 100000]
+
+Processor time in ns a site and step, least of the rounds, which take turns; of workers wall time.
+The last column is the difference from C++ after 20 steps.
+"""
+
+import argparse
+import ctypes
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import liemech as lm
+
+SOURCE = Path(__file__).with_suffix(".cpp")
+FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-shared", "-fPIC")
+H, FIELD = 0.05, np.array([0.0, 0.0, 0.1])
+WORK = 2_000_000
+"""Sites times steps of one measurement, about."""
+
+
+@lm.record
+class Exchange(lm.Term):
+    """Neighbours that turn to one side."""
+
+    J: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        return -self.J * lm.dot(a.mu, b.mu)
+
+
+@lm.record
+class Zeeman(lm.Term):
+    """A field that is the same everywhere."""
+
+    B: lm.Vec
+
+    def energy(self, a: Any) -> float:
+        return -lm.dot(self.B, a.mu)
+
+
+def lattice(n: int, cubic: bool) -> tuple[Any, int, Any]:
+    """The graph, the number of sites, and the table of neighbours as C++ has it; None for a ring."""
+    if not cubic:
+        return lm.neighbours.ring(n), n, None
+    i = np.arange(n**3).reshape(n, n, n)
+    near = [np.roll(i, shift, axis).ravel() for axis in range(3) for shift in (1, -1)]
+    return lm.neighbours.cubic(n, n, n), n**3, np.ascontiguousarray(near)
+
+
+def spins(n: int) -> np.ndarray:
+    """Directions that differ by some tens of degrees."""
+    s = np.random.default_rng(1).normal(size=(n, 3)) * 0.3 + [0.0, 0.0, 1.0]
+    return s / np.linalg.norm(s, axis=1)[:, None]
+
+
+def opponents() -> dict[str, Any]:
+    """The C++ of `sites.cpp`, without and with contraction; empty without g++."""
+    compiler = os.environ.get("CXX") or shutil.which("g++")
+    if not compiler:
+        return {}
+    folder, found = Path(tempfile.mkdtemp()), {}
+    for name, flag in (("C++", "-ffp-contract=off"), ("C++ contracted", "-ffp-contract=fast")):
+        file = folder / f"{len(found)}.so"
+        subprocess.run([compiler, *FLAGS, flag, str(SOURCE), "-o", str(file)], check=True)
+        found[name] = ctypes.CDLL(str(file))
+    return found
+
+
+def theirs(library: Any, table: Any, s: np.ndarray, steps: int) -> np.ndarray:
+    """The spins after so many steps of C++."""
+    after = s.copy()
+    pointer = lambda x: None if x is None else x.ctypes.data_as(ctypes.c_void_p)  # noqa: E731
+    library.rkmk4(
+        ctypes.c_size_t(len(s)), ctypes.c_int(0 if table is None else len(table)), pointer(table),
+        pointer(after), pointer(FIELD), ctypes.c_double(H), ctypes.c_long(steps),
+    )  # fmt: skip
+    return after
+
+
+def seconds(work: Callable[[], Any], clock: Callable[[], float]) -> float:
+    """The time of a call."""
+    begun = clock()
+    work()
+    return clock() - begun
+
+
+def measured(n: int, cubic: bool, rounds: int, libraries: dict[str, Any]) -> list[str]:
+    """A row of the table."""
+    graph, sites, table = lattice(n, cubic)
+    terms = lm.Terms(Exchange(1.0).over(graph), Zeeman(FIELD))
+    system = lm.LiePoissonSystem(lm.SO3() ** sites, terms)
+    s, steps = spins(sites), max(4, WORK // sites)
+    start = system.state(mu=s)
+    plans = {w: lm.Plan(system, lm.RKMK(order=4), h=H, every=10**9, workers=w) for w in (1, 2)}
+    begun = time.perf_counter()
+    first = plans[1].run(start, steps=20)
+    made = time.perf_counter() - begun
+    ways: dict[str, Any] = {"ours": (lambda: plans[1].run(start, steps=steps), time.process_time)}
+    for name, library in libraries.items():
+        ways[name] = (
+            lambda library=library: theirs(library, table, s, steps),
+            time.process_time,
+        )
+    for w in (1, 2):
+        ways[f"{w}"] = (lambda w=w: plans[w].run(start, steps=steps), time.perf_counter)
+    least = dict.fromkeys(ways, float("inf"))
+    for _ in range(rounds):
+        for name, (work, clock) in ways.items():
+            least[name] = min(least[name], 1e9 * seconds(work, clock) / steps / sites)
+    off = [np.abs(theirs(x, table, s, 20) - first.mu[-1]).max() for x in libraries.values()]
+    return [
+        f"{'cubic' if cubic else 'ring'} {sites}",
+        *(f"{least[name]:.1f}" for name in ("ours", *libraries)),
+        f"{least['1'] / least['2']:.2f}",
+        f"{made:.2f}",
+        f"{max(off):.0e}" if off else "",
+    ]
+
+
+def main() -> None:
+    """Measure and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--largest", type=int, default=100_000)
+    parser.add_argument("--quick", action="store_true", help="a thousand spins: does it run?")
+    given = parser.parse_args()
+    if given.quick:
+        given.rounds, given.largest = 1, 1000
+    libraries = opponents()
+    head = ["spins", "ours", *libraries, "gain of two workers", "first run, s", "difference"]
+    print("| " + " | ".join(head) + " |")
+    print("|" + " --- |" * len(head))
+    cases = [(n, False) for n in (100, 1000, 10_000, 100_000, 1_000_000)]
+    cases += [(n, True) for n in (10, 22, 46)]
+    for n, cubic in cases:
+        if (n**3 if cubic else n) <= given.largest:
+            row = measured(n, cubic, given.rounds, libraries)
+            print("| " + " | ".join(row) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+// The opponent of spins: Heisenberg spins on a ring or a cubic lattice with even edges, s' = s x B, B = -(sum of the neighbours), by turns of one sublattice about the field of the other.
+//
+// Both sublattices lie apart, x, y and z apart, in rows along the last axis: `half` spins and one image on either side.  A ring is one row.  Neighbours are shifts: the row beside, the same place in four other
+// rows, and in the own row of the other sublattice this place and the one before or behind it.
+//
+// Build: g++ -O3 -march=native -fno-math-errno -ffp-contract=off -shared -fPIC
+
+#include <cmath>
+#include <vector>
+
+namespace {
+
+// sin(a)/a and (1 - cos a)/a^2 of x = a^2: polynomials for angles up to a half, libm beyond
+inline void coefficients(double x, double &s, double &c) {
+  if (x < 0.25) {
+    s = 1.0 - x / 6 * (1.0 - x / 20 * (1.0 - x / 42 * (1.0 - x / 72 * (1.0 - x / 110 * (1.0 - x / 156)))));
+    c = 0.5 - x / 24 * (1.0 - x / 30 * (1.0 - x / 56 * (1.0 - x / 90 * (1.0 - x / 132 * (1.0 - x / 182)))));
+  } else {
+    double a = std::sqrt(x), h = std::sin(0.5 * a);
+    s = std::sin(a) / a; c = 2.0 * h * h / x;
+  }
+}
+
+// polynomials alone, for angles up to two: loops without branches are made of vector instructions
+inline void quick(double x, double &s, double &c) {
+  s = 1.0 + x * (-1.0 / 6 + x * (1.0 / 120 + x * (-1.0 / 5040 + x * (1.0 / 362880 + x * (-1.0 / 39916800 + x * (1.0 / 6227020800 + x * (-1.0 / 1307674368000 + x / 355687428096000)))))));
+  c = 0.5 + x * (-1.0 / 24 + x * (1.0 / 720 + x * (-1.0 / 40320 + x * (1.0 / 3628800 + x * (-1.0 / 479001600 + x * (1.0 / 87178291200 + x * (-1.0 / 20922789888000 + x / 6402373705728000)))))));
+}
+
+struct Spins {
+  long edge, half, rows, pitch;
+  std::vector<double> at[2][3];
+
+  void load(long n, bool cubic, const double *s) {
+    edge = cubic ? n : 1; half = n / 2; rows = edge * edge; pitch = half + 2;
+    for (auto &side : at) for (auto &part : side) part.assign(rows * pitch, 0.0);
+    each(n, [&](int side, long place, long site) { for (int k = 0; k < 3; ++k) at[side][k][place] = s[3 * site + k]; });
+    for (int side = 0; side < 2; ++side) for (long r = 0; r < rows; ++r) images(side, r);
+  }
+  void store(long n, double *s) { each(n, [&](int side, long place, long site) { for (int k = 0; k < 3; ++k) s[3 * site + k] = at[side][k][place]; }); }
+  template <class F> void each(long n, F f) {
+    for (long r = 0; r < rows; ++r) for (long j = 0; j < n; ++j) f(int((r / edge + r % edge + j) & 1), r * pitch + 1 + j / 2, r * n + j);
+  }
+  void images(int side, long r) { for (auto &p : at[side]) { double *q = &p[r * pitch]; q[0] = q[half]; q[half + 1] = q[1]; } }
+
+  template <bool cubic, bool small> void turn(int side, double h) {
+    for (long r = 0; r < rows; ++r) {
+      long i = r / edge, j = r % edge, odd = (i + j + side) & 1;
+      long beside[6] = {r, r, ((i + 1) % edge) * edge + j, ((i + edge - 1) % edge) * edge + j, i * edge + (j + 1) % edge, i * edge + (j + edge - 1) % edge};
+      const double *f[3][6]; double *s[3];
+      for (int k = 0; k < 3; ++k) {
+        s[k] = &at[side][k][r * pitch + 1];
+        for (int d = 0; d < 6; ++d) f[k][d] = &at[1 - side][k][beside[d] * pitch + 1] + (d == 1 ? (odd ? 1 : -1) : 0);
+      }
+      row<cubic, small>(s[0], s[1], s[2], f, h);
+      images(side, r);
+    }
+  }
+  template <bool cubic, bool small> void row(double *__restrict x, double *__restrict y, double *__restrict z, const double *(&f)[3][6], double h) {
+    const double *a0 = f[0][0], *a1 = f[0][1], *a2 = f[0][2], *a3 = f[0][3], *a4 = f[0][4], *a5 = f[0][5];
+    const double *b0 = f[1][0], *b1 = f[1][1], *b2 = f[1][2], *b3 = f[1][3], *b4 = f[1][4], *b5 = f[1][5];
+    const double *c0 = f[2][0], *c1 = f[2][1], *c2 = f[2][2], *c3 = f[2][3], *c4 = f[2][4], *c5 = f[2][5];
+#pragma GCC ivdep
+    for (long i = 0; i < half; ++i) {
+      double a = a0[i] + a1[i], b = b0[i] + b1[i], c = c0[i] + c1[i];
+      if (cubic) { a += a2[i] + a3[i] + (a4[i] + a5[i]); b += b2[i] + b3[i] + (b4[i] + b5[i]); c += c2[i] + c3[i] + (c4[i] + c5[i]); }
+      a *= h; b *= h; c *= h;
+      double S, C;
+      if (small) quick(a * a + b * b + c * c, S, C); else coefficients(a * a + b * b + c * c, S, C);
+      double p = x[i], q = y[i], r = z[i], u = b * r - c * q, v = c * p - a * r, w = a * q - b * p;
+      x[i] = p + (S * u + C * (b * w - c * v)); y[i] = q + (S * v + C * (c * u - a * w)); z[i] = r + (S * w + C * (a * v - b * u));
+    }
+  }
+};
+
+template <bool cubic> void run(Spins &spins, double h, long steps, const double *shares, long turns) {
+  bool small = true;                       // angles up to |B| h: polynomials serve while they are below two
+  double most = 0.0;
+  for (long k = 0; k <= turns; ++k) most = std::max(most, std::fabs(shares[k]));
+  small = (most + std::fabs(shares[turns])) * std::fabs(h) * (cubic ? 6 : 2) < 2.0;
+  double left = 0.0;
+  for (long step = 0; step < steps; ++step) {
+    for (long k = 0; k < turns; ++k) {
+      double time = shares[k] * h + (k ? 0.0 : left);
+      int side = (k & 1) ? 0 : 1;          // begins and ends with the second
+      if (small) spins.turn<cubic, true>(side, time); else spins.turn<cubic, false>(side, time);
+    }
+    left = shares[turns] * h;
+  }
+  if (small) spins.turn<cubic, true>(1, left); else spins.turn<cubic, false>(1, left);
+}
+
+} // namespace
+
+// s: the spins, site by site; shares: of a step, of the turns of the second and the first sublattice in turn, turns + 1 of them
+extern "C" void spins(long n, int cubic, double *s, double h, long steps, const double *shares, long turns) {
+  Spins found;
+  found.load(n, cubic, s);
+  if (cubic) run<true>(found, h, steps, shares, turns); else run<false>(found, h, steps, shares, turns);
+  found.store(n, s);
+}

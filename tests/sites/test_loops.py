@@ -1,0 +1,228 @@
+"""Loops over sites: the same bits in plain Python and in native code of any number of lanes, for
+methods as they are.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hand_made import Everyone, Field, Springs, ring, run, spins, turned
+from scipy.integrate import solve_ivp
+
+import liemech as lm
+from liemech.compiler import kernel
+from liemech.compiler.planes import Planes
+from liemech.compiler.site_calls import SiteCalls, scratch_rows
+from liemech.errors import InvalidInput
+from liemech.formulas.sites import (
+    SiteArray,
+    SiteTable,
+    each_site,
+    interleaved_sum,
+    meet,
+    one_site,
+    own,
+    padded,
+    present_site,
+    total,
+)
+
+N = 13
+B = [0.0, 0.0, 0.1]
+native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
+
+
+def field(n: int = N, fixed: bool = True) -> Any:
+    return lm.LiePoissonSystem(lm.SO3(), Field(ring(n, fixed), B))
+
+
+def coupled(n: int = N) -> Any:
+    body = lm.LiePoissonSystem(lm.SO3(), lm.KineticEnergy([1.0, 1.5, 2.0]))
+    return lm.MechanicalSystem(body, Springs(ring(n), 0.7))
+
+
+ON_MOMENTA = (
+    lm.RKMK(order=4),
+    lm.RKMK(order=4, truncation="closed"),
+    lm.RKMK(order=4, retraction=lm.Cayley()),
+    lm.CommutatorFree(order=4),
+    pytest.param(lm.RKMK(order=5), marks=pytest.mark.slow),
+    pytest.param(lm.RKMK(order=8), marks=pytest.mark.slow),
+    pytest.param(lm.CrouchGrossman(order=3), marks=pytest.mark.slow),
+)
+ON_BODIES = (
+    lm.KickDrift(),
+    lm.RKMK(order=2),
+    pytest.param(lm.LieVerlet(), marks=pytest.mark.slow),
+    pytest.param(lm.KickDrift(order=4), marks=pytest.mark.slow),
+    pytest.param(lm.Composition(lm.KickDrift(), order=4), marks=pytest.mark.slow),
+)
+
+
+@native
+@pytest.mark.parametrize("method", ON_MOMENTA, ids=repr)
+def test_bits_of_momenta(method: Any) -> None:
+    plain = run(method, field(), spins(N), None, 0.05, 2, 0)
+    for lanes in (1, 8, 16) if method == lm.RKMK(order=4) else (8,):
+        assert np.array_equal(run(method, field(), spins(N), None, 0.05, 2, lanes), plain), lanes
+
+
+SWEEPING = (
+    lm.RKMK(tableau=lm.tableaus.gauss(1)),
+    pytest.param(lm.RKMK(tableau=lm.tableaus.gauss(2)), marks=pytest.mark.slow),
+    pytest.param(lm.Isospectral(order=2), marks=pytest.mark.slow),
+)
+
+
+@native
+@pytest.mark.parametrize("method", SWEEPING, ids=repr)
+def test_bits_of_sweeps(method: Any) -> None:
+    """Equations of all sites together, solved by sweeps that settle for all at the same time."""
+    plain = run(method, field(), spins(N), None, 0.05, 2, 0)
+    for lanes in (1, 8, 16) if method == SWEEPING[0] else (8,):
+        assert np.array_equal(run(method, field(), spins(N), None, 0.05, 2, lanes), plain), lanes
+
+
+@native
+def test_order_of_sweeps() -> None:
+    ends = [
+        run(lm.RKMK(tableau=lm.tableaus.gauss(2)), field(), spins(N), None, 0.4 / n, n, 8)[-1]
+        for n in (1, 2, 8)
+    ]
+    ratio = np.abs(ends[0] - ends[2]).max() / np.abs(ends[1] - ends[2]).max()
+    assert 13.0 < ratio < 20.0
+
+
+@native
+@pytest.mark.parametrize("method", ON_BODIES, ids=repr)
+def test_bits_of_bodies(method: Any) -> None:
+    plain = run(method, coupled(), spins(N), turned(N), 0.05, 2, 0)
+    for lanes in (1, 8, 16) if method == lm.KickDrift() else (8,):
+        found = run(method, coupled(), spins(N), turned(N), 0.05, 2, lanes)
+        assert np.array_equal(found, plain), lanes
+
+
+@native
+@pytest.mark.parametrize("n", [1, 2, 7, 33])
+def test_any_number_of_sites(n: int) -> None:
+    for system in (field(n), field(n, False), lm.LiePoissonSystem(lm.SO3(), Everyone(B))):
+        plain = run(lm.RKMK(order=4), system, spins(n), None, 0.01, 2, 0)
+        for lanes in (1, 8):
+            assert np.array_equal(run(lm.RKMK(), system, spins(n), None, 0.01, 2, lanes), plain)
+
+
+def test_against_scipy() -> None:
+    s = spins(N)
+
+    def motion(t: float, flat: np.ndarray) -> np.ndarray:
+        mu = flat.reshape(N, 3)
+        slope = -(np.roll(mu, 1, axis=0) + np.roll(mu, -1, axis=0)) - np.array(B)
+        return np.cross(mu, slope).ravel()
+
+    exact = solve_ivp(motion, (0.0, 1.0), s.ravel(), rtol=1e-12, atol=1e-13).y[:, -1]
+    errors = []
+    for steps in (10, 20):
+        found = run(lm.RKMK(order=4), field(), s, None, 1.0 / steps, steps, 0)[-1]
+        errors.append(np.abs(found.T.ravel() - exact).max())
+    assert errors[1] < 1e-5
+    assert 3.7 < np.log2(errors[0] / errors[1]) < 4.5
+
+
+@native
+def test_one_kernel_for_every_number() -> None:
+    for n in (20, 40, 1000):
+        run(lm.RKMK(order=4), field(n, False), spins(n), None, 0.05, 1, 8)
+    before = len(kernel.alive())
+    near = SiteTable.of(np.random.default_rng(0).integers(0, 77, (5, 77)), fixed=False)
+    other = lm.LiePoissonSystem(lm.SO3(), Field(near, [0.1, 0.0, 0.0]))
+    run(lm.RKMK(order=4), other, spins(77), None, 0.05, 1, 8)
+    assert len(kernel.alive()) == before
+
+
+@native
+def test_rows_of_scratch_memory() -> None:
+    system, none = field(), np.empty(0)
+    from liemech.formulas.pytree import carried_layout, layout_of
+    from liemech.simulation.equal import Equal
+    from liemech.simulation.sites_driver import Shown, advance_sites
+    from liemech.systems.lie_poisson import BodyState
+
+    memory = carried_layout(BodyState(lm.vec(0.0, 0.0, 0.0)))
+    planes, shared = Planes.of_rows(1, 1), kernel.Shared(none)
+    shown = Shown(True, memory, (), layout_of(()))
+    arguments = lm.RKMK(), system, Equal(), memory, shown, 1, 1, planes, planes, shared
+    made = kernel.kernel(advance_sites, *arguments, none, none, none, none, None, lanes=8)
+    assert scratch_rows(made) == 15  # twice what is published, and three velocities
+    assert SiteCalls(made, 100).scratch.shape == (15, padded(100))
+
+
+# ------------------------------------------------------------------ the words in plain Python
+
+
+def test_words() -> None:
+    table = SiteTable.of(np.array([[1, 2, 0], [2, 0, 1]]))
+    mass, place = SiteArray.of([1.0, 2.0, 4.0]), SiteArray.of(np.arange(6.0).reshape(3, 2))
+    edges = SiteArray.of(np.arange(12.0).reshape(2, 3, 2), edges=True)
+    found: list[Any] = [None] * 3
+
+    def formula() -> None:
+        others, i = meet(lm.vec(own(mass), 1.0)), present_site()
+        found[i] = (
+            others.of(table, 0)[0], others.at(2)[0], total(own(mass)), own(place), own(edges, 1),
+            own(table, 1), others.all(lambda b, j: b, lm.vec(0.0, 0.0)),
+        )  # fmt: skip
+
+    each_site(3, formula)
+    assert found[1] == (4.0, 4.0, 7.0, lm.vec(2.0, 3.0), lm.vec(8.0, 9.0), 0, lm.vec(5.0, 2.0))
+    assert total(3.0) == 3.0
+    with pytest.raises(InvalidInput, match="there is no site here"):
+        meet(1.0)
+
+
+def test_one_site_is_as_in_all() -> None:
+    table, visited = ring(30), []
+    found = np.zeros(30)
+
+    def formula() -> float:
+        visited.append(present_site())
+        x = 1.0 + present_site()
+        for _ in range(3):
+            others = meet(x)
+            x = 2.0 * others.of(table, 0) - 0.5 * others.of(table, 1) + x
+        return x
+
+    def all_of_them() -> None:
+        found[present_site()] = formula()
+
+    each_site(30, all_of_them)
+    visited.clear()
+    assert one_site(30, 11, formula) == found[11]
+    assert {*visited} == {*range(8, 15)}  # those three edges away, no others
+
+
+def test_sites_ask_alike() -> None:
+    def formula() -> None:
+        if present_site() == 2:
+            total(1.0)
+        else:
+            meet(1.0)
+
+    with pytest.raises(InvalidInput, match="site 0 asks for meet where site 2 asks for total"):
+        each_site(4, formula)
+
+
+def test_sums_of_sixteen() -> None:
+    x = np.random.default_rng(0).normal(size=100)
+    parts = [sum(x[k::16].tolist(), 0.0) for k in range(16)]
+    while len(parts) > 1:
+        half = len(parts) // 2
+        parts = [a + b for a, b in zip(parts[:half], parts[half:], strict=True)]
+    assert interleaved_sum(x.tolist()) == parts[0]
+
+
+@pytest.mark.parametrize("entries", [[[0.0, 1.0]], [[-1, 0]], [0, 1], np.zeros((2, 0), int)])
+def test_tables_are_checked(entries: Any) -> None:
+    with pytest.raises(InvalidInput, match="SiteTable"):
+        SiteTable.of(entries)

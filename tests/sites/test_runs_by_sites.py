@@ -1,0 +1,262 @@
+"""Runs of systems of many sites, site by site: what a user sees of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import liemech as lm
+from liemech.compiler import kernel
+from liemech.errors import IncompatibleSystem, NotFinite
+
+N = 40
+native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
+
+
+@lm.record
+class Exchange(lm.Term):
+    J: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        return -self.J * lm.dot(a.mu, b.mu)
+
+
+@lm.record
+class Zeeman(lm.Term):
+    B: lm.Vec
+
+    def energy(self, a: Any) -> float:
+        return -lm.dot(self.B, a.mu)
+
+
+@lm.record
+class Tie(lm.Term):
+    k: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        return -self.k * lm.sum([lm.dot(a.g[i], b.g[i]) for i in range(3)])
+
+
+def spins(n: int = N) -> Any:
+    terms = Exchange(1.0).over(lm.neighbours.ring(n)), Zeeman([0.0, 0.0, 0.1])
+    return lm.LiePoissonSystem(lm.SO3() ** n, lm.Terms(*terms))
+
+
+def directions(n: int = N) -> np.ndarray:
+    s = np.random.default_rng(1).normal(size=(n, 3)) * 0.3 + [0.0, 0.0, 1.0]
+    return s / np.linalg.norm(s, axis=1)[:, None]
+
+
+def chain(n: int = N) -> tuple[Any, Any]:
+    bodies = lm.LiePoissonSystem(lm.SO3() ** n, lm.PerSite(lm.KineticEnergy([1.0, 1.5, 2.0])))
+    system = lm.MechanicalSystem(bodies, lm.Terms(Tie(0.7).over(lm.neighbours.ring(n))))
+    turned = np.asarray(lm.SO3().exp(np.random.default_rng(3).normal(size=(n, 3))))
+    return system, system.state(mu=directions(n), g=turned)
+
+
+@pytest.fixture(scope="module")
+def plan() -> Any:
+    return lm.Plan(spins(), lm.RKMK(order=4), h=0.05, every=10)
+
+
+@pytest.fixture(scope="module")
+def run(plan: Any) -> Any:
+    return plan.run(plan.system.state(mu=directions()), steps=57)
+
+
+def test_samples(run: Any) -> None:
+    assert run.mu.shape == (7, N, 3)
+    assert np.allclose(run.t, [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 2.85], rtol=1e-15)
+    assert np.array_equal(run.mu[0], directions())
+    assert np.array_equal(run.last.mu, run.mu[-1])
+    assert np.abs(np.linalg.norm(run.mu, axis=2) - 1.0).max() < 1e-14
+
+
+@native
+def test_bits_of_plain_python(run: Any) -> None:
+    plain = lm.integrate(
+        spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=3, compiled=False
+    )
+    other = lm.integrate(
+        spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=3, compiled=True
+    )
+    assert other.compiled
+    assert not plain.compiled
+    assert np.array_equal(plain.mu, other.mu)
+
+
+def test_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A system of so few numbers that all of them are written out."""
+    n = 12
+    start, way = spins(n).state(mu=directions(n)), {"h": 0.05, "steps": 4, "compiled": False}
+    few = lm.integrate(spins(n), lm.RKMK(order=4), start, **way)
+    monkeypatch.setattr(lm.System, "small", 0)
+    by_sites = lm.Plan(spins(n), lm.RKMK(order=4), h=0.05, compiled=False).run(start, steps=4)
+    assert np.abs(few.mu - by_sites.mu).max() < 1e-14
+
+
+def test_resume(plan: Any, run: Any, tmp_path: Path) -> None:
+    first = plan.run(plan.system.state(mu=directions()), steps=23)
+    rest = plan.resume(first, steps=34)
+    assert np.array_equal(rest.mu[-1], run.mu[-1])
+    assert np.array_equal(rest.mu[1:], run.mu[3:])
+    assert np.array_equal(first.then(rest).t[-4:], run.t[-4:])
+    first.save(tmp_path / "run.npz")
+    loaded = lm.Trajectory.load(tmp_path / "run.npz")
+    assert loaded == first
+    assert np.array_equal(plan.resume(loaded, steps=34).mu[-1], run.mu[-1])
+
+
+def test_checkpoint(plan: Any, run: Any, tmp_path: Path) -> None:
+    file = tmp_path / "kept.npz"
+    whole = plan.run(
+        plan.system.state(mu=directions()), steps=57, checkpoint=file, checkpoint_every="25 steps"
+    )
+    assert np.array_equal(whole.mu, run.mu)
+    kept = lm.Trajectory.load(file)
+    assert kept.steps == 50
+    assert np.array_equal(plan.resume(kept, steps=7).mu[-1], run.mu[-1])
+
+
+def test_quantities(run: Any) -> None:
+    found = lm.integrate(
+        spins(), lm.RKMK(order=4), spins().state(mu=directions()), h=0.05, steps=57, every=10,
+        record=("energy", ("spin", lambda t, site: site.mu)),
+    )  # fmt: skip
+    assert not hasattr(found, "mu")
+    assert np.allclose(found.spin, run.mu.sum(axis=1), rtol=0.0, atol=1e-13)
+    s = run.mu
+    by_hand = -(s * np.roll(s, 1, axis=1)).sum(axis=(1, 2)) - 0.1 * s[:, :, 2].sum(axis=1)
+    assert np.allclose(found.energy, by_hand, rtol=1e-14)
+    assert np.array_equal(found.energy, run.energy)
+    assert {kept.name for kept in run.drift().kept} == {"energy", "Casimir 1"}
+    assert run.drift()["Casimir 1"].largest < 1e-14
+
+
+def test_attitudes() -> None:
+    system, start = chain()
+    for method in (lm.KickDrift(), lm.RKMK(order=2)):
+        found = lm.integrate(system, method, start, h=0.05, steps=4, every=2)
+        assert found.g.shape == (3, N, 3, 3)
+        assert found.mu.shape == (3, N, 3)
+        defect = found.g @ np.swapaxes(found.g, -1, -2) - np.eye(3)
+        assert np.abs(defect).max() < 1e-13
+        assert np.ptp(found.energy) < 1e-2 * np.abs(found.energy[0])
+
+
+def test_order_of_kicks_and_drifts() -> None:
+    system, start = chain(20)
+    ends = [
+        lm.integrate(system, lm.KickDrift(), start, h=0.4 / n, steps=n, every=n).mu[-1]
+        for n in (4, 8, 64)
+    ]
+    ratio = np.abs(ends[0] - ends[2]).max() / np.abs(ends[1] - ends[2]).max()
+    assert 3.5 < ratio < 4.5
+
+
+def test_attitude_that_is_not_recorded() -> None:
+    turned = np.broadcast_to(np.eye(3), (N, 3, 3))
+    start = spins().state(mu=directions(), g=turned)
+    assert lm.integrate(spins(), lm.RKMK(order=1), start, h=0.05, steps=2).g.shape == (3, N, 3, 3)
+    left_out = lm.integrate(spins(), lm.RKMK(order=1), start, h=0.05, steps=2, record=("mu",))
+    assert left_out.g is None
+
+
+@pytest.mark.parametrize("compiled", [None, False])
+def test_a_site_that_fails(compiled: Any) -> None:
+    mu = directions()
+    mu[17] *= 1e200
+    with pytest.raises(
+        NotFinite, match="site 13, step 1 of 30, t = 0"
+    ) as caught:  # four edges away
+        lm.integrate(
+            spins(), lm.RKMK(order=4), spins().state(mu=mu), h=0.05, steps=30, compiled=compiled
+        )
+    assert caught.value.trajectory.mu.shape == (1, N, 3)
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        ({"t_eval": [0.01]}, "t_eval"),
+        ({"events": lambda t, state: state.mu[0]}, "events"),
+        ({"breaks": [0.02]}, "breaks"),
+    ],
+)
+def test_what_large_systems_do_not_have(options: Any, what: str) -> None:
+    system = spins(200)
+    with pytest.raises(IncompatibleSystem, match=what):
+        lm.integrate(
+            system, lm.RKMK(order=1), system.state(mu=directions(200)), h=0.05, steps=2, **options
+        )
+
+
+@native
+def test_many_sites() -> None:
+    """A hundred thousand spins: two samples, and no list of as many objects."""
+    n = 100_000
+    system = spins(n)
+    found = lm.integrate(
+        system, lm.RKMK(order=1), system.state(mu=directions(n)), h=0.05, steps=4, every=4
+    )
+    assert found.mu.shape == (2, n, 3)
+    assert np.abs(np.linalg.norm(found.mu[-1], axis=1) - 1.0).max() < 1e-14
+
+
+@native
+def test_workers() -> None:
+    n = 7000
+    system = spins(n)
+    start, way = system.state(mu=directions(n)), {"h": 0.05, "steps": 3, "every": 3}
+    for method in (lm.RKMK(order=2), lm.RKMK(tableau=lm.tableaus.gauss(1))):
+        one, *more = [lm.integrate(system, method, start, workers=w, **way).mu for w in (1, 2, 3)]
+        assert all(np.array_equal(x, one) for x in more)
+    mu = directions(n)
+    mu[5000] *= 1e200
+    with pytest.raises(NotFinite, match="site 4998"):
+        lm.integrate(system, lm.RKMK(order=2), system.state(mu=mu), workers=2, **way)
+
+
+def test_members_and_steps_by_hand(plan: Any, run: Any) -> None:
+    mu = np.stack([directions(), directions()[::-1]])
+    members = plan.run(plan.system.state(mu=mu), steps=20)
+    assert members.mu.shape == (3, 2, N, 3)
+    assert np.array_equal(members.mu[:, 0], run.mu[:3])
+    assert np.array_equal(members.energy[:, 0], run.energy[:3])
+    carry = plan.begin(plan.system.state(mu=directions()))
+    carry = plan.step(plan.step(carry, 4), 6)
+    assert np.array_equal(carry.state.mu, run.mu[1])
+    with pytest.raises(IncompatibleSystem, match=r"plan\.begin"):
+        plan.stepper(plan.system.state(mu=directions()))
+
+
+def test_adaptive_steps_write_a_small_system_out() -> None:
+    """Of 75 numbers, against SciPy; larger ones are refused by name."""
+    n = 25
+    mu = np.random.default_rng(8).normal(size=(n, 3))
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        m = y.reshape(n, 3)
+        xi = -np.roll(m, 1, axis=0) - np.roll(m, -1, axis=0) - [0.0, 0.0, 0.1]
+        return np.cross(m, xi).ravel()
+
+    exact = solve_ivp(rate, (0.0, 1.0), mu.ravel(), method="DOP853", rtol=1e-12, atol=1e-12).y[
+        :, -1
+    ]
+    system = spins(n)
+    run = lm.integrate(
+        system,
+        lm.RKMK(order=5),
+        system.state(mu=mu),
+        t_end=1.0,
+        rtol=1e-8,
+        atol=1e-10,
+        compiled=False,
+    )
+    assert np.abs(run.mu[-1].ravel() - exact).max() < 1e-6
+    with pytest.raises(IncompatibleSystem, match="adaptive steps"):
+        lm.integrate(spins(200), lm.RKMK(order=5), spins(200).state(mu=directions(200)), t_end=1.0)
