@@ -145,7 +145,8 @@ def march_assembly(order: int, lanes: int) -> str:
     """The machine code of steps of a rigid body."""
     body, method = lm.RigidBody([1.0, 1.5, 2.0]), lm.RKMK(order=order)
     start = body.state(mu=np.full(3 if lanes == 1 else (lanes, 3), 0.5))
-    lm.integrate(body, method, start, h=0.1, steps=1, compiled=True)
+    # a plan of its own: one that `integrate` remembers may hold a kernel that `alive` has let go
+    lm.Plan(body, method, h=0.1, compiled=True).run(start, steps=1)
     kinds = layout_of(method), layout_of(body)
     mine = [k for k in kernel.alive() if k.entry is advance and k.kinds[:2] == kinds]
     # momentum alone is shown
