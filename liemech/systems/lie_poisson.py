@@ -84,7 +84,7 @@ class LiePoissonMotion(System):
         """A system of this kind, of one site among many; None if the energy is no sum of terms on a
         power.
         """
-        group, energy = self.group, getattr(self, "hamiltonian", None)
+        group, energy = self.group, getattr(self, "hamiltonian", None)  # type: Any, Any
         many = isinstance(group, PowerGroup) and hasattr(energy, "of_site")
         return kind(group.base, energy.of_site()) if many else None
 
