@@ -75,6 +75,8 @@ class Trajectory:
         for, by the functions of this name that `rest` has.
         """
         known["_rest"] = rest
+        if "dense" not in known and not hasattr(rest, "dense"):
+            known["dense"] = None
         return cls._of(known)
 
     @classmethod
@@ -487,12 +489,13 @@ class _Promised:
             made = own.setdefault(self.name, getattr(rest, self.name)())
         except AttributeError as error:  # which `__getattr__` would hide
             raise RuntimeError(f"Trajectory.{self.name} could not be made") from error
-        if "t" in own and "states" in own and "carry" in own:
+        if own.keys() >= _PROMISED:
             own.pop("_rest", None)
         return made
 
 
-PROMISED = "t", "states", "carry"
+PROMISED = "t", "states", "carry", "dense"
+_PROMISED = {*PROMISED}
 for _name in PROMISED:  # not before: the class would take them for defaults
     setattr(Trajectory, _name, _Promised(_name))
 
