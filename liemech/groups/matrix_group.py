@@ -277,6 +277,26 @@ class MatrixLieGroup(LieGroup):
             "from_form": _constant(from_form / np.outer(u, u) if len(from_form) else from_form),
         }
 
+    # ---------------------------------------------------------------- adaptive steps
+
+    def scale(self, g: Element | None) -> Vec:
+        """For a generator E that shifts coordinates by others of another unit the size of what g has
+        there, |g - 1| over |g E|, as the distance from the origin; 1 for other ones.
+        """
+        if g is None or not any(self.generated.shifts):
+            return super().scale(None)
+        here, found = self._in_core(g), []
+        for unit, blocks in zip(identity_matrix(self.dim), self.generated.shifts):
+            if not blocks:
+                found.append(1.0)
+                continue
+            moved = self._in_core(g @ self.algebra.hat(unit))
+            away, by = (
+                total([abs2(x[i, j]) for j, rows in blocks for i in rows]) for x in (here, moved)
+            )
+            found.append(sqrt(away / by))
+        return vec(*found)
+
     # ---------------------------------------------------------------- membership
 
     def defect(self, g: Ambient) -> float:
