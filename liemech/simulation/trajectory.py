@@ -257,11 +257,12 @@ class Trajectory:
     @property
     def last(self) -> State:
         """The last state, from which a run can be continued: that of the terminal event that ended
-        it, or the last sample; of a run without samples where it stands.
+        it, or the last sample; of a run without samples where it stands.  Of a method that leaves
+        the constraints it is beside them, and no start.
         """
         if self.ended is not None and self.bodies is None:
             states = self.events[self.ended][1]
-            return self._laws.state(**{name: array[-1] for name, array in states.arrays.items()})
+            return self._laws.reached(**{name: array[-1] for name, array in states.arrays.items()})
         if self.observed or not len(self):
             if self.carry is None:
                 raise InvalidInput(
@@ -270,7 +271,7 @@ class Trajectory:
                     "and has not come to its end"
                 )
             return self.carry.state
-        return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
+        return self._laws.reached(**{name: array[-1] for name, array in self.states.items()})
 
     def at(self, t: Any) -> Any:
         """The state at any time of the run, or at many, (m,); between the steps too it is on the
