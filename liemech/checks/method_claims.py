@@ -23,7 +23,7 @@ from ..formulas.vectors import small
 from ..integrators.rkmk import RKMK
 from ..simulation.integrate import integrate
 from ..systems.constrained import ConstrainedSystem
-from ..systems.constrained_body import ConstrainedBody
+from ..systems.constrained_body import BoundBody, ConstrainedBody
 from ..systems.lie_poisson import LiePoissonMotion
 from ..systems.mechanical import MechanicalSystem
 from ..systems.poisson import PoissonSystem
@@ -429,7 +429,7 @@ def kept_brackets(system: Any, start: Any, method: Any) -> Iterator[tuple[str, s
 
 def is_loaded(system: Any) -> bool:
     """Is there a force without a potential, under which the motion itself keeps no bracket?"""
-    body = system.body if isinstance(system, ConstrainedBody) else system
+    body = system.body if isinstance(system, BoundBody) else system
     return isinstance(body, MechanicalSystem) and body.load is not None
 
 

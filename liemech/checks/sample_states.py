@@ -123,7 +123,8 @@ def pace(system: Any, t: float, state: Any) -> float:
 def knows_time(system: Any) -> bool:
     """May the motion depend on the time?"""
     driven = DrivenHamiltonianSystem, DrivenLiePoissonSystem, GroupEquation, HomogeneousEquation
-    return isinstance(system, driven) or getattr(system, "load", None) is not None
+    body = system.body if isinstance(system, BoundBody) else system
+    return isinstance(system, driven) or getattr(body, "load", None) is not None
 
 
 def components(rng: np.random.Generator, n: int, large: float) -> np.ndarray:
