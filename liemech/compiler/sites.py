@@ -17,14 +17,22 @@ from llvmlite import ir
 
 from ..errors import NotCompilable
 from ..formulas import sites as words
-from ..formulas.pytree import Layout, build, carried_layout, is_any_number, layout_of, leaves
+from ..formulas.pytree import (
+    Layout,
+    as_others_see,
+    build,
+    carried_layout,
+    is_any_number,
+    layout_of,
+    leaves,
+)
 from ..formulas.sites import TOGETHER, Meeting, SiteArray, SiteTable
 from ..formulas.vectors import Vec
 from . import planes as driver
 from .arrays import vector
 from .barriers import GIVEN_UP, barrier
 from .buffers import SiteRows, unchanged
-from .fission import Pass, divided
+from .fission import CHEAP, Pass, divided
 from .ir_numbers import F64, I32, I64, Num
 from .joins import Open, come_from
 
@@ -39,7 +47,7 @@ class Over:
     passes : the loops that it has become so far.  sites : the rows of the driver.  region : the
     branches and loops around it.  again : instructions that load what does not change, and may do
     so in any pass.  came : by the registers of a number, the row of the sites that it was loaded
-    from.  published : numbers of the largest value published.  attempts : around it.  where :
+    from.  published : numbers of the largest value published.  met : the last of these values.  attempts : around it.  where :
     a place for the first site that has failed.  range : of the sites that move while others rest;
     None: all of them move.  loops : the first and the last pass of loops around passes.
     """
@@ -53,6 +61,7 @@ class Over:
     again: set[ir.Value] = dataclasses.field(default_factory=set)
     came: dict[Any, Any] = dataclasses.field(default_factory=dict)
     published: int = 0
+    met: Published | None = None
     where: Any = None
     saved: bool = False
 
@@ -61,12 +70,46 @@ class Over:
 class Published:
     """The rows where the numbers of a published value lie.
 
-    meeting : how many passes there were then; None if the rows stay as they are.
+    meeting : how many passes there were then; None if the rows stay as they are.  numbers : what was
+    published.  gathered : what this site has found already, by the table and the entry.
     """
 
     layout: Layout
     rows: list[tuple[SiteRows, Any]]
     meeting: int | None
+    numbers: list[Any] = dataclasses.field(default_factory=list)
+    gathered: dict[Any, Any] = dataclasses.field(default_factory=dict)
+
+
+def alike(some: list[Any], others: list[Any]) -> bool:
+    """Do numbers come from the same instructions?"""
+    known: set[tuple[ir.Value, ir.Value]] = set()
+    return all(
+        x is y
+        or (
+            isinstance(x, Num)
+            and isinstance(y, Num)
+            and len(x.values) == len(y.values)
+            and all(_alike(a, b, known) for a, b in zip(x.values, y.values))
+        )
+        for x, y in zip(some, others, strict=True)
+    )
+
+
+def _alike(x: ir.Value, y: ir.Value, known: set[tuple[ir.Value, ir.Value]]) -> bool:
+    if x is y or (x, y) in known:
+        return True
+    if not isinstance(x, ir.Instruction) or type(x) is not type(y):
+        return isinstance(x, ir.Constant) and str(x) == str(y)
+    pure = x.opname in (*CHEAP, "fdiv", "fcmp", "select") or (
+        x.opname == "call" and x.callee is y.callee and x.callee.name.startswith("llvm.")
+    )
+    if not pure or any(getattr(x, n, None) != getattr(y, n, None) for n in ("opname", "op", "flags")):
+        return False
+    if not all(_alike(a, b, known) for a, b in zip(x.operands, y.operands, strict=True)):
+        return False
+    known.add((x, y))
+    return True
 
 
 class SiteLoops:
@@ -235,10 +278,19 @@ class SiteLoops:
     # -------------------------------------------------------------- the words of formulas
 
     def meet(self, value: Any) -> Meeting:
-        """Publish a value: in rows of its own, unless it lies in rows that stay as they are."""
-        over, value = self._meeting("meet"), vector(value)
+        """Publish a value: in rows of its own, unless it lies in rows that stay as they are, or was
+        published last.
+        """
+        over, value = self._meeting("meet"), vector(as_others_see(value))
         layout = carried_layout(value)
         numbers = leaves(value, layout)
+        last = over.met
+        if (
+            last is not None
+            and (last.meeting, last.layout) == (len(over.passes), layout)
+            and alike(last.numbers, numbers)
+        ):
+            return Meeting(last, None)
         came: list[Any] = [over.came.get(x.values) if isinstance(x, Num) else None for x in numbers]
         if numbers and all(came):
             return Meeting(Published(layout, came, None), None)
@@ -249,7 +301,8 @@ class SiteLoops:
         )
         self._pass_on()
         self._open()
-        return Meeting(Published(layout, rows, len(over.passes)), None)
+        over.met = Published(layout, rows, len(over.passes), numbers)
+        return Meeting(over.met, None)
 
     def _publish(self, over: Over, numbers: list[Any]) -> list[tuple[SiteRows, Any]]:
         """Store numbers where others find them; the rows of two meetings in turn are others."""
@@ -260,9 +313,17 @@ class SiteLoops:
         return [(self.scratch, 2 * k + turn) for k in range(len(numbers))]
 
     def of(self, meeting: Meeting, table: SiteTable, d: Any) -> Any:
-        """What a neighbour has published, gathered lane by lane."""
-        which = self._entries(table, d, "i")
-        return self._published(meeting, lambda rows: self._gathered(rows, which))
+        """What a neighbour has published, gathered lane by lane, once."""
+        gathered, t = meeting.published.gathered, self.t
+        lasts = type(d) is int and t.state.region == self._over("Meeting").region
+        key = t.emitter.cast(table.entries.place, "f", False)[0], d
+        if not (lasts and key in gathered):
+            which = self._entries(table, d, "i")
+            found = self._published(meeting, lambda rows: self._gathered(rows, which))
+            if not lasts:
+                return found
+            gathered[key] = found
+        return gathered[key]
 
     def at(self, meeting: Meeting, j: Any) -> Any:
         """What one site has published, for all that ask."""

@@ -241,6 +241,11 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
 
+    @property
+    def coupled(self) -> bool:  # type: ignore[override]
+        """Is there a term of several sites?"""
+        return not all([role.alone for role in self.roles])  # noqa: C419
+
     def energy(self, mu: Vec) -> float:
         """The share of this site.  mu : (dim,), its momentum."""
         return self.share(mu, None)
