@@ -68,7 +68,7 @@ METHODS: tuple[Any, ...] = (
 def test_bits(method: Any) -> None:
     """Those of plain Python, of 1, 8 and 16 lanes, and of two workers."""
     system, s = spins(), directions(N)
-    site = system.of_site()
+    site = system.site_form
     plain = run(method, site, s, None, 0.1, 2, 0)
     for lanes in (1, 8, 16) if method == METHODS[0] else (8,):
         assert np.array_equal(run(method, site, s, None, 0.1, 2, lanes), plain), lanes
