@@ -263,7 +263,13 @@ def _serves(place: Place) -> bool:
         return False
 
 
-FACTORS = ("turned back", -1.0), ("larger", 5.0), ("smaller", 0.2), ("much larger", 40.0)
+FACTORS = (
+    ("turned back", -1.0),
+    ("larger", 5.0),
+    ("smaller", 0.2),
+    ("much larger", 40.0),
+    ("much larger, turned", -40.0),
+)
 """Names of other starts, and the factors of the components of the start."""
 
 
