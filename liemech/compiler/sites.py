@@ -104,7 +104,9 @@ def _alike(x: ir.Value, y: ir.Value, known: set[tuple[ir.Value, ir.Value]]) -> b
     pure = x.opname in (*CHEAP, "fdiv", "fcmp", "select") or (
         x.opname == "call" and x.callee is y.callee and x.callee.name.startswith("llvm.")
     )
-    if not pure or any(getattr(x, n, None) != getattr(y, n, None) for n in ("opname", "op", "flags")):
+    if not pure or any(
+        getattr(x, n, None) != getattr(y, n, None) for n in ("opname", "op", "flags")
+    ):
         return False
     if not all(_alike(a, b, known) for a, b in zip(x.operands, y.operands, strict=True)):
         return False
