@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scenes import slope
 from scipy.integrate import solve_ivp
+from terms_of_spins import Chiral, Exchange, Twist, Zeeman
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput, InvalidType
@@ -18,24 +19,6 @@ from liemech.systems.colouring import Places, colours_of, colours_of_bonds, colo
 from liemech.tableaus.splittings import BLANES_MOAN4, STRANG, SYMPLECTIC_EULER
 
 near = lm.neighbours
-
-
-@lm.record
-class Exchange(lm.Term):
-    J: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return -self.J * lm.dot(a.mu, b.mu)
-
-
-@lm.record
-class Twist(lm.Term):
-    """Of Dzyaloshinskii and Moriya."""
-
-    D: lm.Vec
-
-    def energy(self, a: Any, b: Any) -> float:
-        return lm.dot(self.D, lm.cross(a.mu, b.mu))
 
 
 @lm.record
@@ -54,22 +37,6 @@ class Unequal(lm.Term):
 
     def energy(self, a: Any, b: Any) -> float:
         return self.K * (a.size - 2.0 * b.size) * lm.dot(a.mu, b.mu)
-
-
-@lm.record
-class Chiral(lm.Term):
-    K: float
-
-    def energy(self, a: Any, b: Any, c: Any) -> float:
-        return self.K * lm.dot(a.mu, lm.cross(b.mu, c.mu))
-
-
-@lm.record
-class Zeeman(lm.Term):
-    B: lm.Vec
-
-    def energy(self, a: Any) -> float:
-        return -lm.dot(self.B, a.mu)
 
 
 @lm.record
