@@ -12,7 +12,7 @@ import numpy as np
 from ..compiler.planes import Planes
 from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable
 from ..formulas.pytree import layout_of
-from ..integrators.sublattices import SublatticeSplitting, TermSplitting
+from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import StateOfSites
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
@@ -69,9 +69,6 @@ class SitesOfPlan:
             return f"{next(iter(plan.of_each))} of each member"
         if plan._steps.breaks:
             return "breaks"
-        method = plan._steps.way_of(0)
-        if isinstance(method, TermSplitting) and not isinstance(method, SublatticeSplitting):
-            return repr(method)
         return next((name for name, value in asked.items() if value is not None), None)
 
     def takes(self, start: Any) -> bool:
@@ -107,7 +104,7 @@ class SitesOfPlan:
         if why is None:
             before, zero = (start.step, start.t0) if isinstance(start, SiteCarry) else (0, t0)
             count = self.plan._count(steps, t_end, zero, before)
-            by_colour = isinstance(self.plan._steps.way_of(0), SublatticeSplitting)
+            by_colour = isinstance(self.plan._steps.way_of(0), TermSplitting)
             kind = TurnsRun if by_colour else SiteRun
             try:
                 return kind(self.plan, self.site, start, count, t0, kept).trajectory()

@@ -108,7 +108,19 @@ class RoleAtSite(Record):
         if part.in_rounds:
             near = with_fields(part.graph, count=None) if isinstance(part.graph, Within) else None
             return cls(part.term, role, True, False, near=near)
-        incidence = part.incidence(role)
+        fixed = isinstance(part.graph, Lattice)
+        return cls.of_incidence(part, role, part.incidence(role), alone, fixed)
+
+    @classmethod
+    def of_incidence(
+        cls,
+        part: BoundTerm,
+        role: int,
+        incidence: Incidence,
+        alone: bool = False,
+        fixed: bool = True,
+    ) -> RoleAtSite:
+        """That of a term with these edges at each site.  fixed : is their number known to formulas?"""
         edges = incidence.edges
 
         def of_edges(each: Each) -> EachOfEdges:
@@ -118,7 +130,6 @@ class RoleAtSite(Record):
             )
 
         term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
-        fixed = isinstance(part.graph, Lattice)
         made = cls(term, role, part.merged, alone)
         return made if alone else made.with_tables(incidence, fixed)
 
@@ -191,12 +202,9 @@ class TermsOfSite(Record):
         """A site of which nothing is known."""
         return site_class(self.names)()
 
-    def added(
-        self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any, first: bool = False
-    ) -> Any:
-        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
-        role by role; of_both(term, sites) is of both sites of a pair.  first : of the edges where it
-        is the first of the sites.
+    def met(self, mu: Any, g: Any = None, xi: Any = None) -> tuple[Any, Any, Any]:
+        """This site, the meeting with the others (None if it is alone), and what makes of what a site
+        publishes there what terms see of it.
         """
         own = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
         me = type(self.site)(mu, g, xi, *own)
@@ -211,6 +219,16 @@ class TermsOfSite(Record):
             ]
             return type(self.site)(published.mu, published.g, published.xi, *theirs)
 
+        return me, meeting, seen
+
+    def added(
+        self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any, first: bool = False
+    ) -> Any:
+        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
+        role by role; of_both(term, sites) is of both sites of a pair.  first : of the edges where it
+        is the first of the sites.
+        """
+        me, meeting, seen = self.met(mu, g, xi)
         for one in [role for role in self.roles if not first or role.role == 0]:
             total = one.added(
                 total,

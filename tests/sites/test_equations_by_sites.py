@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from hand_made import run
+from terms_of_spins import Exchange
 from test_sublattices import directions, exact, poisson
 
 import liemech as lm
@@ -19,14 +20,6 @@ near = lm.neighbours
 native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
 N = 17
 """Sites beyond which nothing is written out."""
-
-
-@lm.record
-class Exchange(lm.Term):
-    J: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return -self.J * lm.dot(a.mu, b.mu)
 
 
 @lm.record
