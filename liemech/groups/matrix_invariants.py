@@ -4,15 +4,15 @@ elements from other matrices.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ..formulas.frozen import frozen
 from .matrix_basis import MatrixBasis, clean, real_parts
 
 
-@dataclass(frozen=True)
+@frozen
 class Invariants:
     """The laws g v = v, w^T g = w^T, g A = A g, g^T B g = B, g^H B g = B, g C g^T = C, g C g^H = C,
     det g = 1 or |det g| = 1.
