@@ -23,6 +23,7 @@ from .complex_numbers import Complex
 from .double_double import DoubleDouble, rounded_number
 from .dual import ALONE, Dual
 from .fields import FrozenDict
+from .frozen import frozen
 from .numbers import StandIn
 from .records import Record
 from .tables import Table
@@ -34,7 +35,7 @@ PAIRS = (Complex, Dual, Compensated, DoubleDouble)
 _COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of such numbers
 
 
-@dataclasses.dataclass(frozen=True)
+@frozen
 class Layout:
     """The structure of a value: `kind` is number, integer, truth, pair, vec, mat, tuple, list,
     record, table or static.

@@ -4,7 +4,6 @@ constants.
 
 from __future__ import annotations
 
-import hashlib
 from functools import cached_property
 from typing import Any
 
@@ -401,6 +400,8 @@ def basis_of(generators: Any, name: str) -> MatrixBasis:
         ) from None
     if array.dtype == object or array.nbytes > 2**22:
         return MatrixBasis(array, name)
+    import hashlib
+
     key = name, array.dtype.str, array.shape, hashlib.sha256(array.tobytes()).digest()
     if key not in _known:
         _known[key] = MatrixBasis(array, name)

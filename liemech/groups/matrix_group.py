@@ -4,7 +4,6 @@ NumPy for large ones.
 
 from __future__ import annotations
 
-import hashlib
 from functools import cached_property
 from typing import Any
 
@@ -417,6 +416,8 @@ class Matrices:
     """Generators as one constant of native code: two of them are the same if all their entries are."""
 
     def __init__(self, array: np.ndarray) -> None:
+        import hashlib
+
         self.array = array
         self.digest = hashlib.sha256(array.tobytes()).hexdigest()
 

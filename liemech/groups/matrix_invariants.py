@@ -4,19 +4,20 @@ elements from other matrices.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations_with_replacement, permutations
 from typing import Any
 
 import numpy as np
 
+from ..formulas.frozen import frozen
 from .matrix_basis import MatrixBasis, clean, real_parts
 
 CUBIC = 8
 """Up to so many rows invariant cubic forms are looked for."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Invariants:
     """The laws g v = v, w^T g = w^T, g A = A g, g^T B g = B, g^H B g = B, g C g^T = C, g C g^H = C,
     T(g x, g y, g z) = T(x, y, z), det g = 1, |det g| = 1 or det g > 0, and g v = s v, s > 0.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from ..compiler import kernel
 from ..compiler.driver import attempt, read
 from ..errors import InvalidInput
+from ..formulas.frozen import frozen
 from ..formulas.pytree import NUMBER, layout_of, rounded
 from ..systems.system import state_of
 from .control import landed
@@ -61,7 +61,7 @@ def arrivals(
     return evaluated(arrive, arguments, given, reached.width, wanted, what, body)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class FictiveMotion(Between):
     """The motion between the samples of a run: from the last one before, steps of the method, the
     last of them shorter.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from ..compiler import kernel
 from ..compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
 from ..formulas import Vec, horner, real_array, where
+from ..formulas.frozen import frozen
 from ..formulas.pytree import NUMBER, build, layout_of, leaves, rounded
 from .execution import COLUMNS, Execution, numbers_of
 
@@ -127,7 +127,7 @@ class Between:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class DenseOutput(Between):
     """The motion as a continuous function of time: in every step a polynomial in the algebra,
     carried to the group.
@@ -183,7 +183,7 @@ def way_layout(example: Any, dim: int, terms: int) -> Any:
     return layout_of((example, (Vec(*[0.0] * dim),) * terms, 0.0))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class ShortSteps(Between):
     """The motion between fixed steps: from the last end of a step, a shorter step of the
     method itself.

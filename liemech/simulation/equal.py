@@ -4,6 +4,7 @@ way, with ends, times or events of their own.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import os
 import time
@@ -605,9 +606,10 @@ class StraightRun(EqualRun):
             self.here[1:].copy(), bodies=self.count,
         )  # fmt: skip
         if failed.any():
-            made.taken = np.where(failed & (taken == step), -1.0, taken)
             stopped = {int(i): self.failures.get(int(i)) for i in np.flatnonzero(failed)}
-            made.failures = {i: told[-1] if told else None for i, told in stopped.items()}
+            failures = {i: told[-1] if told else None for i, told in stopped.items()}
+            given = np.where(failed & (taken == step), -1.0, taken)
+            made = dataclasses.replace(made, taken=given, failures=failures)
         vars(made)["state"] = state
         return made
 

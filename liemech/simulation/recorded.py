@@ -21,6 +21,7 @@ from ..errors import (
     is_mistake,
 )
 from ..formulas import Record
+from ..formulas.frozen import frozen
 from ..formulas.pytree import layout_of
 from ..formulas.vectors import small
 from ..systems.system import State
@@ -35,7 +36,7 @@ PLAIN = ("number", "vec", "mat")
 """What a function may give."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Recorder:
     """What is kept of each sample: parts of the state, and quantities by name.
 

@@ -5,7 +5,7 @@ same steps.
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +15,7 @@ from ..compiler.driver import attempt, read
 from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import Record, Vec, derivative, record
 from ..formulas.dual import Dual
+from ..formulas.frozen import frozen
 from ..formulas.pytree import (
     NUMBER,
     Layout,
@@ -50,7 +51,7 @@ LEVEL = 0.5
 # ------------------------------------------------------------------ directions
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Directions:
     """The directions in which a motion is differentiated.
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..compiler import kernel
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import InvalidInput, InvalidType, StepTooSmall, failure, is_mistake
+from ..formulas.frozen import frozen
 from ..formulas.pytree import build, layout_of
 from ..formulas.vectors import Vec
 from ..integrators.ending_at_jumps import MARGIN, jumps_between, same
@@ -40,7 +41,7 @@ from .run import Run
 from .systems import OfBodies
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class AdaptiveSteps:
     """Adaptive steps: what a plan was told of them.  h : the first step, None to find it;
     longest : the longest one.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Record
+from ..formulas.frozen import frozen
 from ..formulas.pytree import fields_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..systems.system import State, System, small_state
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from ..viewer import Scene
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen(eq=False, repr=False)
 class Trajectory:
     """Samples of a motion, and the quantities that should stay constant along it.
 
@@ -501,7 +502,7 @@ for _name in PROMISED:  # not before: the class would take them for defaults
     setattr(Trajectory, _name, _Promised(_name))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen(eq=False, repr=False)
 class TransformedTrajectory(Trajectory):
     """Samples of a run in fictive time.
 
@@ -585,7 +586,7 @@ class TransformedTrajectory(Trajectory):
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen(eq=False, repr=False)
 class TangentTrajectory(Trajectory):
     """Samples of a motion, and its derivative.
 
