@@ -36,6 +36,7 @@ from .dense import evaluated, flat, told, unpacked
 from .equal import StraightRun
 from .execution import like
 from .fictive import Origin
+from .joined import beside
 from .prepared import Steps, times
 from .stopped import Stopped
 from .systems import Methods, Systems
@@ -378,30 +379,10 @@ def dual_of(thing: Any, slopes: Any = None) -> Any:
 
 
 def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
-    """The runs of all bodies as one; one that has less samples shows its last one again."""
-    n = max(map(len, runs))
-
-    def together(arrays: list[Any]) -> np.ndarray:
-        again = [np.concatenate([x, np.repeat(x[-1:], n - len(x), axis=0)]) for x in arrays]
-        return np.stack(again, axis=1)
-
-    def clock(arrays: list[Any]) -> Any:
-        times = together(arrays)
-        return times[:, 0] if (times == times[:, :1]).all() else times
-
-    first, adaptive = runs[0], runs[0].rejected is not None
-    alone = all(run.system is first.system for run in runs)
-    system: Any = first.system if alone else Systems(tuple([run.system for run in runs]))
-    own = [run.h for run in runs]
-    h = float(np.mean(own)) if adaptive else own[0] if len(set(own)) == 1 else np.array(own)
-    return TangentTrajectory(
-        system, method, h, clock([run.t for run in runs]),
-        {name: together([run.states[name] for run in runs]) for name in first.states}, len(runs),
-        max(run.steps for run in runs), all(run.compiled for run in runs),
-        rejected=None if first.rejected is None else sum(run.rejected or 0 for run in runs),
-        tangent={name: together([run.tangent[name] for run in runs]) for name in first.tangent},
-        tau=None if first.tau is None else clock([run.tau for run in runs]),
-    )  # fmt: skip
+    """The runs of all bodies as one."""
+    alone = all(run.system is runs[0].system for run in runs)
+    system: Any = runs[0].system if alone else Systems(tuple([run.system for run in runs]))
+    return TangentTrajectory(system, method, **beside(runs))
 
 
 def frame(system: Any, name: str, part: Any) -> Any:
