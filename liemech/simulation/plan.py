@@ -711,7 +711,7 @@ class Plan:
                     "held fixed"
                 )
             run = self._in_pieces(start, t0, steps, t_end, None, None)
-            return adaptive_tangent_run(self._steps, run, self._steps.begun(run.t), start, names)
+            return adaptive_tangent_run(self, run, start, names)
         if self.fictive:
             if t_end is not None or steps is None:
                 raise InvalidInput(

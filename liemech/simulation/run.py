@@ -16,7 +16,7 @@ from ..systems.system import member
 from . import arguments
 from .carry import Carries, Ended, Waiting
 from .control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME, go_on
-from .dense import unpacked
+from .dense import Between, unpacked
 from .events import NO_EVENTS, Events
 from .execution import LOOK
 from .keep import At, Every, Piece
@@ -120,13 +120,18 @@ class Run:
             return [At(self, self.asked)]
         return [Every(self, self.way.every)]
 
+    @property
+    def between(self) -> Between:
+        """The motion inside of steps."""
+        raise NotImplementedError
+
     def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Rows of numbers from which `moved` finds states at times inside of steps."""
-        raise NotImplementedError
+        return self.between.given(piece.rows(step, before=True), piece.rows(step), times)
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
         """The numbers of these states."""
-        raise NotImplementedError
+        return self.between.moved(given, times, body)
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
         """Let the step of a row end inside: at this time, in this state."""

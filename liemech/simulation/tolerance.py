@@ -33,9 +33,9 @@ from .control import (
     go_on,
     noted,
 )
-from .dense import DenseOutput, along, evaluated, flat, packed, way_layout
+from .dense import DenseOutput, flat, packed
 from .execution import like
-from .keep import At, Dense, Every, Piece
+from .keep import At, Dense, Every
 from .lanes import Lanes
 from .run import Run
 from .systems import OfBodies
@@ -242,26 +242,15 @@ class ToleranceRun(Run):
 
     # ---------------------------------------------------------------- between steps
 
-    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        width, rows = self.lanes.state.width, piece.rows(step)
-        given = np.empty((len(step), rows.shape[1]))
-        given[:, :width] = piece.rows(step, before=True)[:, 1 : 1 + width]
-        given[:, width:-1] = rows[:, 1 + width :]
-        given[:, -1] = (times - piece.a[step]) / (piece.b[step] - piece.a[step])
-        return given
-
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
-        point, (system, method) = self.lanes.state, self.of(0)
-        dim = system.group.dim
-        row = way_layout(self.lanes.example, dim, (given.shape[1] - 1 - point.width) // dim)
-        several = self.lanes.arguments[1]
+    @functools.cached_property
+    def between(self) -> DenseOutput:
+        several, method = self.lanes.arguments[1], self.of(0)[1]
         retraction = method.retraction
         if isinstance(self.plan.method, OfBodies) and layout_of(retraction).width:
             made = [one.retraction for one in self.plan.method]
             retraction = kernel.Several.of(made, len(made))
-        what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
-        arguments = retraction, several, row
-        return evaluated(along, arguments, given, point.width, self.asked_for, what, body)
+        given = self.lanes.example, None, method.dense_order, self.asked_for
+        return DenseOutput(several, retraction, *given)
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
         width = self.lanes.state.width

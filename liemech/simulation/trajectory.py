@@ -303,7 +303,8 @@ class Trajectory:
         example = system.state(**{name: x[0] for name, x in self.states.items()})
         method = ending_at_jumps(self.method, self.system, self.breaks)
         states = {name: self.states[name] for name in example.arrays}  # as in the state
-        return ShortSteps(system, method, example, self.t, flat(states, len(self.t)))
+        rows = np.column_stack([self.t, flat(states, len(self.t))])
+        return ShortSteps(system, method, example, rows)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum;
@@ -565,9 +566,8 @@ class TransformedTrajectory(Trajectory):
             # what both share lies inside of a step: no place to step from
             inside = rest.dense.begun is not None
             first, end = int(inside or dense.t[-1] == rest.dense.t[0]), len(dense.t) - inside
-            t = np.concatenate([dense.t[:end], rest.dense.t[first:]])
-            points = np.concatenate([dense.points[:end], rest.dense.points[first:]])
-            dense = replace(dense, t=t, points=points) if end else rest.dense
+            rows = np.concatenate([dense.rows[:end], rest.dense.rows[first:]])
+            dense = replace(dense, rows=rows) if end else rest.dense
         return {
             "dense": dense,
             "tau": _both(self.tau, rest.tau[again:], self.bodies),
