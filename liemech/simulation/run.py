@@ -266,6 +266,8 @@ class Run:
         except (Exception, KeyboardInterrupt) as error:
             raise self._stopped(error) from error.__cause__
         self.tell(made.stopped)
+        if self.events:
+            self.events.tell()
         return made
 
     def tell(self, stopped: Any) -> None:

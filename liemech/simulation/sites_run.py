@@ -347,6 +347,7 @@ class SiteRun:
             try:
                 again(i)
             except TooManySites:
+                first = -1
                 break
             except Exception as error:
                 return error

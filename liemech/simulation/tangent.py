@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler.driver import attempt, read
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType
+from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import Record, Vec, derivative, record
 from ..formulas.dual import Dual
 from ..formulas.pytree import (
@@ -25,10 +25,11 @@ from ..formulas.pytree import (
 )
 from ..formulas.tables import Table, entry
 from ..formulas.vectors import small
-from ..integrators.ending_at_jumps import cuts
+from ..integrators.ending_at_jumps import cuts, sees_powers
 from ..integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..integrators.method import Method, Wrapping
+from ..integrators.taylor import Taylor
 from ..systems.clocked import Clocked
 from ..systems.system import State
 from .control import TAKEN
@@ -171,9 +172,10 @@ def with_step(method: Any, h: float, t0: float) -> Any:
 
 def expands(method: Any) -> bool:
     """Is a method, or one that it is made of, a power series in its step?"""
-    own = isinstance(method, (FirstKindHamiltonJacobi, LiePoissonHamiltonJacobi))
+    kinds = FirstKindHamiltonJacobi, LiePoissonHamiltonJacobi
+    own = isinstance(method, Taylor) or (isinstance(method, kinds) and method.order > 2)
     inner = [x for x in fields_of(method).values() if isinstance(x, Method)]
-    return (own and method.order > 2) or any(map(expands, inner))
+    return own or any(map(expands, inner))
 
 
 def frames_of(system: Any, start: Any) -> dict[str, Any]:
@@ -230,11 +232,11 @@ def carried_along(
     try:
         run = _Run(plan, start, found, steps, t0)
         made = run.trajectory()
-    except (InvalidType, AttributeError) as error:
-        if "series" in str(error) or "Dual" in str(error):
+    except (TypeError, AttributeError) as error:
+        if sees_powers(plan.method) or "series" in str(error) or "Dual" in str(error):
             raise IncompatibleSystem(
                 f"Plan.tangent: {plan.method!r} computes with power series or keeps numbers that "
-                "cannot carry a derivative"
+                "cannot carry a derivative; differences of runs tell it"
             ) from None
         raise
     n, values, slopes = run.halves()

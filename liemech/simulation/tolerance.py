@@ -33,6 +33,7 @@ from .control import (
     noted,
 )
 from .dense import DenseOutput, flat, packed
+from .execution import like
 from .keep import At, Dense, Every
 from .lanes import Lanes
 from .run import Run
@@ -63,17 +64,19 @@ class AdaptiveSteps:
 
     def of_system(self, system: Any) -> AdaptiveSteps:
         """These steps for a system of the same layout; layouts and native code are shared."""
-        return dataclasses.replace(
-            self,
-            system=system,
-            shapes={
-                k: s.of_system(system) for k, s in [*self.shapes.items()] if isinstance(s, Lanes)
-            },
-        )
+        lanes = [(k, s) for k, s in [*self.shapes.items()] if isinstance(s, Lanes)]
+        shapes = {k: s.of_system(system) for k, s in lanes}
+        other: AdaptiveSteps = like(self, system=system, shapes=shapes)
+        return other
 
     def first(self, t0: float, t_end: float) -> float:
         """The first step, signed; zero if it is to be found."""
         return 0.0 if self.h is None else math.copysign(self.h, t_end - t0)
+
+    @functools.cached_property
+    def smooth(self) -> bool:
+        """Does the velocity never jump?"""
+        return not (self.breaks or has_inputs(self.system))
 
     def jumps(self, t0: float, t_end: float) -> tuple[float, ...]:
         """The times at which the velocity jumps: those that a user has named, and those of tables."""

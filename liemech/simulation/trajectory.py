@@ -75,6 +75,8 @@ class Trajectory:
         for, by the functions of this name that `rest` has.
         """
         known["_rest"] = rest
+        if "dense" not in known and not hasattr(rest, "dense"):
+            known["dense"] = None
         return cls._of(known)
 
     @classmethod
@@ -255,11 +257,12 @@ class Trajectory:
     @property
     def last(self) -> State:
         """The last state, from which a run can be continued: that of the terminal event that ended
-        it, or the last sample; of a run without samples where it stands.
+        it, or the last sample; of a run without samples where it stands.  Of a method that leaves
+        the constraints it is beside them, and no start.
         """
         if self.ended is not None and self.bodies is None:
             states = self.events[self.ended][1]
-            return self._laws.state(**{name: array[-1] for name, array in states.arrays.items()})
+            return self._laws.reached(**{name: array[-1] for name, array in states.arrays.items()})
         if self.observed or not len(self):
             if self.carry is None:
                 raise InvalidInput(
@@ -268,7 +271,7 @@ class Trajectory:
                     "and has not come to its end"
                 )
             return self.carry.state
-        return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
+        return self._laws.reached(**{name: array[-1] for name, array in self.states.items()})
 
     def at(self, t: Any) -> Any:
         """The state at any time of the run, or at many, (m,); between the steps too it is on the
@@ -488,12 +491,13 @@ class _Promised:
             made = own.setdefault(self.name, getattr(rest, self.name)())
         except AttributeError as error:  # which `__getattr__` would hide
             raise RuntimeError(f"Trajectory.{self.name} could not be made") from error
-        if "t" in own and "states" in own and "carry" in own:
+        if own.keys() >= _PROMISED:
             own.pop("_rest", None)
         return made
 
 
-PROMISED = "t", "states", "carry"
+PROMISED = "t", "states", "carry", "dense"
+_PROMISED = {*PROMISED}
 for _name in PROMISED:  # not before: the class would take them for defaults
     setattr(Trajectory, _name, _Promised(_name))
 

@@ -62,13 +62,20 @@ class NearPairs(Term):
         return where(s > 0.0, s * self.term.energy(a, there), 0.0)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """The force on site number k: s times that of the term, and what the switch adds."""
+        """The force on site number k."""
+        return self.forces(group, *sites)[k]
+
+    def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
+        """The forces on both sites: s times those of the term, and what the switch adds."""
         first, second = sites
         ends = (first, self.image(first, second))
-        apart = place(self.group, ends[k].g) - place(self.group, ends[1 - k].g)
+        apart = place(self.group, ends[0].g) - place(self.group, ends[1].g)
         x = self.depth(apart)
         s = self.switch(x)
         steep = where(x > 0.0, where(x < 1.0, 140.0 * (x * (1.0 - x)) ** 3, 0.0), 0.0)
         push = (2.0 * steep * self.term.energy(*ends) / self.layer) * apart
-        force = s * self.term.force(group, k, *ends) + seen_from(self.group, ends[k].g, push)
-        return vec(*[where(s > 0.0, c, 0.0) for c in force])
+        found = []
+        for end, force, pushed in zip(ends, self.term.forces(group, *ends), (push, -push)):
+            whole = s * force + seen_from(self.group, end.g, pushed)
+            found.append(vec(*[where(s > 0.0, c, 0.0) for c in whole]))
+        return tuple(found)
