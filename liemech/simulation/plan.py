@@ -259,12 +259,11 @@ class Plan:
             first = first_of(start)
             wanted = arguments.with_parts(sites.site, first, self._needed(sites.site, first)).arrays
             start = type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
-        asked = {"t_eval": t_eval}
         if path is None:
-            made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, **asked)
+            made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
             return made
         with self._kept(path, seconds) as kept:
-            made = sites.trajectory(start, steps, t_end, t0, kept, **asked)
+            made = sites.trajectory(start, steps, t_end, t0, kept, t_eval)
         return made
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
@@ -522,7 +521,7 @@ class Plan:
         if isinstance(getattr(run, "carry", None), SiteCarry):
             carry = self._of_this_plan(run, "resume")
             made = None if self._sites is None else self._sites.trajectory(
-                carry, steps, t_end, 0.0, kept, t_eval=t_eval
+                carry, steps, t_end, 0.0, kept, t_eval
             )  # fmt: skip
             if made is not None:
                 return made
@@ -641,7 +640,7 @@ class Plan:
                     "a plan of what it was made with"
                 )
         wanted: Any = AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
-        wanted = (Carry, SiteCarry) if wanted is Carry else wanted
+        wanted = wanted if self.fictive else (wanted, SiteCarry)
         several = isinstance(carry, Carries)
         for body, one in enumerate(carry.members if several else (carry,)):
             if isinstance(one, (Waiting, Ended)):

@@ -36,13 +36,15 @@ class SitesOfPlan:
         site = plan._one.of_site()
         return None if site is None else cls(plan, with_lists(plan._one, site))
 
-    def prepared(self, start: StateOfSites, starts: Planes) -> Any:
-        """Layouts and native code for starts like this one."""
-        from .sites_run import Prepared
+    def prepared(self, start: StateOfSites, starts: Planes, curves: bool) -> Any:
+        """Layouts and native code for starts like this one.  curves : is the way of adaptive steps
+        needed?
+        """
+        from .sites_prepared import Prepared
 
-        key = layout_of(first_of(start))
+        key = layout_of(first_of(start)), curves
         if key not in self.known:
-            self.known[key] = Prepared(self.plan, self.site, start, starts)
+            self.known[key] = Prepared(self.plan, self.site, start, starts, curves)
         return self.known[key]
 
     # ---------------------------------------------------------------- which runs
@@ -56,23 +58,28 @@ class SitesOfPlan:
             return False
         return True
 
-    def missing(self, **asked: Any) -> str | None:
+    def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
         """What is asked for that runs by sites do not have yet; None if nothing is."""
-        plan = self.plan
-        if plan.adaptive:
-            return "adaptive steps (give h and steps)"
+        plan, steps = self.plan, self.plan._steps
         if plan.fictive:
             return "steps in fictive time"
-        if plan.events:
-            return "events"
         if plan.of_each:
             return f"{next(iter(plan.of_each))} of each member"
-        if plan._steps.breaks:
-            return "breaks"
-        method = plan._steps.way_of(0)
-        if isinstance(method, TermSplitting) and not isinstance(method, SublatticeSplitting):
-            return repr(method)
-        return next((name for name, value in asked.items() if value is not None), None)
+        if members and kept is not None:
+            return "checkpoint of members"
+        if plan.adaptive:
+            return f"adaptive {steps.method!r}" if steps.method.shortens else None
+        if steps.breaks:
+            return "breaks of fixed steps (adaptive ones end there)"
+        method = steps.way_of(0)
+        if isinstance(method, TermSplitting):
+            asked = {"events": plan.events or None, "t_eval": t_eval}
+            if not isinstance(method, SublatticeSplitting):
+                return repr(method)
+            return next(
+                (f"{x} of {method!r}" for x, value in asked.items() if value is not None), None
+            )
+        return None
 
     def takes(self, start: Any) -> bool:
         """Does a run from here go by sites?"""
@@ -84,7 +91,7 @@ class SitesOfPlan:
         return numbers > self.plan._one.small or not self.as_one_body
 
     def trajectory(
-        self, start: Any, steps: int | None, t_end: Any, t0: float, kept: Any, **asked: Any
+        self, start: Any, steps: int | None, t_end: Any, t0: float, kept: Any, t_eval: Any = None
     ) -> Trajectory | None:
         """The run; None if the system is to be written out instead.  Raises IncompatibleSystem for
         one that is too large for that.
@@ -99,18 +106,17 @@ class SitesOfPlan:
         numbers = state.width // (state.bodies or 1)
         if not self.takes(start):
             return None
-        why: Any = self.missing(**asked)
-        if why is None and state.bodies is not None and kept is not None:
-            why = "checkpoint of members"
+        why: Any = self.missing(t_eval, kept, state.bodies is not None)
         if why is None and state.bodies is not None:
-            return self._members(state, steps, t_end, t0)
+            return self._members(state, steps, t_end, t0, t_eval)
         if why is None:
-            before, zero = (start.step, start.t0) if isinstance(start, SiteCarry) else (0, t0)
-            count = self.plan._count(steps, t_end, zero, before)
-            by_colour = isinstance(self.plan._steps.way_of(0), SublatticeSplitting)
+            by_colour = not self.plan.adaptive and isinstance(
+                self.plan._steps.way_of(0), SublatticeSplitting
+            )
             kind = TurnsRun if by_colour else SiteRun
             try:
-                return kind(self.plan, self.site, start, count, t0, kept).trajectory()
+                run = kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
+                return run.trajectory()
             except NotCompilable as error:
                 why = f"{self.plan.method!r} for sites one by one ({error})"
         if numbers <= LARGE and self.as_one_body and not isinstance(start, SiteCarry):
@@ -121,13 +127,15 @@ class SitesOfPlan:
             "body, which takes everything"
         )
 
-    def _members(self, start: Any, steps: Any, t_end: Any, t0: float) -> Trajectory | None:
+    def _members(
+        self, start: Any, steps: Any, t_end: Any, t0: float, t_eval: Any
+    ) -> Trajectory | None:
         """The runs of the members of an ensemble, one after the other."""
         runs: list[Any] = []
         for i in range(start.bodies):
             one = type(start)(*(None if x is None else x[i] for x in start.parts.values()))
             try:
-                runs.append(self.trajectory(one, steps, t_end, t0, None))
+                runs.append(self.trajectory(one, steps, t_end, t0, None, t_eval))
             except IntegrationFailure as error:
                 error.add_note(f"[integrate: member {i}]")
                 raise

@@ -155,24 +155,34 @@ class TurnsRun(SiteRun):
     clock: np.ndarray
     last: np.ndarray | None = None  # all states at the node
 
-    def _call(self, turns: int, samples: int, first: int) -> None:
-        """Some samples with so many steps before each, from sample number `first` on."""
+    def _call(self, turns: int) -> None:
+        """Some more steps: those to the next sample or a part of them, or to some samples."""
+        first = self.made
         if not turns:
-            self._keep(first, self.shape.shown_rows(self._memory)[None])
+            self._show(first, self.shape.shown_rows(self._memory(0))[None])
+            self.made += 1
             return
-        whole = self._taken + turns * samples >= self.numbers[first]  # or it ends before the sample
-        rows = self._turned(turns, samples, int(whole))
+        wanted = int(self.numbers[first]) - self._taken
+        ahead = np.diff(self.numbers[first - 1 :])
+        same = int(np.argmax(ahead != wanted)) if (ahead != wanted).any() else len(ahead)
+        samples = max(1, min(same, turns // wanted))
+        turns = min(turns, wanted)
+        if self.kept is not None:
+            samples = min(samples, max(1, self.kept.within(samples * turns) // turns))
+        whole = turns == wanted
+        rows = self._turned(turns, samples if whole else 1, int(whole))
         finite = np.isfinite(rows).all(axis=(1, 2))
-        good = samples if finite.all() else int(np.argmin(finite))
+        good = len(rows) if finite.all() else int(np.argmin(finite))
         self.clocks[TAKEN] += turns * good
         self.clocks[0] = self.t0 + self.clocks[TAKEN] * self.h
-        if good < samples:
+        if good < len(rows):
             self.clocks[MARK] = STUCK
         if whole:
             here = self.shape.turning.places.places
-            self._keep(first, rows[:good, self.shape.order][..., here])
+            self._show(first, rows[:good, self.shape.order][..., here])
+            self.made += good
 
-    def _keep(self, first: int, rows: np.ndarray) -> None:
+    def _show(self, first: int, rows: np.ndarray) -> None:
         """Keep samples, (samples, width, sites), and what is wanted of them."""
         shown, samples = self.shape.shown, len(rows)
         if not samples:
@@ -189,11 +199,6 @@ class TurnsRun(SiteRun):
             times = self.t0 + self.numbers[first : first + samples] * self.h
             totals_in(self.totals[first : first + samples], self.site, shown, planes, times)
 
-    @property
-    def _memory(self) -> np.ndarray:
-        found: np.ndarray = self.sites.array[: self.shape.memory.width, : self.count]
-        return found
-
     def _turned(self, turns: int, samples: int, shown: int) -> np.ndarray:
         """The states of all sites after so many steps each, (samples, width, places); if they are not
         to be shown, what the sites carry along.
@@ -203,8 +208,8 @@ class TurnsRun(SiteRun):
             shape.turning = Turning(self.plan, shape.started)
         turning = shape.turning
         if self.turned is None:
-            self.turned = turning.spread(self._memory[width : 2 * width])
-            self.clock = self._memory[2 * width, :1].copy()
+            self.turned = turning.spread(self._memory(0)[width : 2 * width])
+            self.clock = self._memory(0)[2 * width, :1].copy()
         count = self.turned.count
         seen = Planes.of_rows(width * samples * shown, count)
         arguments: Any = *turning.arguments, turns, samples, shown, self.turned, seen
@@ -220,16 +225,16 @@ class TurnsRun(SiteRun):
         self.last = rows[-1] if shown else None
         return rows[..., :count]
 
-    def _so_far(self) -> Any:
+    def so_far(self) -> Any:
         """The run up to here, with what every site carries along in its own place."""
         if self.turned is not None:
             here, width = self.shape.turning.places.places, self.shape.started.width
-            memory = self._memory
+            memory = self._memory(0)
             last = self._turned(0, 1, 1)[0] if self.last is None else self.last
             memory[:width] = last[:, here]
             memory[width : 2 * width] = self.turned.array[:, here]
             memory[2 * width] = self.clock[0]
-        return super()._so_far()
+        return super().so_far()
 
     def _fail(self) -> None:
         """A state that is not finite ends the run."""
