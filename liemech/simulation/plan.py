@@ -15,7 +15,6 @@ from typing import Any
 from ..compiler import kernel
 from ..compiler.kernel import Several
 from ..errors import (
-    IncompatibleSystem,
     IntegrationInterrupted,
     InvalidInput,
     InvalidType,
@@ -519,7 +518,11 @@ class Plan:
     ) -> Trajectory:
         """What comes after a run of any kind."""
         if isinstance(getattr(run, "carry", None), SiteCarry):
-            carry = self._of_this_plan(run, "resume")
+            carry = run.carry
+            if isinstance(run, Stepper):
+                self._require_mine(carry, "resume")
+            else:
+                carry = self._of_this_plan(run, "resume")
             made = None if self._sites is None else self._sites.trajectory(
                 carry, steps, t_end, 0.0, kept, t_eval
             )  # fmt: skip
@@ -767,9 +770,11 @@ class Plan:
         given: Any = carry
         if isinstance(given, Stepper):
             given = given.carry
-        if isinstance(given, SiteCarry) and self._sites is not None:
-            run: Any = self._sites.trajectory(given, steps, None, 0.0, None)
-            after: Carry = run.carry
+        if isinstance(given, SiteCarry):
+            self._require_mine(given, "step")
+            run = self.by_hand(given)
+            run.advance(steps)
+            after: Any = run.standing
             return after
         if type(given) is not Carry or not self._steps.owns(given.shape):
             self._require_mine(given, "step")
@@ -778,6 +783,11 @@ class Plan:
                 made: Any = FictiveCarry(given.origin, inner, met=given.met)
                 return made
         return self._advanced(given, steps)
+
+    def by_hand(self, carry: SiteCarry) -> Any:
+        """The run of a system of many sites that goes on as it is told."""
+        sites: Any = self._sites
+        return sites.by_hand(carry)
 
     def in_fictive_time(self, origin: Any) -> Plan:
         """The plan of the system with its clock that began there."""
@@ -810,13 +820,6 @@ class Plan:
         Raises what `step` and `resume` raise.
         """
         self._one_length("stepper")
-        if isinstance(getattr(start, "carry", start), SiteCarry) or (
-            self._sites is not None and self._sites.takes(start)
-        ):
-            raise IncompatibleSystem(
-                "Plan.stepper: there is none for systems of many sites; carry = plan.begin(start) and "
-                "carry = plan.step(carry) go on by hand, carry.state is where they are"
-            )
         if isinstance(start, State):
             return Stepper(self, self.begin(start, 0.0 if t0 is None else t0))
         if t0 is not None:
@@ -832,7 +835,8 @@ class Plan:
     def _require_mine(self, carry: Any, what: str) -> None:
         """Refuse what fixed steps do not go on from.  what : the method that was called."""
         self._one_length(what)
-        if not isinstance(carry, FictiveCarry if self.fictive else Carry):
+        kinds: Any = FictiveCarry if self.fictive else (Carry, SiteCarry)
+        if not isinstance(carry, kinds) or (isinstance(carry, SiteCarry) and not self._sites):
             raise InvalidType(
                 f"Plan.{what} goes on from what `begin` or `step` gave, or from the `carry` of a run "
                 f"or a stepper; got {carry!r}"
@@ -846,7 +850,7 @@ class Plan:
         theirs, way = None, self.method  # type: Any, Any
         if isinstance(carry, FictiveCarry):
             theirs = carry.origin.given, carry.origin.method
-        elif inner.shape is not None:
+        elif getattr(inner, "shape", None) is not None:
             method, system, *_ = next(iter(inner.shape.lanes.values())).arguments
             theirs = tuple([x.values if isinstance(x, Several) else x for x in (system, method)])
             way = self._steps.way

@@ -96,9 +96,6 @@ class SitesOfPlan:
         """The run; None if the system is to be written out instead.  Raises IncompatibleSystem for
         one that is too large for that.
         """
-        from .sites_run import SiteRun
-        from .turns_of_sites import TurnsRun
-
         fresh = not isinstance(start, SiteCarry)
         if fresh and not isinstance(start, StateOfSites):
             return None
@@ -110,12 +107,8 @@ class SitesOfPlan:
         if why is None and state.bodies is not None:
             return self._members(state, steps, t_end, t0, t_eval)
         if why is None:
-            by_colour = not self.plan.adaptive and isinstance(
-                self.plan._steps.way_of(0), SublatticeSplitting
-            )
-            kind = TurnsRun if by_colour else SiteRun
             try:
-                run = kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
+                run = self._kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
                 return run.trajectory()
             except NotCompilable as error:
                 why = f"{self.plan.method!r} for sites one by one ({error})"
@@ -126,6 +119,20 @@ class SitesOfPlan:
             f"KickDrift with h and steps take any number; up to {LARGE} numbers are written out as one "
             "body, which takes everything"
         )
+
+    def by_hand(self, carry: SiteCarry) -> Any:
+        """A run that goes on as it is told, without samples."""
+        return self._kind(self.plan, self.site, carry, carry.t0, 0, None, None, None)
+
+    @property
+    def _kind(self) -> Any:
+        """What a run is."""
+        from .sites_run import SiteRun
+        from .turns_of_sites import TurnsRun
+
+        plan = self.plan
+        by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), SublatticeSplitting)
+        return TurnsRun if by_colour else SiteRun
 
     def _members(
         self, start: Any, steps: Any, t_end: Any, t0: float, t_eval: Any

@@ -70,6 +70,9 @@ from .trajectory import Trajectory
 PATIENCE = 0.1
 """Seconds between two looks at the keyboard."""
 
+MOST = 2**30
+"""Steps of a call, at most."""
+
 LONG = 50
 """Steps that an adaptive run is expected to take."""
 
@@ -220,16 +223,15 @@ class SiteRun:
         with Bar(self.plan.options.progress, total, "" if self.adaptive else "step") as bar:
             try:
                 while self._going or self._pending:
-                    done, turns = self._taken, 0 if self._pending else pace
+                    done, turns = self.taken, 0 if self._pending else pace
                     if self.kept is not None and turns:
                         turns = max(1, self.kept.within(turns))
                     begun = time.perf_counter()
                     self._call(turns)
                     self._attend()
-                    used, taken = time.perf_counter() - begun, self._taken
+                    used, taken = time.perf_counter() - begun, self.taken
                     if turns:
-                        faster = min(64 * pace, int(pace * PATIENCE / max(used, 1e-9)))
-                        pace = 1 if self.lists is not None else max(1, faster)
+                        pace = self._quicker(pace, used)
                     bar.advance(self._shown_part - bar.done)
                     kept = self.kept
                     if kept is not None and kept.due(taken - done) and self._going:
@@ -237,7 +239,7 @@ class SiteRun:
             except KeyboardInterrupt:
                 whole = "" if self.adaptive else f" of {self.before + self.steps}"
                 stopped: Any = IntegrationInterrupted(
-                    f"integrate: interrupted after {self._taken}{whole} steps, "
+                    f"integrate: interrupted after {self.taken}{whole} steps, "
                     f"t = {self.clocks[0, 0]:g}; {self.made} samples are in `.trajectory`"
                 )
                 stopped.trajectory = self.so_far()
@@ -246,8 +248,43 @@ class SiteRun:
             raise self._too_many()
         return self.so_far()
 
+    def _quicker(self, pace: int, used: float) -> int:
+        """How many steps the next call makes, by the seconds that this one has used."""
+        if self.lists is not None:
+            return 1
+        return max(1, min(64 * pace, MOST, int(pace * PATIENCE / max(used, 1e-9))))
+
+    # ---------------------------------------------------------------- by hand
+
+    def advance(self, steps: int) -> None:
+        """Go on by so many steps, without samples.  After Ctrl-C, and before a step that fails, it
+        stands where it has come to.
+        """
+        self.steps = self.taken + steps - self.before
+        self.goals[LIMIT], self.clocks[MARK] = self.before + self.steps, 0.0
+        self.made, self.times = 0, self.times[:0]
+        pace = 1
+        while self._going:
+            before, begun = self.taken, time.perf_counter()
+            self._call(min(pace, self.before + self.steps - before))
+            self._attend()
+            used = time.perf_counter() - begun
+            pace = self._quicker(pace, used)
+
     @property
-    def _taken(self) -> int:
+    def t(self) -> float:
+        """The time of a run of fixed steps."""
+        return float(self.t0 + self.taken * self.h)
+
+    @property
+    def standing(self) -> SiteCarry:
+        """With what a run of fixed steps goes on from here."""
+        found: SiteCarry = self.carry(self._memory(self._copy).copy(), self.clocks[:, 0].copy())
+        return found
+
+    @property
+    def taken(self) -> int:
+        """How many steps were taken, from the start of the motion on."""
         return int(self.clocks[TAKEN, 0])
 
     @property
@@ -259,7 +296,7 @@ class SiteRun:
     def _shown_part(self) -> int:
         """How much is done, as a bar shows it."""
         if not self.adaptive:
-            return self._taken - self.before
+            return self.taken - self.before
         span = self.t_end - self.begun
         return int(1000 * (self.clocks[TIME, 0] - self.begun) / span) if span else 1000
 
@@ -283,7 +320,7 @@ class SiteRun:
         seen = Planes(self.seen.array[made * self.wide :], self.count)
         totals = np.zeros((len(self.times) - made + 1, self.totals.shape[1]))
         times = np.append(self.times[made:], np.nan)
-        left = LONG if self.adaptive else self.before + self.steps - self._taken
+        left = LONG if self.adaptive else self.before + self.steps - self.taken
         before = self._elements() if self.lists is not None and turns else None
         if before is not None:
             self.site = self.lists.at(before)
@@ -316,7 +353,7 @@ class SiteRun:
                 f"a site moved further than {SHORT:g} of the {self.lists.skin:.3g} by which lists of "
                 "neighbours reach beyond the cutoff; take a smaller step"
             )
-            raise self._ended(error, f"step {self._taken}, t = {self.clocks[0, 0]:g}")
+            raise self._ended(error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
 
     def _memory(self, copy: int) -> np.ndarray:
         """What all sites carry along, (width, sites)."""
@@ -415,7 +452,7 @@ class SiteRun:
         It ends a run of fixed steps; adaptive ones become shorter.
         """
         clock, goal, memory = self.clocks[:, 0], self.goals[:, 0], self.shape.memory
-        steps, t, here = self._taken, float(clock[TIME]), self._copy
+        steps, t, here = self.taken, float(clock[TIME]), self._copy
         failures = [e for e in self.failures if e is not None]
         at = f"step {steps + 1} of {self.before + self.steps}, t = {t:g}"
         given: Any = self.shape.method, self.site, t, self.h, self.sites, here, 1 - here, memory
@@ -496,7 +533,7 @@ class SiteRun:
         site = getattr(error, "site", None)
         what = repr(self.plan.method) if site is None else f"{self.plan.method!r}: site {site}"
         made = too_small(
-            what, clock[TIME], clock[STEP], goal[1], goal[2], self._taken, error, estimate
+            what, clock[TIME], clock[STEP], goal[1], goal[2], self.taken, error, estimate
         )
         return self._with_run(made, site)
 

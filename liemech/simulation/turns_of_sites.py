@@ -162,14 +162,16 @@ class TurnsRun(SiteRun):
             self._show(first, self.shape.shown_rows(self._memory(0))[None])
             self.made += 1
             return
-        wanted = int(self.numbers[first]) - self._taken
-        ahead = np.diff(self.numbers[first - 1 :])
-        same = int(np.argmax(ahead != wanted)) if (ahead != wanted).any() else len(ahead)
-        samples = max(1, min(same, turns // wanted))
-        turns = min(turns, wanted)
+        if first == len(self.times):  # nobody wants one
+            wanted, samples, whole = turns, 1, False
+        else:
+            wanted = int(self.numbers[first]) - self.taken
+            ahead = np.diff(self.numbers[first - 1 :])
+            same = int(np.argmax(ahead != wanted)) if (ahead != wanted).any() else len(ahead)
+            samples = max(1, min(same, turns // wanted))
+            turns, whole = min(turns, wanted), turns >= wanted
         if self.kept is not None:
             samples = min(samples, max(1, self.kept.within(samples * turns) // turns))
-        whole = turns == wanted
         rows = self._turned(turns, samples if whole else 1, int(whole))
         finite = np.isfinite(rows).all(axis=(1, 2))
         good = len(rows) if finite.all() else int(np.argmin(finite))
@@ -214,7 +216,7 @@ class TurnsRun(SiteRun):
         seen = Planes.of_rows(width * samples * shown, count)
         arguments: Any = *turning.arguments, turns, samples, shown, self.turned, seen
         self.notes, self.failures = -1, []
-        left = self.before + self.steps - self._taken
+        left = self.before + self.steps - self.taken
         if turning.execution.ready_for(self.count * max(1, left)):
             self.compiled = True
             turning.execution.on_sites(count)(*arguments, kernel.Shared(self.clock))
@@ -225,8 +227,8 @@ class TurnsRun(SiteRun):
         self.last = rows[-1] if shown else None
         return rows[..., :count]
 
-    def so_far(self) -> Any:
-        """The run up to here, with what every site carries along in its own place."""
+    def _lay_down(self) -> None:
+        """Put what every site carries along in its own place."""
         if self.turned is not None:
             here, width = self.shape.turning.places.places, self.shape.started.width
             memory = self._memory(0)
@@ -234,11 +236,21 @@ class TurnsRun(SiteRun):
             memory[:width] = last[:, here]
             memory[width : 2 * width] = self.turned.array[:, here]
             memory[2 * width] = self.clock[0]
+
+    def so_far(self) -> Any:
+        """The run up to here."""
+        self._lay_down()
         return super().so_far()
+
+    @property
+    def standing(self) -> Any:
+        """With what it goes on."""
+        self._lay_down()
+        return super().standing
 
     def _fail(self) -> None:
         """A state that is not finite ends the run."""
-        step = self._taken
+        step = self.taken
         error = NotFinite(
             "the step overflowed or left the domain of a formula; a smaller h may help"
         )

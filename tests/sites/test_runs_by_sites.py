@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -226,5 +227,38 @@ def test_members_and_steps_by_hand(plan: Any, run: Any) -> None:
     carry = plan.begin(plan.system.state(mu=directions()))
     carry = plan.step(plan.step(carry, 4), 6)
     assert np.array_equal(carry.state.mu, run.mu[1])
-    with pytest.raises(IncompatibleSystem, match=r"plan\.begin"):
-        plan.stepper(plan.system.state(mu=directions()))
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.SublatticeSplitting(order=2)], ids=repr)
+def test_stepper(method: Any) -> None:
+    """By hand, on from a run and on from a stepper: the same bits."""
+    plan = lm.Plan(spins(), method, h=0.05, every=10)
+    run = plan.run(plan.system.state(mu=directions()), steps=30)
+    body = plan.stepper(plan.system.state(mu=directions()))
+    body.step()
+    body.step(9)
+    assert np.array_equal(body.mu, run.mu[1])
+    assert body.t == run.t[1]
+    body.step(10)
+    assert np.array_equal(plan.resume(body, steps=10).mu[-1], run.mu[3])
+    other = pickle.loads(pickle.dumps(body))
+    other.step(10)
+    body.refresh()
+    body.step(10)
+    assert np.array_equal(other.mu, run.mu[3])
+    assert np.array_equal(body.mu, run.mu[3])
+    assert body.steps == 30
+    again = plan.stepper(plan.run(plan.system.state(mu=directions()), steps=10))
+    again.step(20)
+    assert np.array_equal(again.mu, run.mu[3])
+
+
+def test_stepper_before_a_step_that_fails() -> None:
+    mu = directions()
+    mu[17] *= 1e200
+    body = lm.Plan(spins(), lm.RKMK(order=4), h=0.05).stepper(spins().state(mu=mu))
+    for _ in range(2):
+        with pytest.raises(NotFinite, match="site 13, step 1"):
+            body.step(3)
+        assert body.steps == 0
+        assert np.array_equal(body.mu, mu)
