@@ -367,6 +367,7 @@ def advance_sites(
     goal, before = read(goals, 0, GOAL), read(march, 0, MARCH)
     n, k, begun, why = 0, 0, before.begun, before.why
     moved = begun != begun
+    begun = read(clocks, 0, CLOCK).t if moved else begun
     while n <= turns:
         clock, here = read(clocks, 0, CLOCK), read(states, 0, PLACE).copy
         t = clock.t
