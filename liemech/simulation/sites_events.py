@@ -54,8 +54,8 @@ class Sightings:
         layout, width = run.shape.state, run.shape.state.width
         shown = []
         for one in self.watch.found:
-            sites = run.count if run.wide else 0
-            rows = np.array([x for _, x in one]).reshape(len(one), width, sites)
+            some = run.kept_of(np.empty((1, run.count))).shape[1]
+            rows = np.array([x for _, x in one]).reshape(len(one), width, some)
             arrays = unpacked(layout, np.moveaxis(rows, 1, -1))
             shown.append((np.array([t for t, _ in one]), kind_of(arrays)(**arrays)))
         return tuple(shown)

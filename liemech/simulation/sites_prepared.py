@@ -158,7 +158,7 @@ class Prepared:
     def _shown(self, example: Any, count: int, starts: Planes) -> Shown:
         """What samples have."""
         recorder = self.plan.recorder
-        kept = recorder is None or bool(recorder.parts)
+        kept = recorder is None or bool(recorder.parts or recorder.chosen)
         quantities = [] if recorder is None else [*recorder.quantities.values()]
         found = tuple([quantity_of(self.site, wanted, example) for wanted in quantities])
         numbers: list[Any] = []

@@ -123,8 +123,12 @@ class SiteRun:
         self.shape = shape = plan._sites.prepared(state, self.starts, curves)
         self.h, samples = shape.h, len(self.asked)
         self.wide = shape.state.width if shape.shown.kept else 0
-        affordable(8 * samples * max(1, self.wide) * padded(self.count), self.steps, self.every)
-        self.seen = Planes.of_rows(max(1, samples * self.wide), self.count)
+        self.chosen = None if plan.recorder is None else plan.recorder.sites
+        many = padded(self.count) if self.chosen is None else len(self.chosen)
+        affordable(8 * samples * max(1, self.wide) * many, self.steps, self.every)
+        self.room = samples if self.chosen is None else 1  # for samples of all sites
+        self.seen = Planes.of_rows(max(1, self.room * self.wide), self.count)
+        self.own = np.empty((0 if self.chosen is None else samples, self.wide, many))
         self.totals = np.zeros((samples, shape.shown.totals.width))
         self.sites = Planes.of_rows(2 * shape.memory.width, self.count)
         self.place, self.out, self.told = np.zeros((2, 1)), np.empty(1), np.zeros(2)
@@ -317,9 +321,13 @@ class SiteRun:
     def _call(self, turns: int) -> None:
         """Some more steps, up to where something is to be looked at."""
         shape, stepping, made = self.shape, self.shape.stepping, self.made
-        seen = Planes(self.seen.array[made * self.wide :], self.count)
+        seen = self.seen
         totals = np.zeros((len(self.times) - made + 1, self.totals.shape[1]))
-        times = np.append(self.times[made:], np.nan)
+        times = np.append(self.times[made : made + self.room], np.nan)
+        if self.chosen is None:
+            seen = Planes(seen.array[made * self.wide :], self.count)
+        elif made + self.room < len(self.times):  # up to where there is no more room
+            times[-1] = np.copysign(np.inf, self.begun - self.t_end)
         left = LONG if self.adaptive else self.before + self.steps - self.taken
         before = self._elements() if self.lists is not None and turns else None
         if before is not None:
@@ -346,6 +354,8 @@ class SiteRun:
                     driver(*arguments, *columns, self.failures)
         finally:
             new = int(self.march[0])
+            if self.chosen is not None and new:
+                self.own[made] = seen.array[: self.wide, self.chosen]
             self.totals[made : made + new] = totals[:new]
             self.made += new
         if before is not None and not self.lists.held(before, self._elements()):
@@ -363,6 +373,8 @@ class SiteRun:
 
     def kept_of(self, rows: np.ndarray) -> np.ndarray:
         """Of the states of all sites what samples keep."""
+        if self.chosen is not None:
+            return rows[:, self.chosen]
         return rows if self.wide else rows[:, :0]
 
     def _elements(self) -> np.ndarray:
@@ -396,7 +408,9 @@ class SiteRun:
 
     def _keep(self, rows: np.ndarray, totals: np.ndarray) -> None:
         """One more sample."""
-        if self.wide:
+        if self.chosen is not None:
+            self.own[self.made] = rows[:, self.chosen]
+        elif self.wide:
             first = self.made * self.wide
             self.seen.array[first : first + self.wide, : self.count] = rows
         self.totals[self.made] = totals
@@ -568,21 +582,26 @@ class SiteRun:
         shape, n = self.shape, self.made
         clock, memory = self.clocks[:, 0].copy(), self._memory(self._copy).copy()
         recorder = self.plan.recorder
-        observed = () if recorder is None else tuple(recorder.quantities)
+        observed = () if recorder is None else recorder.observed
         asked, totals = self.asked[:n].copy(), self.totals[:n].copy()
-        seen = self.seen.array[: n * self.wide]
+        seen, own, here = self.seen.array[: n * self.wide], self.own[:n].copy(), self.chosen
 
         @functools.cache
         def states() -> dict[str, np.ndarray]:
             found = {}
             if shape.shown.kept:
-                rows = seen.reshape(n, self.wide, -1)[..., : self.count]
+                rows = (
+                    own if here is not None else seen.reshape(n, self.wide, -1)[..., : self.count]
+                )
                 arrays = unpacked(shape.state, np.moveaxis(rows, 1, -1))
                 wanted = arrays if recorder is None else recorder.parts
                 found = self.plan._one.as_users_see({name: arrays[name] for name in wanted})
-            if observed:
+                for name, some in ({} if recorder is None else recorder.chosen).items():
+                    at = some if here is None else [here.index(i) for i in some]
+                    found[name] = arrays[name][:, at]
+            if shape.shown.quantities:
                 parts = _columns(shape.shown.totals, totals)
-                found |= dict(zip(observed, parts, strict=True))
+                found |= dict(zip(recorder.quantities, parts, strict=True))
             return found
 
         steps = int(clock[TAKEN]) - self.before

@@ -190,9 +190,11 @@ class TurnsRun(SiteRun):
         if not samples:
             return
         begin = first * self.shape.state.width if shown.kept else 0
+        if self.chosen is not None:
+            self.own[first : first + samples] = rows[..., self.chosen]
         planes = (
             Planes(self.seen.array[begin : begin + rows[:, :, 0].size], self.count)
-            if shown.kept
+            if shown.kept and self.chosen is None
             else Planes.of_rows(rows[:, :, 0].size, self.count)
         )
         planes.array[:, : self.count] = rows.reshape(-1, self.count)

@@ -11,7 +11,7 @@ import pytest
 
 import liemech as lm
 from liemech.compiler import kernel
-from liemech.errors import IncompatibleSystem, NotFinite
+from liemech.errors import IncompatibleSystem, InvalidInput, NotFinite
 
 N = 40
 native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
@@ -262,3 +262,28 @@ def test_stepper_before_a_step_that_fails() -> None:
             body.step(3)
         assert body.steps == 0
         assert np.array_equal(body.mu, mu)
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.SublatticeSplitting(order=2)], ids=repr)
+def test_chosen_sites(method: Any, tmp_path: Path) -> None:
+    """Of a run of many sites some are kept, and totals of all."""
+    start, way = spins().state(mu=directions()), {"h": 0.05, "steps": 57, "every": 10}
+    whole = lm.integrate(spins(), method, start, **way)
+    some = lm.integrate(spins(), method, start, record=[("mu", [39, 0, 7]), "energy"], **way)
+    assert some.mu.shape == (7, 3, 3)
+    assert np.array_equal(some.mu, whole.mu[:, [39, 0, 7]])
+    assert np.allclose(some.energy, whole.energy, rtol=1e-14)
+    assert np.array_equal(some.last.mu, whole.last.mu)
+    some.save(tmp_path / "some.npz")
+    assert np.array_equal(lm.Trajectory.load(tmp_path / "some.npz").mu, some.mu)
+    with pytest.raises(InvalidInput, match="there is no site 40; the sites are 0 to 39"):
+        lm.Plan(spins(), method, h=0.1, record=[("mu", [40])])
+    with pytest.raises(InvalidInput, match="names sites"):
+        lm.Plan(lm.RigidBody([1.0, 1.5, 2.0]), lm.RKMK(), h=0.1, record=[("mu", [1])])
+
+
+def test_chosen_sites_of_a_system_that_is_written_out() -> None:
+    start, way = spins(6).state(mu=directions(6)), {"h": 0.05, "steps": 4}
+    whole = lm.integrate(spins(6), lm.RKMK(order=4), start, **way)
+    some = lm.integrate(spins(6), lm.RKMK(order=4), start, record=[("mu", [5, 2])], **way)
+    assert np.array_equal(some.mu, whole.mu.reshape(5, 6, 3)[:, [5, 2]])
