@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from ..compiler.planes import Planes
-from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable
+from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable, warn
 from ..formulas.pytree import layout_of
 from ..integrators.sublattices import SublatticeSplitting, TermSplitting
 from ..systems.site_state import StateOfSites
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
 from .sites_states import by_site, first_of
+from .stopped import Stopped
 from .trajectory import Trajectory
 
 LARGE = 300
@@ -137,28 +138,61 @@ class SitesOfPlan:
     def _members(
         self, start: Any, steps: Any, t_end: Any, t0: float, t_eval: Any
     ) -> Trajectory | None:
-        """The runs of the members of an ensemble, one after the other."""
+        """The runs of the members of an ensemble, one after the other.  One that fails stays where it
+        came to.
+        """
         runs: list[Any] = []
+        stopped: dict[int, Any] = {}
         for i in range(start.bodies):
             one = type(start)(*(None if x is None else x[i] for x in start.parts.values()))
             try:
                 runs.append(self.trajectory(one, steps, t_end, t0, None, t_eval))
             except IntegrationFailure as error:
-                error.add_note(f"[integrate: member {i}]")
-                raise
+                stopped[i] = error
+                run = getattr(error, "trajectory", None)
+                if run is None:  # it has not begun
+                    error.add_note(f"[integrate: member {i}]")
+                    raise
+                runs.append(run)
             if runs[-1] is None:
                 return None
-        first = runs[0]
-        return Trajectory(
-            system=first.system,
-            method=first.method,
-            h=first.h,
-            t=first.t,
-            states={
-                name: np.stack([r.states[name] for r in runs], axis=1) for name in first.states
-            },
-            bodies=len(runs),
-            steps=first.steps,
-            compiled=all(r.compiled for r in runs),
-            observed=first.observed,
+        return of_members(runs, stopped)
+
+
+def of_members(runs: list[Any], stopped: dict[int, Any]) -> Trajectory:
+    """The runs of members as one.  stopped : the errors of those that did not reach the end."""
+    longest = max(runs, key=len)
+    times = np.stack([_held(r.t, len(longest)) for r in runs], axis=1)
+    for i in stopped:
+        times[:, i] = longest.t
+    same = bool((times == times[:, :1]).all())
+    found = Trajectory(
+        system=longest.system,
+        method=longest.method,
+        h=longest.h,
+        t=times[:, 0].copy() if same else times,
+        states={
+            name: np.stack([_held(r.states[name], len(longest)) for r in runs], axis=1)
+            for name in longest.states
+        },
+        bodies=len(runs),
+        steps=max(r.steps for r in runs),
+        compiled=all(r.compiled for r in runs),
+        rejected=None if longest.rejected is None else sum(r.rejected for r in runs),
+        events=tuple(zip(*[r.events for r in runs], strict=True)),
+        observed=longest.observed,
+        stopped=Stopped({i: runs[i].steps for i in stopped}, stopped.__getitem__),
+    )
+    if stopped:
+        first = min(stopped)
+        warn(
+            f"integrate: {len(stopped)} of {len(runs)} members stopped early, the first is member "
+            f"{first} after {runs[first].steps} steps. {stopped[first]}",
+            RuntimeWarning,
         )
+    return found
+
+
+def _held(rows: np.ndarray, count: int) -> np.ndarray:
+    """So many rows, the last one again and again."""
+    return rows[np.minimum(np.arange(count), len(rows) - 1)]

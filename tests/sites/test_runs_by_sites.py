@@ -287,3 +287,16 @@ def test_chosen_sites_of_a_system_that_is_written_out() -> None:
     whole = lm.integrate(spins(6), lm.RKMK(order=4), start, **way)
     some = lm.integrate(spins(6), lm.RKMK(order=4), start, record=[("mu", [5, 2])], **way)
     assert np.array_equal(some.mu, whole.mu.reshape(5, 6, 3)[:, [5, 2]])
+
+
+def test_a_member_that_fails_does_not_end_the_others() -> None:
+    mu = np.stack([directions(), directions(), directions()[::-1]])
+    mu[1, 17] *= 1e200
+    with pytest.warns(RuntimeWarning, match="1 of 3 members stopped early, the first is member 1"):
+        run = lm.integrate(spins(), lm.RKMK(order=4), spins().state(mu=mu), h=0.05, steps=20)
+    alone = lm.integrate(spins(), lm.RKMK(order=4), spins().state(mu=mu[2]), h=0.05, steps=20)
+    assert np.array_equal(run.mu[:, 2], alone.mu)
+    assert np.array_equal(run.mu[:, 1], np.broadcast_to(mu[1], (21, N, 3)))
+    assert run.t.shape == (21,)
+    assert run.stopped.steps == {1: 0}
+    assert isinstance(run.stopped[1].error, NotFinite)
