@@ -245,10 +245,13 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
             origin = origin[0]
         if "dense.t" in arrays:
             example = origin.whole.extended(origin.start, 0.0)
-            points, kind = (arrays["dense.t"], arrays["dense.points"]), type(origin.start)
+            t, points, kind = arrays["dense.t"], arrays["dense.points"], type(origin.start)
             begun = arrays.get("dense.begun")
             width = layout_of(example).width
-            _require_shape(decode.where, points[1], (len(points[0]), width))
+            if points.shape[1:] == (width,):  # of older files
+                points = np.column_stack([points, np.zeros(len(points))])
+            _require_shape(decode.where, t, points.shape[:1])
+            _require_shape(decode.where, points, (len(t), width + 1))
             if begun is not None:
                 _require_shape(decode.where, begun, (width + 1,))
             dense = FictiveMotion(
@@ -257,7 +260,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
                 kind,
                 example,
                 about["h"],
-                *points,
+                np.column_stack([t, points]),
                 None,
                 begun,
             )

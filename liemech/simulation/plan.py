@@ -34,12 +34,11 @@ from .checkpoint import Checkpoint
 from .equal import EqualRun, StraightRun
 from .execution import like
 from .fictive import FictiveCarry
-from .fictive_run import FictiveRun
+from .fictive_run import FictiveRun, StraightFictiveRun
 from .options import EQUAL, FICTIVE, TOLERANCE, Options
 from .prepared import Steps
 from .recorded import recorder_of
-from .short import short
-from .short_steps import advanced, short_steps, short_steps_of_many
+from .short import advanced, short, short_steps, short_steps_of_many
 from .sites_carry import SiteCarry
 from .sites_plan import SitesOfPlan
 from .sites_states import by_site, first_of
@@ -47,7 +46,6 @@ from .stepper import Stepper
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
-from .transformed import TransformedRun
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -144,9 +142,12 @@ class Plan:
             self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
         self._sites = SitesOfPlan.of(self)  # of a system of many sites
-        self._plain = (  # is there nothing to do but to step, with one length, and for one system?
-            not self.adaptive
-            and not (self.of_each or self.events or self.fictive or self.recorder is not None)
+        self._plain = not (  # is there nothing to do but to step, for one system?
+            self.of_each
+            or self.events
+            or self.fictive
+            or self.recorder is not None
+            or options.progress
         )
 
     def _first_of(self, name: str) -> Any:
@@ -234,10 +235,6 @@ class Plan:
                 made = self._by_sites(start, steps, t_end, t0, t_eval, checkpoint, checkpoint_every)
                 if made is not None:
                     return made
-            if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
-                run = self._short_run(start, steps, t0)
-                if run is not None:
-                    return run
             if checkpoint is None:
                 return self._run(start, steps, t_end, t0, t_eval, None)
             with self._kept(checkpoint, checkpoint_every) as kept:
@@ -293,6 +290,10 @@ class Plan:
         self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
         """A run of any kind."""
+        if kept is None and self._plain:
+            made = self._short_run(start, steps, t_end, t0, t_eval)
+            if made is not None:
+                return made
         if self.events:
             arguments.events(self.events)  # whose attributes may have changed
         start, t0 = self._started(start), arguments.real(t0, "t0")
@@ -309,8 +310,6 @@ class Plan:
                 raise InvalidInput(
                     "integrate: t_eval needs t_end, the time up to which the run goes"
                 )
-            if not self._apart(start, t_end, t_eval):
-                return self._transformed(start, steps, t0, kept)
         else:
             if not self._apart(start, t_end, t_eval):
                 self._count(steps, t_end, t0)
@@ -319,29 +318,43 @@ class Plan:
                 warn(doubt, StepWarning)
         return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
 
-    def _short_run(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
+    def _short_run(
+        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any
+    ) -> Trajectory | None:
         """A run that has nothing to do but to step, of a start that is laid out as one before;
         None for all others, and for what is to be refused.
         """
-        if self._plain:
-            start = self._inner._written_out(start)
-        known: Any = self._known(start) if self._plain else None
-        shape = None if known is None else self._steps.shapes.get(known)
-        if shape is None or type(t0) is not float:
+        known, way = self._known(start), self._steps
+        if known is None:
+            written = self._one._written_out(start)
+            known = None if written is start else self._known(written)
+            start = written
+        if known is None or type(t0) is not float or not math.isfinite(t0):
             return None
-        h = self._steps.h
-        end = t0 + steps * h
-        latest = max(abs(t0), abs(end))
-        if steps > arguments.MOST or not latest < math.inf or latest + abs(h) == latest:
+        layout, side = known
+        if self.adaptive:
+            if side or t_end is None:
+                return None
+            limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
+            end = arguments.real(t_end, "t_end")
+            times = arguments.times(t_eval, t0, end)
+            if not (way.smooth or not way.jumps(t0, end)) or (way.dense and times is not None):
+                return None
+            made = short(way, layout, start, t0, end, times, limit)
+            if made is not None and self.options.atol is None:
+                arguments.large_enough(restricted(start, layout))
+            return made
+        shape, of_each = way.shapes.get(known), side and arguments.axes(t_end, "t_end")
+        if shape is None or of_each or t_eval is not None:
             return None
-        if type(self.method).step_warning is not Method.step_warning and (
-            shape.given != known_layout(start)  # it might ask for what is not recorded
-            or self._doubt(start)
+        count = self._count(steps, t_end, t0)
+        if type(self.method).step_warning is not Method.step_warning and self._doubt(
+            restricted(start, layout) if not side else start
         ):
             return None
-        of_some: Any = short_steps_of_many if known[1] else short_steps
-        made: Trajectory | None = of_some(self._steps, shape, start, steps, t0)
-        return made
+        if side:
+            return short_steps_of_many(way, shape, start, count, t0)
+        return short_steps(way, shape, start, count, t0)
 
     def _known(self, start: Any) -> Any:
         """By what the shape of a start is known in a run, if one like it was checked before."""
@@ -365,33 +378,22 @@ class Plan:
         axes = arguments.axes(t_end, "t_end") > 0 or arguments.axes(t_eval, "t_eval") > 1
         return of_each or axes
 
+    def kind_of_run(self, start: Any, t_end: Any, t_eval: Any) -> Any:
+        """What makes a run from such a start."""
+        if self.adaptive:
+            return ToleranceRun
+        if self._apart(start, t_end, t_eval):
+            return FictiveRun if self.fictive else EqualRun
+        return StraightFictiveRun if self.fictive else StraightRun
+
     def _in_pieces(
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
         """A run of bodies each of which goes its own way."""
         way, recorder = self._steps, self.recorder
-        alone = start.bodies is None
-        if (
-            self.adaptive
-            and alone
-            and t_end is not None
-            and not (self.events or kept or recorder or way.progress)
-        ):
-            limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
-            end = arguments.real(t_end, "t_end")
-            times = arguments.times(t_eval, t0, end)
-            if not (way.dense and times is not None) and not way.jumps(t0, end):
-                run = short(way, start, t0, end, times, limit)
-                if run is not None:
-                    return run
-        kind: Any = ToleranceRun if self.adaptive else FictiveRun if self.fictive else EqualRun
-        straight = kind is EqualRun and not self._apart(start, t_end, t_eval)
-        if straight:
-            kind = StraightRun
-            made = self._at_once(start, t0, steps, t_end) if t_eval is None is kept else None
-            if made is not None:
-                return made
-        instead = t_eval is not None if straight else not alone
+        kind: Any = self.kind_of_run(start, t_end, t_eval)
+        straight = kind is StraightRun
+        instead = t_eval is not None if straight else start.bodies is not None
         if recorder is not None and (self.fictive or instead):
             recorder = None
         made = kind(self, start, t0, steps, t_end, t_eval, kept, recorder)
@@ -402,19 +404,6 @@ class Plan:
             kept.shown = functools.partial(keeper.presented, kind=own, compiled=way.compiled)
         shown: Trajectory = keeper.instead(made.trajectory, own, way.compiled)
         return shown
-
-    def _at_once(self, start: Any, t0: float, steps: Any, t_end: Any) -> Trajectory | None:
-        """A run with fixed steps of one body, if it is a short one."""
-        if not self._plain or start.bodies is not None:
-            return None
-        if isinstance(start, Carry):
-            t0, before, shape = start.t0, start.step, start.shape
-        else:
-            before, shape = 0, self._steps.shapes.get((layout_of(start), 0))
-        if shape is None or not self._steps.owns(shape):
-            return None
-        steps = self._count(steps, t_end, t0, before)
-        return short_steps(self._steps, shape, start, steps, t0)
 
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
@@ -535,8 +524,13 @@ class Plan:
             carry = self._of_this_plan(run, "resume")
         else:
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        if self.fictive and not self._apart(carry, t_end, t_eval):
-            return self._transformed(carry, steps, carry.t, kept)
+        if self._plain and t_eval is kept is None and type(carry) is Carry and carry.bodies is None:
+            shape: Any = carry.shape
+            count = self._count(steps, t_end, carry.t0, carry.step)
+            if self._steps.owns(shape):
+                made = short_steps(self._steps, shape, carry, count, carry.t0)
+                if made is not None:
+                    return made
         return self._in_pieces(carry, 0.0, steps, t_end, t_eval, kept)
 
     @property
@@ -545,21 +539,6 @@ class Plan:
         transforms.
         """
         return self._one.system if self._one.fictive else self._one
-
-    def _transformed(
-        self, start: State | FictiveCarry, steps: Any, t0: Any, kept: Checkpoint | None
-    ) -> Trajectory:
-        """A run of so many steps in fictive time."""
-        recorder, compiled = self.recorder, self._steps.compiled
-        kind = type(start if isinstance(start, State) else start.origin.start)
-        if kept is not None and recorder is not None:
-            kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        steps = arguments.count(steps, "steps", 0)
-        run = TransformedRun(self, start, t0, kept)
-        if recorder is None:
-            return run.steps(steps)
-        made: Trajectory = recorder.instead(lambda: run.steps(steps), kind, compiled)
-        return made
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
         """How many steps, checked, and with them their times."""
@@ -734,7 +713,7 @@ class Plan:
                     "held fixed"
                 )
             run = self._in_pieces(start, t0, steps, t_end, None, None)
-            return adaptive_tangent_run(self._steps, run, self._steps.begun(run.t), start, names)
+            return adaptive_tangent_run(self, run, start, names)
         if self.fictive:
             if t_end is not None or steps is None:
                 raise InvalidInput(

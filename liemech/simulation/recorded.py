@@ -21,6 +21,7 @@ from ..errors import (
     is_mistake,
 )
 from ..formulas import Record
+from ..formulas.frozen import frozen
 from ..formulas.pytree import layout_of
 from ..formulas.vectors import small
 from ..systems.system import State
@@ -35,7 +36,7 @@ PLAIN = ("number", "vec", "mat")
 """What a function may give."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Recorder:
     """What is kept of each sample: parts of the state, and quantities by name.
 
@@ -274,7 +275,7 @@ def numbers_of_sites(name: str, given: Any, system: Any) -> tuple[int, ...]:
     found = np.asarray(given)
     copies = getattr(getattr(system, "configurations", system.group), "copies", None)
     what = f"integrate: record=({name!r}, {given!r})"
-    if copies is None or system.of_site() is None:
+    if copies is None or system.site_form is None:
         raise InvalidInput(f"{what} names sites, which {system!r} has none of")
     if found.ndim != 1 or found.dtype.kind not in "iu" or not len(found):
         raise InvalidInput(f"{what} is for a list of the numbers of sites")

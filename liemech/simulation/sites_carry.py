@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ..formulas.frozen import frozen
 from .events import NO_EVENTS, Met
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class SiteCarry:
     """Where a run of many sites stands, with all that its method carries along.
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..compiler.planes import Planes
 from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable, warn
 from ..formulas.pytree import layout_of
-from ..integrators.sublattices import SublatticeSplitting, TermSplitting
+from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import StateOfSites
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
@@ -34,7 +34,7 @@ class SitesOfPlan:
     @classmethod
     def of(cls, plan: Any) -> SitesOfPlan | None:
         """None if the system has no site form."""
-        site = plan._one.of_site()
+        site = plan._one.site_form
         return None if site is None else cls(plan, with_lists(plan._one, site))
 
     def prepared(self, start: StateOfSites, starts: Planes, curves: bool) -> Any:
@@ -75,8 +75,6 @@ class SitesOfPlan:
         method = steps.way_of(0)
         if isinstance(method, TermSplitting):
             asked = {"events": plan.events or None, "t_eval": t_eval}
-            if not isinstance(method, SublatticeSplitting):
-                return repr(method)
             return next(
                 (f"{x} of {method!r}" for x, value in asked.items() if value is not None), None
             )
@@ -132,7 +130,7 @@ class SitesOfPlan:
         from .turns_of_sites import TurnsRun
 
         plan = self.plan
-        by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), SublatticeSplitting)
+        by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), TermSplitting)
         return TurnsRun if by_colour else SiteRun
 
     def _members(

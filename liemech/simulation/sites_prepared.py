@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from typing import Any
 
 import numpy as np
 
 from ..compiler import kernel
-from ..compiler.planes import Planes
+from ..compiler.planes import Planes, load
 from ..errors import InvalidInput
 from ..formulas import Record, record
 from ..formulas.pytree import build, carried_layout, layout_of, leaves, rounded, with_fields
 from ..formulas.sites import one_site
 from ..systems.site_state import StateOfSites
+from ..systems.terms_at_site import at_this_site
 from .control import Equal, Tolerance
 from .sites_driver import (
     BESIDE,
@@ -177,8 +179,6 @@ def totals_class(names: tuple[str, ...]) -> Any:
 
 def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
     """What a name or a function of a user's gives for one site."""
-    import inspect
-
     if not isinstance(wanted, str):
         return OfSite(wanted)
     parts = tuple(inspect.signature(getattr(site, wanted)).parameters)
@@ -191,7 +191,4 @@ def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
 
 
 def _one_value(quantity: Any, site: Any, given: Any, starts: Planes) -> Any:
-    from ..compiler.planes import load
-    from ..systems.terms_at_site import at_this_site
-
     return quantity(0.0, at_this_site(site), load(starts, 0, given))

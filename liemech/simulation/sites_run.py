@@ -283,7 +283,7 @@ class SiteRun:
     @property
     def standing(self) -> SiteCarry:
         """With what a run of fixed steps goes on from here."""
-        found: SiteCarry = self.carry(self._memory(self._copy).copy(), self.clocks[:, 0].copy())
+        found: SiteCarry = self.carry(self._memory.copy(), self.clocks[:, 0].copy())
         return found
 
     @property
@@ -365,10 +365,11 @@ class SiteRun:
             )
             raise self._ended(error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
 
-    def _memory(self, copy: int) -> np.ndarray:
-        """What all sites carry along, (width, sites)."""
+    @property
+    def _memory(self) -> np.ndarray:
+        """What the method carries along for the sites, (width, sites)."""
         width = self.shape.memory.width
-        found: np.ndarray = self.sites.array[copy * width : (copy + 1) * width, : self.count]
+        found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
         return found
 
     def kept_of(self, rows: np.ndarray) -> np.ndarray:
@@ -379,7 +380,7 @@ class SiteRun:
 
     def _elements(self) -> np.ndarray:
         """Where the sites are."""
-        rows = self.shape.shown_rows(self._memory(self._copy))
+        rows = self.shape.shown_rows(self._memory)
         return unpacked(self.shape.state, rows.T)["g"]
 
     # ---------------------------------------------------------------- between two calls
@@ -424,7 +425,7 @@ class SiteRun:
         """
         shape, looking, totals = self.shape, self.shape.looking, np.zeros_like(self.look)
         if at == end:
-            rows = shape.shown_rows(self._memory(self._copy))
+            rows = shape.shown_rows(self._memory)
             return rows, self.look[: self.totals.shape[1]], self.values[1]
         seen, done = Planes.of_rows(shape.state.width, self.count), np.zeros((1, 1))
         values, failures, notes = np.zeros_like(self.values[0]), [], 0  # type: Any, list[Any], int
@@ -530,6 +531,7 @@ class SiteRun:
             try:
                 again(i)
             except TooManySites:
+                first = -1
                 break
             except Exception as error:
                 return error
@@ -580,7 +582,7 @@ class SiteRun:
     def so_far(self) -> Trajectory:
         """The run up to here."""
         shape, n = self.shape, self.made
-        clock, memory = self.clocks[:, 0].copy(), self._memory(self._copy).copy()
+        clock, memory = self.clocks[:, 0].copy(), self._memory.copy()
         recorder = self.plan.recorder
         observed = () if recorder is None else recorder.observed
         asked, totals = self.asked[:n].copy(), self.totals[:n].copy()

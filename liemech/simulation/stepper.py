@@ -9,11 +9,11 @@ import numpy as np
 
 from ..errors import IntegrationInterrupted
 from ..systems.system import State
-from . import arguments, short_steps
+from . import arguments, short
 from .carry import Carry
 from .dense import unpacked
 from .fictive import FictiveCarry
-from .short_steps import Place, place_of
+from .short import Place, place_of
 from .sites_carry import SiteCarry
 from .stopped import Stopped
 
@@ -216,16 +216,15 @@ class InPlace:
     most : so many steps come back in milliseconds.
     """
 
-    __slots__ = ("begun", "buffers", "memory", "most", "parts", "place", "where")
+    __slots__ = ("begun", "buffers", "memory", "most", "parts", "place")
 
     def __init__(self, place: Place, begun: Carry) -> None:
         self.place, self.begun = place, begun
         self.memory = np.empty(place.kept + place.sampled)
         place.go_on(begun, self.memory)
-        self.most = short_steps.LONGEST // place.carried**2
+        self.most = short.LONGEST // place.carried**2
         self.parts = unpacked(place.shape.shown, self.memory[place.kept :])
-        self.buffers = place.buffers(self.memory, 1, place.kept)
-        self.where = [at for at, _ in self.buffers]
+        self.buffers = place.prepared(self.memory, 1, place.kept)
 
     @property
     def taken(self) -> int:
@@ -239,9 +238,7 @@ class InPlace:
 
     def advance(self, steps: int) -> None:
         """Go on by so many steps, as far as they can be made."""
-        place = self.place
-        block = place.call(1, 0, 1, 1, steps, *self.where, place.constants)
-        place.lanes.stepping.on_memory(block, self.buffers)
+        self.place.advance(self.buffers, 1, steps)
 
     @property
     def carry(self) -> Carry:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import Any, ClassVar
 
@@ -11,6 +12,7 @@ import numpy as np
 from ..compiler import kernel
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import InvalidInput, InvalidType, StepTooSmall, failure, is_mistake
+from ..formulas.frozen import frozen
 from ..formulas.pytree import build, layout_of
 from ..formulas.vectors import Vec
 from ..integrators.ending_at_jumps import MARGIN, jumps_between, same
@@ -31,14 +33,15 @@ from .control import (
     go_on,
     noted,
 )
-from .dense import DenseOutput, along, evaluated, flat, packed, way_layout
-from .keep import At, Dense, Every, Piece
+from .dense import DenseOutput, flat, packed
+from .execution import like
+from .keep import At, Dense, Every
 from .lanes import Lanes
 from .run import Run
 from .systems import OfBodies
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class AdaptiveSteps:
     """Adaptive steps: what a plan was told of them.  h : the first step, None to find it;
     longest : the longest one.
@@ -62,17 +65,19 @@ class AdaptiveSteps:
 
     def of_system(self, system: Any) -> AdaptiveSteps:
         """These steps for a system of the same layout; layouts and native code are shared."""
-        return dataclasses.replace(
-            self,
-            system=system,
-            shapes={
-                k: s.of_system(system) for k, s in [*self.shapes.items()] if isinstance(s, Lanes)
-            },
-        )
+        lanes = [(k, s) for k, s in [*self.shapes.items()] if isinstance(s, Lanes)]
+        shapes = {k: s.of_system(system) for k, s in lanes}
+        other: AdaptiveSteps = like(self, system=system, shapes=shapes)
+        return other
 
     def first(self, t0: float, t_end: float) -> float:
         """The first step, signed; zero if it is to be found."""
         return 0.0 if self.h is None else math.copysign(self.h, t_end - t0)
+
+    @functools.cached_property
+    def smooth(self) -> bool:
+        """Does the velocity never jump?"""
+        return not (self.breaks or has_inputs(self.system))
 
     def jumps(self, t0: float, t_end: float) -> tuple[float, ...]:
         """The times at which the velocity jumps: those that a user has named, and those of tables."""
@@ -237,26 +242,15 @@ class ToleranceRun(Run):
 
     # ---------------------------------------------------------------- between steps
 
-    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        width, rows = self.lanes.state.width, piece.rows(step)
-        given = np.empty((len(step), rows.shape[1]))
-        given[:, :width] = piece.rows(step, before=True)[:, 1 : 1 + width]
-        given[:, width:-1] = rows[:, 1 + width :]
-        given[:, -1] = (times - piece.a[step]) / (piece.b[step] - piece.a[step])
-        return given
-
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
-        point, (system, method) = self.lanes.state, self.of(0)
-        dim = system.group.dim
-        row = way_layout(self.lanes.example, dim, (given.shape[1] - 1 - point.width) // dim)
-        several = self.lanes.arguments[1]
+    @functools.cached_property
+    def between(self) -> DenseOutput:
+        several, method = self.lanes.arguments[1], self.of(0)[1]
         retraction = method.retraction
         if isinstance(self.plan.method, OfBodies) and layout_of(retraction).width:
             made = [one.retraction for one in self.plan.method]
             retraction = kernel.Several.of(made, len(made))
-        what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
-        arguments = retraction, several, row
-        return evaluated(along, arguments, given, point.width, self.asked_for, what, body)
+        given = self.lanes.example, None, method.dense_order, self.asked_for
+        return DenseOutput(several, retraction, *given)
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
         width = self.lanes.state.width

@@ -122,6 +122,16 @@ class Term(Record, StandsForAnEnergy):
 
         return -gradient(moved, vec(*[0.0 for _ in range(group.dim)]))
 
+    def slopes(self, *sites: Any) -> tuple[Vec, ...]:
+        """The derivatives by the momenta of all sites of the edge."""
+        return tuple([self.slope(k, *sites) for k in range(len(sites))])
+
+    def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
+        """The forces on all sites of the edge: to be written where they have more in common than their
+        energy.
+        """
+        return tuple([self.force(group, k, *sites) for k in range(len(sites))])
+
     def over(self, graph: Any) -> Over:
         """The sum of the term over the edges of a graph, such as `neighbours.ring(100)`."""
         if not isinstance(graph, Graph):

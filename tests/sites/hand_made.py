@@ -52,7 +52,7 @@ class Everyone(lm.Hamiltonian):
 
     def gradient(self, mu: Any) -> Any:
         others = meet(mu)
-        return others.all(lambda b, j: self.pull(mu, b), -self.B)
+        return others.pairs(lambda a, b: (self.pull(a, b), self.pull(b, a)), -self.B)
 
 
 @lm.record
