@@ -144,6 +144,7 @@ class SiteLoops:
             words.meet: self.meet,
             words.own: self.own,
             words.total: self.total,
+            words.mean: self.mean,
             words.repeated: self.repeated,
             words.rows_in: self.rows_in,
             rounds.seen: self.seen,
@@ -651,6 +652,13 @@ class SiteLoops:
         if again:
             self._open()
         return build(layout, iter(sums))
+
+    def mean(self, value: Any) -> Any:
+        """The sum over all sites over their number; of one body the value itself."""
+        over = self.t.state.over
+        if over is None:
+            return value
+        return self.total(value) / self.e.num(self.e.cast(over.sites.count, "f", False))
 
     def _sum(self, over: Over, rows: SiteRows, row: Any) -> Num:
         """The sum of a row: sixteen sums side by side, of every sixteenth site, then by halves."""

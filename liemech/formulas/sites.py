@@ -221,6 +221,14 @@ def total(value: Any) -> Any:
     return value if visit is None else visit.ask("total", value)
 
 
+def mean(value: Any) -> Any:
+    """The mean over all sites of a number or a vector: `total` over their number; of one body alone
+    the value itself.
+    """
+    visit = _present.visit
+    return value if visit is None else total(value) / float(visit.count)
+
+
 def repeated(
     sweep: Callable[[Any], tuple[Any, Any]],
     unknown: Any,

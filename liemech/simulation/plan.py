@@ -15,7 +15,6 @@ from typing import Any
 from ..compiler import kernel
 from ..compiler.kernel import Several
 from ..errors import (
-    IncompatibleSystem,
     IntegrationInterrupted,
     InvalidInput,
     InvalidType,
@@ -256,12 +255,11 @@ class Plan:
             first = first_of(start)
             wanted = arguments.with_parts(sites.site, first, self._needed(sites.site, first)).arrays
             start = type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
-        asked = {"t_eval": t_eval}
         if path is None:
-            made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, **asked)
+            made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
             return made
         with self._kept(path, seconds) as kept:
-            made = sites.trajectory(start, steps, t_end, t0, kept, **asked)
+            made = sites.trajectory(start, steps, t_end, t0, kept, t_eval)
         return made
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
@@ -509,9 +507,13 @@ class Plan:
     ) -> Trajectory:
         """What comes after a run of any kind."""
         if isinstance(getattr(run, "carry", None), SiteCarry):
-            carry = self._of_this_plan(run, "resume")
+            carry = run.carry
+            if isinstance(run, Stepper):
+                self._require_mine(carry, "resume")
+            else:
+                carry = self._of_this_plan(run, "resume")
             made = None if self._sites is None else self._sites.trajectory(
-                carry, steps, t_end, 0.0, kept, t_eval=t_eval
+                carry, steps, t_end, 0.0, kept, t_eval
             )  # fmt: skip
             if made is not None:
                 return made
@@ -620,7 +622,7 @@ class Plan:
                     "a plan of what it was made with"
                 )
         wanted: Any = AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
-        wanted = (Carry, SiteCarry) if wanted is Carry else wanted
+        wanted = wanted if self.fictive else (wanted, SiteCarry)
         several = isinstance(carry, Carries)
         for body, one in enumerate(carry.members if several else (carry,)):
             if isinstance(one, (Waiting, Ended)):
@@ -745,9 +747,11 @@ class Plan:
         given: Any = carry
         if isinstance(given, Stepper):
             given = given.carry
-        if isinstance(given, SiteCarry) and self._sites is not None:
-            run: Any = self._sites.trajectory(given, steps, None, 0.0, None)
-            after: Carry = run.carry
+        if isinstance(given, SiteCarry):
+            self._require_mine(given, "step")
+            run = self.by_hand(given)
+            run.advance(steps)
+            after: Any = run.standing
             return after
         if type(given) is not Carry or not self._steps.owns(given.shape):
             self._require_mine(given, "step")
@@ -756,6 +760,11 @@ class Plan:
                 made: Any = FictiveCarry(given.origin, inner, met=given.met)
                 return made
         return self._advanced(given, steps)
+
+    def by_hand(self, carry: SiteCarry) -> Any:
+        """The run of a system of many sites that goes on as it is told."""
+        sites: Any = self._sites
+        return sites.by_hand(carry)
 
     def in_fictive_time(self, origin: Any) -> Plan:
         """The plan of the system with its clock that began there."""
@@ -788,13 +797,6 @@ class Plan:
         Raises what `step` and `resume` raise.
         """
         self._one_length("stepper")
-        if isinstance(getattr(start, "carry", start), SiteCarry) or (
-            self._sites is not None and self._sites.takes(start)
-        ):
-            raise IncompatibleSystem(
-                "Plan.stepper: there is none for systems of many sites; carry = plan.begin(start) and "
-                "carry = plan.step(carry) go on by hand, carry.state is where they are"
-            )
         if isinstance(start, State):
             return Stepper(self, self.begin(start, 0.0 if t0 is None else t0))
         if t0 is not None:
@@ -810,7 +812,8 @@ class Plan:
     def _require_mine(self, carry: Any, what: str) -> None:
         """Refuse what fixed steps do not go on from.  what : the method that was called."""
         self._one_length(what)
-        if not isinstance(carry, FictiveCarry if self.fictive else Carry):
+        kinds: Any = FictiveCarry if self.fictive else (Carry, SiteCarry)
+        if not isinstance(carry, kinds) or (isinstance(carry, SiteCarry) and not self._sites):
             raise InvalidType(
                 f"Plan.{what} goes on from what `begin` or `step` gave, or from the `carry` of a run "
                 f"or a stepper; got {carry!r}"
@@ -824,7 +827,7 @@ class Plan:
         theirs, way = None, self.method  # type: Any, Any
         if isinstance(carry, FictiveCarry):
             theirs = carry.origin.given, carry.origin.method
-        elif inner.shape is not None:
+        elif getattr(inner, "shape", None) is not None:
             method, system, *_ = next(iter(inner.shape.lanes.values())).arguments
             theirs = tuple([x.values if isinstance(x, Several) else x for x in (system, method)])
             way = self._steps.way

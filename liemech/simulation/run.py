@@ -546,7 +546,7 @@ class Run:
             "dense": None,
             "rejected": None,
             "breaks": (),
-            "observed": () if self.recorder is None else tuple(self.recorder.quantities),
+            "observed": () if self.recorder is None else self.recorder.observed,
         }
         return self.kind.promised(SimpleNamespace(carry=carry), **fields | known)
 
@@ -652,7 +652,7 @@ class Run:
             "events": tuple(zip(*[self.events.shown(i) for i in range(self.count)], strict=True))
             if self.events else (),
             "rejected": None,
-            "observed": () if self.recorder is None else tuple(self.recorder.quantities),
+            "observed": () if self.recorder is None else self.recorder.observed,
         }  # fmt: skip
         return self.kind.promised(rest, **fields | self.known(None) | extra)
 

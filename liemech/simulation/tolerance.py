@@ -333,20 +333,31 @@ class ToleranceRun(Run):
                 "`.trajectory`]"
             )
             return self.explained(error, i)
-        why = str(error)
-        if error is None:
-            why = f"the error estimate is {trial.error:.1e} of the tolerance even so"
-            if not math.isfinite(trial.error):
-                why = "the motion has no finite velocity there"
-        elif not isinstance(error, ArithmeticError):
-            why = f"{type(error).__name__}: {error}"
-        made = StepTooSmall(
-            f"{method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: "
-            f"{why}. The motion may have a singularity there, or rtol = {rtol:g}, atol = {atol:g} ask "
-            f"for more than rounding allows; {steps} steps are in `.trajectory`"
-        )
-        made.__cause__ = error
+        made = too_small(repr(method), t, h, rtol, atol, steps, error, trial.error)
         return self.explained(made, i)
+
+
+def too_small(
+    what: str, t: float, h: float, rtol: float, atol: float, steps: int, error: Any, estimate: float
+) -> StepTooSmall:
+    """The error of a run whose steps fell so far that time stands still.
+
+    error : what the last trial raised; None for an `estimate` that was too large.
+    """
+    why = str(error)
+    if error is None:
+        why = f"the error estimate is {estimate:.1e} of the tolerance even so"
+        if not math.isfinite(estimate):
+            why = "the motion has no finite velocity there"
+    elif not isinstance(error, ArithmeticError):
+        why = f"{type(error).__name__}: {error}"
+    made = StepTooSmall(
+        f"{what}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: "
+        f"{why}. The motion may have a singularity there, or rtol = {rtol:g}, atol = {atol:g} ask "
+        f"for more than rounding allows; {steps} steps are in `.trajectory`"
+    )
+    made.__cause__ = error
+    return made
 
 
 def of_bodies(check: Any, values: Any) -> list[Any]:

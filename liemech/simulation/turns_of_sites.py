@@ -222,32 +222,46 @@ class TurnsRun(SiteRun):
     clock: np.ndarray
     last: np.ndarray | None = None  # all states at the node
 
-    def _call(self, turns: int, samples: int, first: int) -> None:
-        """Some samples with so many steps before each, from sample number `first` on."""
+    def _call(self, turns: int) -> None:
+        """Some more steps: those to the next sample or a part of them, or to some samples."""
+        first = self.made
         if not turns:
-            self._keep(first, self.shape.shown_rows(self._memory)[None])
+            self._show(first, self.shape.shown_rows(self._memory)[None])
+            self.made += 1
             return
-        whole = self._taken + turns * samples >= self.numbers[first]  # or it ends before the sample
-        rows = self._turned(turns, samples, int(whole))
+        if first == len(self.times):  # nobody wants one
+            wanted, samples, whole = turns, 1, False
+        else:
+            wanted = int(self.numbers[first]) - self.taken
+            ahead = np.diff(self.numbers[first - 1 :])
+            same = int(np.argmax(ahead != wanted)) if (ahead != wanted).any() else len(ahead)
+            samples = max(1, min(same, turns // wanted))
+            turns, whole = min(turns, wanted), turns >= wanted
+        if self.kept is not None:
+            samples = min(samples, max(1, self.kept.within(samples * turns) // turns))
+        rows = self._turned(turns, samples if whole else 1, int(whole))
         finite = np.isfinite(rows).all(axis=(1, 2))
-        good = samples if finite.all() else int(np.argmin(finite))
+        good = len(rows) if finite.all() else int(np.argmin(finite))
         self.clocks[TAKEN] += turns * good
         self.clocks[0] = self.t0 + self.clocks[TAKEN] * self.h
-        if good < samples:
+        if good < len(rows):
             self.clocks[MARK] = STUCK
         if whole:
             here = self.shape.turning.places.places
-            self._keep(first, rows[:good, self.shape.order][..., here])
+            self._show(first, rows[:good, self.shape.order][..., here])
+            self.made += good
 
-    def _keep(self, first: int, rows: np.ndarray) -> None:
+    def _show(self, first: int, rows: np.ndarray) -> None:
         """Keep samples, (samples, width, sites), and what is wanted of them."""
         shown, samples = self.shape.shown, len(rows)
         if not samples:
             return
         begin = first * self.shape.state.width if shown.kept else 0
+        if self.chosen is not None:
+            self.own[first : first + samples] = rows[..., self.chosen]
         planes = (
             Planes(self.seen.array[begin : begin + rows[:, :, 0].size], self.count)
-            if shown.kept
+            if shown.kept and self.chosen is None
             else Planes.of_rows(rows[:, :, 0].size, self.count)
         )
         planes.array[:, : self.count] = rows.reshape(-1, self.count)
@@ -271,7 +285,7 @@ class TurnsRun(SiteRun):
         seen = Planes.of_rows(width * samples * shown, count)
         arguments: Any = *turning.arguments, turns, samples, shown, self.turned, seen
         self.notes, self.failures = -1, []
-        left = self.before + self.steps - self._taken
+        left = self.before + self.steps - self.taken
         if turning.execution.ready_for(self.count * max(1, left)):
             self.compiled = True
             turning.execution.on_sites(count)(*arguments, kernel.Shared(self.clock))
@@ -294,8 +308,8 @@ class TurnsRun(SiteRun):
         found: np.ndarray = planes.array[begin : begin + width, : planes.count]
         return found
 
-    def _so_far(self) -> Any:
-        """The run up to here, with what every site carries along in its own place."""
+    def _lay_down(self) -> None:
+        """Put what every site carries along in its own place."""
         if self.turned is not None:
             here, width = self.shape.turning.places.places, self.shape.started.width
             memory = self._memory
@@ -303,11 +317,21 @@ class TurnsRun(SiteRun):
             memory[:width] = last[:, here]
             memory[width : 2 * width] = self._before_last[:, here]
             memory[2 * width] = self.clock[0]
-        return super()._so_far()
+
+    def so_far(self) -> Any:
+        """The run up to here."""
+        self._lay_down()
+        return super().so_far()
+
+    @property
+    def standing(self) -> Any:
+        """With what it goes on."""
+        self._lay_down()
+        return super().standing
 
     def _fail(self) -> None:
         """A state that is not finite ends the run."""
-        step = self._taken
+        step = self.taken
         error = NotFinite(
             "the step overflowed or left the domain of a formula; a smaller h may help"
         )
