@@ -8,11 +8,7 @@ import numpy as np
 
 from ..compiler import kernel
 from ..compiler.driver import attempt, read
-<<<<<<< HEAD
-from ..errors import InvalidInput
 from ..formulas.frozen import frozen
-=======
->>>>>>> house
 from ..formulas.pytree import NUMBER, layout_of, rounded
 from .control import landed
 from .dense import Between, evaluated, told, unpacked

@@ -29,6 +29,7 @@ from .dense import flat, unpacked
 from .equal import NEAR, EqualRun, StraightRun, lay_down
 from .fictive import FictiveCarry, Origin
 from .keep import At, Dense, Every, Piece
+from .prepared import shown_step
 from .systems import OfBodies, Systems
 from .trajectory import Trajectory, TransformedTrajectory
 
@@ -113,8 +114,8 @@ class OfClocked(EqualRun):
 
     def known(self, i: int | None) -> dict[str, Any]:
         if i is None:
-            own = self.h.copy() if "h" in self.plan.of_each else self.h.item(0)
-            return {"h": own, "system": self._inner(), "origin": self.origin}
+            h = shown_step(self.way.h)
+            return {"h": h, "system": self._inner(), "origin": self.origin}
         origin = self.origin_of(i)
         found = {"h": self.h.item(i), "system": origin.whole.system, "origin": origin}
         if not self.bodies:
@@ -208,10 +209,8 @@ class FictiveRun(OfClocked):
         way, count = self.way, self.count
         members = [self.begun(i) for i in range(count)]
         least = 0 if ends[0] is None else 1
-        own = self.plan.of_each.get("h")
-        h = [way.h] * count if own is None else [arguments.step(x) for x in own]
         limit = arguments.MOST // 2 if steps is None else arguments.count(steps, "steps", least)
-        self.h = np.array(h)
+        self.h = h = np.array([way.h_of(i) for i in range(count)])
         self.first = np.array([float(getattr(one, "step", 0)) for one in members])
         self.zero = np.zeros(count)
         self.aims = np.zeros((6, count))
@@ -320,8 +319,8 @@ class FictiveRun(OfClocked):
     @functools.cached_property
     def between(self) -> FictiveMotion:
         method, system = self.lanes.arguments[:2]
-        own: Any = self.h if "h" in self.plan.of_each else self.plan._steps.h
-        given = self._kind, self.lanes.example, own, None, self.asked_for
+        h = shown_step(self.way.h)
+        given = self._kind, self.lanes.example, h, None, self.asked_for
         return FictiveMotion(method, system, *given)
 
     def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:

@@ -137,7 +137,7 @@ class Plan:
             own: Any = h, *tolerances, options.breaks, dense, compiled, progress
             self._steps = AdaptiveSteps(one, first("method"), *own)
         else:
-            h = arguments.step(first("h")) if self.fictive else arguments.steps(h)
+            h = arguments.steps(h)
             own = h, options.every, compensated, precision, compiled, progress, options.workers
             self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
@@ -632,9 +632,7 @@ class Plan:
                     f"Plan.{what}: the run was made with other steps; start a new one from run.last"
                 )
             inner: Any = one.inner if isinstance(one, FictiveCarry) else one
-            h = getattr(self._steps, "h", None)
-            if several and "h" in self.of_each:
-                h = arguments.step(self.of_each["h"][body])
+            h = None if self.adaptive else self._steps.h_of(body) if several else self._steps.h
             if not self.adaptive and inner.h != h:
                 raise InvalidInput(
                     f"Plan.{what}: the run was made with h = {inner.h!r} instead of {h!r}; "

@@ -112,25 +112,14 @@ class ToleranceRun(Run):
             )
             raise InvalidInput(f"integrate: dense=True {what}")
         limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
-        checked = {
-            "rtol": lambda x: arguments.tolerance(x, "rtol", arguments.RTOL),
-            "atol": lambda x: arguments.tolerance(x, "atol", arguments.ATOL),
-            "max_step": arguments.longest,
-            "h": lambda h: 0.0 if h is None else arguments.step(h),
-        }
-        if own:
-            numbers = {
-                name: of_bodies(check, own[name]) if name in own else check(getattr(given, name))
-                for name, check in checked.items()
-            }
-        else:
-            way = self.way
-            numbers = {
-                "rtol": way.rtol,
-                "atol": way.atol,
-                "max_step": way.longest,
-                "h": way.h or 0.0,
-            }
+        way, numbers = self.way, {}  # type: Any, dict[str, Any]
+        for name, all_bodies, check in (
+            ("rtol", way.rtol, lambda x: arguments.tolerance(x, "rtol", arguments.RTOL)),
+            ("atol", way.atol, lambda x: arguments.tolerance(x, "atol", arguments.ATOL)),
+            ("max_step", way.longest, arguments.longest),
+            ("h", way.h or 0.0, arguments.step),
+        ):
+            numbers[name] = of_bodies(check, own[name]) if name in own else all_bodies
         self.t_end = np.array(ends, dtype=float)
         self.sign = np.where(self.t_end >= self.t0, 1.0, -1.0)
         self.aims = np.zeros((6, self.count))

@@ -508,3 +508,11 @@ def test_laws_hold() -> None:
     start = system.state(mu=RNG.normal(size=(2, 3)), g=lm.SO3().random(RNG, 2))
     report = lm.check_method(lm.RKMK(order=4), system, start)
     assert "holds" in str(report)
+
+
+@pytest.mark.parametrize("slip", ["helds", "hled", "hel", "Held"])
+def test_a_slip_in_held_is_no_parameter_of_sites(slip: str) -> None:
+    """Before, the sites that were to be held moved without a word."""
+    with pytest.raises(InvalidInput, match="did you mean held"):
+        lm.Terms(Exchange(1.0).over(lm.neighbours.ring(5)), **{slip: [0]})
+    lm.Terms(Exchange(1.0).over(lm.neighbours.ring(5)), field=1.0, shell=2.0)
