@@ -260,9 +260,10 @@ class Bonds(MotionsOfTerms):
     def of_site(self, places: Places) -> tuple[tuple[Any, ...], list[tuple[int, ...]]]:
         """Each term at a site, those of bonds first; and of each part its term and its colour."""
         forms: list[Any] = []
-        numbers = []
+        numbers: list[tuple[int, ...]] = []
+        whole: Any = self.terms.of_site()
         for part in [part for part in self.terms.parts if part.graph.arity == 2]:
-            colours, whole = colours_of_bonds(part.graph), self.terms.of_site()
+            colours = colours_of_bonds(part.graph)
             numbers += [(len(forms), k, 0) for k in range(int(colours.max(initial=-1)) + 1)]
             forms.append(BondsOfSite.of(part, colours, whole.names, whole.own))
         for part in self.lonely:

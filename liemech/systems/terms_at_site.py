@@ -199,13 +199,16 @@ class TermsOfSite(Record):
         """A site of which nothing is known."""
         return site_class(self.names)()
 
-    def met(self, mu: Any, g: Any = None, xi: Any = None) -> tuple[Any, Any, Any]:
+    def met(
+        self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None
+    ) -> tuple[Any, Any, Any]:
         """This site, the meeting with the others (None if it is alone), and what makes of what a site
-        publishes there what terms see of it.
+        publishes there what terms see of it.  roles : those that count; None: all.
         """
+        some = self.roles if roles is None else roles
         own = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
         me = type(self.site)(mu, g, xi, *own)
-        alone = all(role.alone for role in self.roles)
+        alone = all(role.alone for role in some)
         varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(own, self.own)]
         meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
 
@@ -218,12 +221,12 @@ class TermsOfSite(Record):
 
         return me, meeting, seen
 
-    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, first: bool = False) -> Any:
+    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, roles: Any = None) -> Any:
         """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
-        role by role.  first : of those where it is the first of the sites.
+        role by role.  roles : those that count; None: all.
         """
-        me, meeting, seen = self.met(mu, g, xi)
-        for one in [role for role in self.roles if not first or role.role == 0]:
+        me, meeting, seen = self.met(mu, g, xi, roles)
+        for one in self.roles if roles is None else roles:
             total = one.added(
                 total,
                 me,
@@ -242,7 +245,8 @@ class TermsOfSite(Record):
             energy = term.energy(*sites)
             return 0.5 * energy if role.merged else energy
 
-        return self.added(0.0, mu, g, None, part, first=True)
+        first = [role for role in self.roles if role.role == 0]
+        return self.added(0.0, mu, g, None, part, first)
 
     def if_it_moves(self, x: Vec) -> Vec:
         """A velocity or a force; zero at sites that are held."""
@@ -290,9 +294,22 @@ class PotentialOfSite(TermsOfSite, Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The force on this site.  g : its element."""
+        return self._forces(group, g, None)
+
+    def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
+        """That of term number k alone."""
+        found: list[RoleAtSite] = []
+        number = -1
+        for role in self.roles:
+            number = number + (1 if role.role == 0 else 0)
+            if number == k:
+                found = [*found, role]
+        return self._forces(group, g, found)
+
+    def _forces(self, group: LieGroup, g: Element, roles: Any) -> Vec:
         zero = vec(*[0.0 for _ in range(group.dim)])
         force = self.added(
-            zero, None, g, None, lambda one, term, sites: term.force(group, one.role, *sites)
+            zero, None, g, None, lambda one, term, sites: term.force(group, one.role, *sites), roles
         )
         return self.if_it_moves(force)
 
