@@ -194,13 +194,17 @@ class SiteLoops:
         t.fail_if(failed)
 
     def _open(self) -> None:
-        """Begin a pass over the sites of this thread."""
+        """Begin a pass over the sites of this thread: of a range the same share as of all."""
         b, over = self.b, self.t.state.over
         begin, end = b.function.args[4:6]
         if over.range is not None:
-            first, last = over.range
-            begin = b.select(b.icmp_signed(">", first, begin), first, begin)
-            end = b.select(b.icmp_signed("<", last, end), last, end)
+            (first, last), count = over.range, over.sites.count.value
+            groups = b.sdiv(b.sub(last, first), I64(TOGETHER))
+
+            def share(place: ir.Value) -> ir.Value:
+                return b.add(first, b.mul(b.sdiv(b.mul(groups, place), count), I64(TOGETHER)))
+
+            begin, end = share(begin), share(end)
         over.passes.append(Pass(b, begin, end))
 
     def _close(self, lanes: int | None = None) -> None:
