@@ -85,7 +85,7 @@ def optimised(text: str) -> str:
         return str(_optimised(text))
 
 
-def linked(code: bytes) -> tuple[Any, Any]:
+def linked(code: bytes, signature: Any = SIGNATURE) -> tuple[Any, Any]:
     """The owner of the code, and the function; it lives as long as its owner."""
     with _lock:
         library = llvm.JITLibraryBuilder().add_object_img(code).export_symbol("kernel")
@@ -97,7 +97,7 @@ def linked(code: bytes) -> tuple[Any, Any]:
         loaded = library.link(_linker(), f"kernel {next(_numbers)}")
         owner = Owner()
         weakref.finalize(owner, _unload, loaded).atexit = False
-        return owner, SIGNATURE(loaded["kernel"])
+        return owner, signature(loaded["kernel"])
 
 
 class Owner:
@@ -128,9 +128,18 @@ def _optimised(text: str) -> Any:
     passes = llvm.create_pass_builder(_target(), tuning)
     copying = llvm.create_new_module_pass_manager()
     copying.add_always_inliner_pass()
-    copying.run(module, passes)
-    passes.getModulePassManager().run(module, passes)
+    for manager in (copying, passes.getModulePassManager()):
+        manager.run(module, passes)
+        _released(manager)
     return module
+
+
+def _released(manager: Any) -> None:
+    """Free the passes of a manager, and the tables of what they have seen: of llvmlite's classes the
+    one whose `_dispose` does nothing comes first, so that nobody else does.
+    """
+    llvm.newpassmanagers.NewPassManager._dispose(manager)
+    manager.detach()
 
 
 def size(text: str) -> int:

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from contextvars import copy_context
 from typing import Any
 
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from .pytree import build, carried_layout, leaves
+from .pytree import as_others_see, build, carried_layout, leaves
 from .records import Record, record
 from .tables import Table
 from .vectors import Vec
@@ -131,9 +132,11 @@ class SiteArray(Record):
 def meet(value: Any) -> Meeting:
     """Publish a value of this site, a number, a vector, a record of numbers; the meeting gives what
     other sites have published in the same place of the formula.
+
+    Numbers that carry a derivative along are published with it, unless this site moves alone.
     """
     visit = _visit("meet")
-    return Meeting(visit.ask("meet", value), visit.site)
+    return Meeting(visit.ask("meet", as_others_see(value)), visit.site)
 
 
 class Meeting:
@@ -218,6 +221,14 @@ def total(value: Any) -> Any:
     return value if visit is None else visit.ask("total", value)
 
 
+def mean(value: Any) -> Any:
+    """The mean over all sites of a number or a vector: `total` over their number; of one body alone
+    the value itself.
+    """
+    visit = _present.visit
+    return value if visit is None else total(value) / float(visit.count)
+
+
 def repeated(
     sweep: Callable[[Any], tuple[Any, Any]],
     unknown: Any,
@@ -232,7 +243,7 @@ def repeated(
     state, and whether it is enough.  turns : the most there may be.
     """
     visit = _present.visit
-    if visit is not None and visit.of_all:
+    if visit is not None:
         return visit.ask("repeated", (sweep, unknown, judge, state, turns))[visit.site]
     for _ in range(turns):
         unknown, told = sweep(unknown)
@@ -256,10 +267,8 @@ class _Asked(BaseException):
 class Visit:
     """One run of a formula for one of so many sites, with the answers that are known so far.
 
-    answers : to the first questions, by the kind of each.  of_all : do all sites run side by side?
+    answers : to the first questions, by the kind of each.
     """
-
-    of_all = True
 
     def __init__(self, site: int, count: int, answers: list[tuple[str, Any]]) -> None:
         self.site, self.count, self.answers, self.asked = site, count, answers, 0
@@ -357,7 +366,7 @@ FEW = 2000
 
 
 class TooManySites(Exception):
-    """One site asks for a total over more than a few."""
+    """One site asks for a total over more than a few, or for sweeps over all."""
 
 
 class _Early(Visit):
@@ -366,8 +375,6 @@ class _Early(Visit):
     until : the question after which it may end.  visit : lets another site come as far as to one.
     """
 
-    of_all = False
-
     def __init__(
         self, site: int, count: int, answers: list[tuple[str, Any]], until: int, visit: Any
     ) -> None:
@@ -375,6 +382,8 @@ class _Early(Visit):
         self.until, self.visit = until, visit
 
     def ask(self, kind: str, value: Any) -> Any:
+        if kind == "repeated":
+            raise TooManySites
         if self.asked == len(self.answers):
             self.answers.append((kind, _Some(self.asked, self.visit)))
         published = self.answers[self.asked][1]
@@ -390,11 +399,12 @@ class _Early(Visit):
 def one_site(count: int, site: int, formula: Callable[..., Any], *args: Any) -> Any:
     """The value of a formula for one of the sites: of the others what it asks of them, no more."""
     answers: list[tuple[str, Any]] = []
+    outside = copy_context()  # of the derivatives that one site is taking another knows nothing
 
     def visited(i: int, until: int) -> Any:
         before, _present.visit = _present.visit, _Early(i, count, answers, until, visited)
         try:
-            return formula(*args)
+            return outside.copy().run(formula, *args)
         except _Asked:
             return None
         except Exception as error:

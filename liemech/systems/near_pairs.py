@@ -41,18 +41,24 @@ class NearPairs(Term):
         )
         return with_fields(b, g=displaced(self.group, b.g, shift))
 
-    def switch(self, a: Any, b: Any) -> float:
-        """1 for sites that are near, 0 from the cutoff on."""
-        apart = place(self.group, b.g) - place(self.group, a.g)
-        near, far = self.inner * self.inner, self.cutoff * self.cutoff
-        x = (dot(apart, apart) - near) / (far - near)
+    @property
+    def layer(self) -> float:
+        """cutoff^2 - inner^2."""
+        return self.cutoff * self.cutoff - self.inner * self.inner
+
+    def depth(self, apart: Vec) -> float:
+        """x of two sites that are so far apart."""
+        return (dot(apart, apart) - self.inner * self.inner) / self.layer
+
+    def switch(self, x: float) -> float:
+        """1 for sites that are near, 0 from the cutoff on.  x : see above."""
         y = 1.0 - x * x * x * x * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
         return where(x > 0.0, where(x < 1.0, y, 0.0), 1.0)
 
     def energy(self, a: Any, b: Any) -> float:
         """s times the energy of the term."""
         there = self.image(a, b)
-        s = self.switch(a, there)
+        s = self.switch(self.depth(place(self.group, there.g) - place(self.group, a.g)))
         return where(s > 0.0, s * self.term.energy(a, there), 0.0)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
@@ -71,12 +77,11 @@ class NearPairs(Term):
         that comes of it, in space.
         """
         ends = (a, self.image(a, b))
-        s = self.switch(*ends)
         apart = place(self.group, ends[0].g) - place(self.group, ends[1].g)
-        near, far = self.inner * self.inner, self.cutoff * self.cutoff
-        x = (dot(apart, apart) - near) / (far - near)
+        x = self.depth(apart)
+        s = self.switch(x)
         steep = where(x > 0.0, where(x < 1.0, 140.0 * (x * (1.0 - x)) ** 3, 0.0), 0.0)
-        return ends, s, (2.0 * steep * self.term.energy(*ends) / (far - near)) * apart
+        return ends, s, (2.0 * steep * self.term.energy(*ends) / self.layer) * apart
 
     def _whole(self, end: Any, s: float, force: Vec, push: Vec) -> Vec:
         """The force on one of them; none beyond the cutoff."""

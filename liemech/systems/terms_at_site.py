@@ -43,7 +43,7 @@ class ValuesOfSites(Record, OfEach):
 
     def here(self) -> Any:
         """The value of this site."""
-        return _shaped(own(self.array), self.shape)
+        return in_shape(own(self.array), self.shape)
 
 
 @record
@@ -65,10 +65,11 @@ class EachOfEdges(Record, OfEach):
 
     def here(self, d: int) -> Any:
         """The value of edge d of this site."""
-        return _shaped(own(self.array, d), self.shape)
+        return in_shape(own(self.array, d), self.shape)
 
 
-def _shaped(numbers: Any, shape: tuple[int, ...]) -> Any:
+def in_shape(numbers: Any, shape: tuple[int, ...]) -> Any:
+    """Numbers as they are, or of a matrix row by row as that matrix."""
     if len(shape) < 2:
         return numbers
     n = shape[1]
@@ -107,7 +108,19 @@ class RoleAtSite(Record):
         if part.in_rounds:
             near = with_fields(part.graph, count=None) if isinstance(part.graph, Within) else None
             return cls(part.term, role, True, False, near=near)
-        incidence = part.incidence(role)
+        fixed = isinstance(part.graph, Lattice)
+        return cls.of_incidence(part, role, part.incidence(role), alone, fixed)
+
+    @classmethod
+    def of_incidence(
+        cls,
+        part: BoundTerm,
+        role: int,
+        incidence: Incidence,
+        alone: bool = False,
+        fixed: bool = True,
+    ) -> RoleAtSite:
+        """That of a term with these edges at each site.  fixed : is their number known to formulas?"""
         edges = incidence.edges
 
         def of_edges(each: Each) -> EachOfEdges:
@@ -117,7 +130,6 @@ class RoleAtSite(Record):
             )
 
         term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
-        fixed = isinstance(part.graph, Lattice)
         made = cls(term, role, part.merged, alone)
         return made if alone else made.with_tables(incidence, fixed)
 
@@ -190,16 +202,16 @@ class TermsOfSite(Record):
         """A site of which nothing is known."""
         return site_class(self.names)()
 
-    def added(
-        self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any, first: bool = False
-    ) -> Any:
-        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
-        role by role; of_both(term, sites) is of both sites of a pair.  first : of the edges where it
-        is the first of the sites.
+    def met(
+        self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None
+    ) -> tuple[Any, Any, Any]:
+        """This site, the meeting with the others (None if it is alone), and what makes of what a site
+        publishes there what terms see of it.  roles : those that count; None: all.
         """
+        some = self.roles if roles is None else roles
         own = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
         me = type(self.site)(mu, g, xi, *own)
-        alone = all(role.alone for role in self.roles)
+        alone = all(role.alone for role in some)
         varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(own, self.own)]
         meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
 
@@ -210,7 +222,24 @@ class TermsOfSite(Record):
             ]
             return type(self.site)(published.mu, published.g, published.xi, *theirs)
 
-        for one in [role for role in self.roles if not first or role.role == 0]:
+        return me, meeting, seen
+
+    def added(
+        self,
+        total: Any,
+        mu: Any,
+        g: Any,
+        xi: Any,
+        formula: Any,
+        of_both: Any,
+        roles: Any = None,
+    ) -> Any:
+        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
+        role by role; of_both(term, sites) is of both sites of a pair.  roles : those that count;
+        None: all.
+        """
+        me, meeting, seen = self.met(mu, g, xi, roles)
+        for one in self.roles if roles is None else roles:
             total = one.added(
                 total,
                 me,
@@ -234,7 +263,8 @@ class TermsOfSite(Record):
             energy = 0.5 * term.energy(*sites)
             return energy, energy
 
-        return self.added(0.0, mu, g, None, part, halves, first=True)
+        first = [role for role in self.roles if role.role == 0]
+        return self.added(0.0, mu, g, None, part, halves, first)
 
     def if_it_moves(self, x: Vec) -> Vec:
         """A velocity or a force; zero at sites that are held."""
@@ -250,6 +280,11 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
+
+    @property
+    def coupled(self) -> bool:  # type: ignore[override]
+        """Is there a term of several sites?"""
+        return not all([role.alone for role in self.roles])  # noqa: C419
 
     def energy(self, mu: Vec) -> float:
         """The share of this site.  mu : (dim,), its momentum."""
@@ -282,6 +317,19 @@ class PotentialOfSite(TermsOfSite, Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The force on this site.  g : its element."""
+        return self._forces(group, g, None)
+
+    def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
+        """That of term number k alone."""
+        found: list[RoleAtSite] = []
+        number = -1
+        for role in self.roles:
+            number = number + (1 if role.role == 0 else 0)
+            if number == k:
+                found = [*found, role]
+        return self._forces(group, g, found)
+
+    def _forces(self, group: LieGroup, g: Element, roles: Any) -> Vec:
         zero = vec(*[0.0 for _ in range(group.dim)])
         force = self.added(
             zero,
@@ -290,6 +338,7 @@ class PotentialOfSite(TermsOfSite, Potential):
             None,
             lambda one, term, sites: term.force(group, one.role, *sites),
             lambda term, sites: term.forces(group, *sites),
+            roles,
         )
         return self.if_it_moves(force)
 

@@ -181,14 +181,14 @@ def test_rows_of_scratch_memory() -> None:
     system, none = field(), np.empty(0)
     from liemech.formulas.pytree import carried_layout, layout_of
     from liemech.simulation.equal import Equal
-    from liemech.simulation.sites_driver import Shown, advance_sites
+    from liemech.simulation.sites_driver import PLACE, Shown, Sighted, advance_sites
     from liemech.systems.lie_poisson import BodyState
 
     memory = carried_layout(BodyState(lm.vec(0.0, 0.0, 0.0)))
     planes, shared = Planes.of_rows(1, 1), kernel.Shared(none)
-    shown = Shown(True, memory, (), layout_of(()))
-    arguments = lm.RKMK(), system, Equal(), memory, shown, 1, 1, planes, planes, shared
-    made = kernel.kernel(advance_sites, *arguments, none, none, none, none, None, lanes=8)
+    shown = Sighted(Shown(True, memory, (), layout_of(())), (), layout_of(()), ())
+    arguments = lm.RKMK(), system, Equal(), memory, PLACE, shown, 1, planes, planes, *[shared] * 3
+    made = kernel.kernel(advance_sites, *arguments, *[none] * 4, *[shared] * 3, None, lanes=8)
     assert scratch_rows(made) == 15  # twice what is published, and three velocities
     assert SiteCalls(made, 100).scratch.shape == (15, padded(100))
 
