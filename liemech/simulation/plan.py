@@ -679,6 +679,8 @@ class Plan:
             )
         if self.events:
             raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
+        if self._sites is not None:
+            self._sites.require_small(start, "tangent map")
         start, t0 = self._started(start), arguments.real(t0, "t0")
         names: tuple[Any, ...] = (
             (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)

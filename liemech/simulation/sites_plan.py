@@ -68,6 +68,8 @@ class SitesOfPlan:
             return f"{next(iter(plan.of_each))} of each member"
         if members and kept is not None:
             return "checkpoint of members"
+        if plan.options.dense:
+            return "dense=True (t_eval keeps states at given times)"
         if plan.adaptive:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         if steps.breaks:
@@ -111,6 +113,7 @@ class SitesOfPlan:
                 return run.trajectory()
             except NotCompilable as error:
                 why = f"{self.plan.method!r} for sites one by one ({error})"
+                numbers += LARGE if self.plan.events else 0  # which would be of other things
         if numbers <= LARGE and self.as_one_body and not isinstance(start, SiteCarry):
             return None
         raise IncompatibleSystem(
@@ -118,6 +121,14 @@ class SitesOfPlan:
             f"KickDrift with h and steps take any number; up to {LARGE} numbers are written out as one "
             "body, which takes everything"
         )
+
+    def require_small(self, start: Any, what: str) -> None:
+        """Raise IncompatibleSystem for a system that is too large to be written out."""
+        if isinstance(start, StateOfSites) and start.width // (start.bodies or 1) > LARGE:
+            raise IncompatibleSystem(
+                f"integrate: there is no {what}, for systems of many sites, here {start.sites}; up to "
+                f"{LARGE} numbers are written out as one body"
+            )
 
     def by_hand(self, carry: SiteCarry) -> Any:
         """A run that goes on as it is told, without samples."""

@@ -263,7 +263,7 @@ class Trajectory:
         """
         if self.ended is not None and self.bodies is None:
             states = self.events[self.ended][1]
-            return self._laws.reached(**{name: array[-1] for name, array in states.arrays.items()})
+            return self._laws._reached(**{name: array[-1] for name, array in states.arrays.items()})
         if self.observed or not len(self):
             if self.carry is None:
                 raise InvalidInput(
@@ -272,7 +272,7 @@ class Trajectory:
                     "and has not come to its end"
                 )
             return self.carry.state
-        return self._laws.reached(**{name: array[-1] for name, array in self.states.items()})
+        return self._laws._reached(**{name: array[-1] for name, array in self.states.items()})
 
     def at(self, t: Any) -> Any:
         """The state at any time of the run, or at many, (m,); between the steps too it is on the

@@ -252,7 +252,7 @@ class BoundBody(System):
         return self.vouched(state)
 
     @final
-    def reached(self, **parts: Any) -> BodyState:
+    def _reached(self, **parts: Any) -> BodyState:
         """The state with these parts, whether it obeys the constraint or not."""
         return self._given("state", parts.get("mu"), parts.get("g"), None)
 
