@@ -140,6 +140,7 @@ def test_the_quick_comparison_is_the_one_that_answers(monkeypatch: pytest.Monkey
         (parent, how, "DEFAULT" if name == "_values" else name) for parent, how, name in PATHS
     )
     _, guard = guarded(paths)
+    assert guard.verdict(()) is True  # asked one by one, and from then on by words
     monkeypatch.setattr(Guard, "_by_parts", lambda *_: pytest.fail("asked one by one"))
     assert guard.verdict(()) is True
 
