@@ -175,6 +175,16 @@ class Trajectory:
         """
         return self._quantity("multipliers", "has no constraints")
 
+    def joint(self, name: str | int) -> Any:
+        """A joint of a linkage, by its name or number, along the run: its `angle`, `rate`, `torque`,
+        `reaction`, `moment`, `power` and `work`.
+        """
+        motion = getattr(self._laws, "motion_at", None)
+        if motion is None:
+            raise InvalidInput(f"Trajectory.joint: {self.system!r} has no joints")
+        self._recorded("joint", ["mu", "g"])
+        return motion(self, name)
+
     def _quantity(self, name: str, otherwise: str) -> np.ndarray:
         """What the system computes from parts of the state, or what was recorded of it."""
         if name in self.observed:
