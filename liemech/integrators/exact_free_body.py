@@ -323,7 +323,7 @@ def _why_not(system: Any) -> str:
     if isinstance(system, MechanicalSystem):
         return "it is in a field"
     if isinstance(system, LiePoissonSystem):
-        system = system.of_site() or system
+        system = system.site_form or system
     group, energy = getattr(system, "group", None), getattr(system, "hamiltonian", None)
     if isinstance(group, VectorSpace) and isinstance(energy, KineticEnergy):
         return ""

@@ -245,7 +245,7 @@ class KickDrift(FieldSplitting):
     def require(self, system: Any) -> None:
         """A body in a field that the free motion accepts, with an energy that the tableau accepts."""
         super().require(system)
-        one = system.body.of_site() or system.body
+        one = system.body.site_form or system.body
         if self.tableau.quadratic and not isinstance(one.hamiltonian, KineticEnergy):
             raise IncompatibleSystem(
                 f"{self!r} is for energies quadratic in the momentum; {system.body!r} has another "

@@ -31,10 +31,10 @@ from .control import (
     begun,
     sample,
 )
-from .dense import evaluated, lay_out, short_step
+from .dense import Between, ShortSteps, lay_out
 from .driver import begin
 from .execution import LOOK
-from .keep import At, Piece, Straight
+from .keep import At, Straight
 from .lanes import Lanes, share_out
 from .prepared import Shape, shown_step, times
 from .progress import Bar
@@ -275,18 +275,10 @@ class EqualRun(Run):
 
     # ---------------------------------------------------------------- between steps
 
-    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        points, a = piece.rows(step, before=True)[:, 1:], piece.a[step]
-        return np.concatenate([points, a[:, None], (times - a)[:, None]], axis=1)
-
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
-        point = self.lanes.state
-        what = (
-            repr(self.of(0)[1]),
-            lambda k: f"the shorter step from t = {given[k, -2]:g} to t = {times[k]:g}",
-        )
-        arguments = *self.lanes.arguments[:2], point
-        return evaluated(short_step, arguments, given, point.width, self.asked_for, what, body)
+    @functools.cached_property
+    def between(self) -> Between:
+        method, system = self.lanes.arguments[:2]
+        return ShortSteps(system, method, self.lanes.example, None, self.asked_for)
 
     # ---------------------------------------------------------------- what came of it
 
@@ -524,9 +516,12 @@ class StraightRun(EqualRun):
         return self._between(samples, numbers, some)
 
     def _as_far(self, t: np.ndarray, samples: Straight) -> np.ndarray:
-        """The times of samples, (n, bodies) if the run was interrupted before all had come to them."""
+        """The times of samples, (n, bodies) if the run was interrupted before all had come to them; of a
+        body that failed its own, unless all share theirs.
+        """
         taken = self.clocks[TAKEN]
-        late = np.flatnonzero((taken < taken.max()) & ~self.failed & ~self.over)
+        late = (taken < max(taken.max(), self.reached)) & ~self.over
+        late = np.flatnonzero(late & ~self.failed if t.ndim == 1 else late)
         if not len(late):
             return t
         t = np.repeat(t[:, None], self.count, axis=1) if t.ndim == 1 else t

@@ -15,7 +15,6 @@ from typing import Any
 from ..compiler import kernel
 from ..compiler.kernel import Several
 from ..errors import (
-    IncompatibleSystem,
     IntegrationInterrupted,
     InvalidInput,
     InvalidType,
@@ -43,7 +42,7 @@ from .checkpoint import Checkpoint
 from .equal import EqualRun, StraightRun
 from .execution import like
 from .fictive import FictiveCarry
-from .fictive_run import FictiveRun
+from .fictive_run import FictiveRun, StraightFictiveRun
 from .options import EQUAL, FICTIVE, TOLERANCE, Options
 from .prepared import Steps
 from .recorded import recorder_of
@@ -55,7 +54,6 @@ from .stepper import Stepper
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
-from .transformed import TransformedRun
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -147,7 +145,7 @@ class Plan:
             own: Any = h, *tolerances, options.breaks, dense, compiled, progress
             self._steps = AdaptiveSteps(one, first("method"), *own)
         else:
-            h = arguments.step(first("h")) if self.fictive else arguments.steps(h)
+            h = arguments.steps(h)
             own = h, options.every, compensated, precision, compiled, progress, options.workers
             self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
@@ -264,12 +262,11 @@ class Plan:
             first = first_of(start)
             wanted = arguments.with_parts(sites.site, first, self._needed(sites.site, first)).arrays
             start = type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
-        asked = {"t_eval": t_eval}
         if path is None:
-            made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, **asked)
+            made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
             return made
         with self._kept(path, seconds) as kept:
-            made = sites.trajectory(start, steps, t_end, t0, kept, **asked)
+            made = sites.trajectory(start, steps, t_end, t0, kept, t_eval)
         return made
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
@@ -320,8 +317,6 @@ class Plan:
                 raise InvalidInput(
                     "integrate: t_eval needs t_end, the time up to which the run goes"
                 )
-            if not self._apart(start, t_end, t_eval):
-                return self._transformed(start, steps, t0, kept)
         else:
             if not self._apart(start, t_end, t_eval):
                 self._count(steps, t_end, t0)
@@ -388,15 +383,21 @@ class Plan:
         axes = arguments.axes(t_end, "t_end") > 0 or arguments.axes(t_eval, "t_eval") > 1
         return of_each or axes
 
+    def kind_of_run(self, start: Any, t_end: Any, t_eval: Any) -> Any:
+        """What makes a run from such a start."""
+        if self.adaptive:
+            return ToleranceRun
+        if self._apart(start, t_end, t_eval):
+            return FictiveRun if self.fictive else EqualRun
+        return StraightFictiveRun if self.fictive else StraightRun
+
     def _in_pieces(
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
         """A run of bodies each of which goes its own way."""
         way, recorder = self._steps, self.recorder
-        kind: Any = ToleranceRun if self.adaptive else FictiveRun if self.fictive else EqualRun
-        straight = kind is EqualRun and not self._apart(start, t_end, t_eval)
-        if straight:
-            kind = StraightRun
+        kind: Any = self.kind_of_run(start, t_end, t_eval)
+        straight = kind is StraightRun
         instead = t_eval is not None if straight else start.bodies is not None
         if recorder is not None and (self.fictive or instead):
             recorder = None
@@ -512,9 +513,13 @@ class Plan:
     ) -> Trajectory:
         """What comes after a run of any kind."""
         if isinstance(getattr(run, "carry", None), SiteCarry):
-            carry = self._of_this_plan(run, "resume")
+            carry = run.carry
+            if isinstance(run, Stepper):
+                self._require_mine(carry, "resume")
+            else:
+                carry = self._of_this_plan(run, "resume")
             made = None if self._sites is None else self._sites.trajectory(
-                carry, steps, t_end, 0.0, kept, t_eval=t_eval
+                carry, steps, t_end, 0.0, kept, t_eval
             )  # fmt: skip
             if made is not None:
                 return made
@@ -525,8 +530,6 @@ class Plan:
             carry = self._of_this_plan(run, "resume")
         else:
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        if self.fictive and not self._apart(carry, t_end, t_eval):
-            return self._transformed(carry, steps, carry.t, kept)
         if self._plain and t_eval is kept is None and type(carry) is Carry and carry.bodies is None:
             shape: Any = carry.shape
             count = self._count(steps, t_end, carry.t0, carry.step)
@@ -542,21 +545,6 @@ class Plan:
         transforms.
         """
         return self._one.system if self._one.fictive else self._one
-
-    def _transformed(
-        self, start: State | FictiveCarry, steps: Any, t0: Any, kept: Checkpoint | None
-    ) -> Trajectory:
-        """A run of so many steps in fictive time."""
-        recorder, compiled = self.recorder, self._steps.compiled
-        kind = type(start if isinstance(start, State) else start.origin.start)
-        if kept is not None and recorder is not None:
-            kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        steps = arguments.count(steps, "steps", 0)
-        run = TransformedRun(self, start, t0, kept)
-        if recorder is None:
-            return run.steps(steps)
-        made: Trajectory = recorder.instead(lambda: run.steps(steps), kind, compiled)
-        return made
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
         """How many steps, checked, and with them their times."""
@@ -640,7 +628,7 @@ class Plan:
                     "a plan of what it was made with"
                 )
         wanted: Any = AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
-        wanted = (Carry, SiteCarry) if wanted is Carry else wanted
+        wanted = wanted if self.fictive else (wanted, SiteCarry)
         several = isinstance(carry, Carries)
         for body, one in enumerate(carry.members if several else (carry,)):
             if isinstance(one, (Waiting, Ended)):
@@ -650,9 +638,7 @@ class Plan:
                     f"Plan.{what}: the run was made with other steps; start a new one from run.last"
                 )
             inner: Any = one.inner if isinstance(one, FictiveCarry) else one
-            h = getattr(self._steps, "h", None)
-            if several and "h" in self.of_each:
-                h = arguments.step(self.of_each["h"][body])
+            h = None if self.adaptive else self._steps.h_of(body) if several else self._steps.h
             if not self.adaptive and inner.h != h:
                 raise InvalidInput(
                     f"Plan.{what}: the run was made with h = {inner.h!r} instead of {h!r}; "
@@ -731,7 +717,7 @@ class Plan:
                     "held fixed"
                 )
             run = self._in_pieces(start, t0, steps, t_end, None, None)
-            return adaptive_tangent_run(self._steps, run, self._steps.begun(run.t), start, names)
+            return adaptive_tangent_run(self, run, start, names)
         if self.fictive:
             if t_end is not None or steps is None:
                 raise InvalidInput(
@@ -767,9 +753,11 @@ class Plan:
         given: Any = carry
         if isinstance(given, Stepper):
             given = given.carry
-        if isinstance(given, SiteCarry) and self._sites is not None:
-            run: Any = self._sites.trajectory(given, steps, None, 0.0, None)
-            after: Carry = run.carry
+        if isinstance(given, SiteCarry):
+            self._require_mine(given, "step")
+            run = self.by_hand(given)
+            run.advance(steps)
+            after: Any = run.standing
             return after
         if type(given) is not Carry or not self._steps.owns(given.shape):
             self._require_mine(given, "step")
@@ -778,6 +766,11 @@ class Plan:
                 made: Any = FictiveCarry(given.origin, inner, met=given.met)
                 return made
         return self._advanced(given, steps)
+
+    def by_hand(self, carry: SiteCarry) -> Any:
+        """The run of a system of many sites that goes on as it is told."""
+        sites: Any = self._sites
+        return sites.by_hand(carry)
 
     def in_fictive_time(self, origin: Any) -> Plan:
         """The plan of the system with its clock that began there."""
@@ -810,13 +803,6 @@ class Plan:
         Raises what `step` and `resume` raise.
         """
         self._one_length("stepper")
-        if isinstance(getattr(start, "carry", start), SiteCarry) or (
-            self._sites is not None and self._sites.takes(start)
-        ):
-            raise IncompatibleSystem(
-                "Plan.stepper: there is none for systems of many sites; carry = plan.begin(start) and "
-                "carry = plan.step(carry) go on by hand, carry.state is where they are"
-            )
         if isinstance(start, State):
             return Stepper(self, self.begin(start, 0.0 if t0 is None else t0))
         if t0 is not None:
@@ -832,7 +818,8 @@ class Plan:
     def _require_mine(self, carry: Any, what: str) -> None:
         """Refuse what fixed steps do not go on from.  what : the method that was called."""
         self._one_length(what)
-        if not isinstance(carry, FictiveCarry if self.fictive else Carry):
+        kinds: Any = FictiveCarry if self.fictive else (Carry, SiteCarry)
+        if not isinstance(carry, kinds) or (isinstance(carry, SiteCarry) and not self._sites):
             raise InvalidType(
                 f"Plan.{what} goes on from what `begin` or `step` gave, or from the `carry` of a run "
                 f"or a stepper; got {carry!r}"
@@ -846,7 +833,7 @@ class Plan:
         theirs, way = None, self.method  # type: Any, Any
         if isinstance(carry, FictiveCarry):
             theirs = carry.origin.given, carry.origin.method
-        elif inner.shape is not None:
+        elif getattr(inner, "shape", None) is not None:
             method, system, *_ = next(iter(inner.shape.lanes.values())).arguments
             theirs = tuple([x.values if isinstance(x, Several) else x for x in (system, method)])
             way = self._steps.way

@@ -14,6 +14,7 @@ from .carry import Carry
 from .dense import unpacked
 from .fictive import FictiveCarry
 from .short import Place, place_of
+from .sites_carry import SiteCarry
 from .stopped import Stopped
 
 
@@ -72,7 +73,9 @@ class Stepper:
             if self._here is None:
                 return self._carry
             inner, given = self._here.carry, self._carry
-            return FictiveCarry(given.origin, inner, met=given.met) if self._fictive else inner
+            if isinstance(inner, Carry) and self._fictive:
+                return FictiveCarry(given.origin, inner, met=given.met)
+            return inner
 
     @property
     def t(self) -> Any:
@@ -135,7 +138,10 @@ class Stepper:
     def _stand(self, carry: Any) -> None:
         """Stand where this carry does; if there is native code, it goes on from there in place."""
         self._carry, self._fictive = carry, isinstance(carry, FictiveCarry)
-        self._here: InPlace | None = None
+        self._here: InPlace | SitesInPlace | None = None
+        if isinstance(carry, SiteCarry):
+            self._here = SitesInPlace(self._plan, carry)
+            return
         inner: Carry = carry.inner if self._fictive else carry
         steps = carry.origin.steps(self._plan._steps) if self._fictive else self._plan._steps
         if inner.bodies is None and steps.owns(inner.shape):
@@ -163,6 +169,44 @@ class Stepper:
                 there = self._plan.step(carry, some)
             self._stand(there)
             steps -= some
+
+
+class SitesInPlace:
+    """Where the sites of one system stand, in memory in which they go on.
+
+    most : so many steps at once.
+    """
+
+    most = arguments.MOST
+
+    def __init__(self, plan: Any, begun: SiteCarry) -> None:
+        self.run = plan.by_hand(begun)
+
+    @property
+    def taken(self) -> int:
+        """How many steps were taken."""
+        return int(self.run.taken)
+
+    @property
+    def t(self) -> float:
+        """The time, in s."""
+        return float(self.run.t)
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """The arrays of the state."""
+        arrays: dict[str, Any] = self.carry.state.arrays
+        return arrays
+
+    def advance(self, steps: int) -> None:
+        """Go on by so many steps.  Raises what `integrate` raises."""
+        self.run.advance(steps)
+
+    @property
+    def carry(self) -> SiteCarry:
+        """A copy."""
+        found: SiteCarry = self.run.standing
+        return found
 
 
 class InPlace:

@@ -105,6 +105,14 @@ class MechanicalSystem(System):
         return self.potential.force(self.body.group, g)
 
     @final
+    def applied(self, t: float, xi: Vec, g: Element) -> Vec:
+        """Field and load together, f(g) + F(t, xi, g).  xi : (dim,), g : an element;  returns
+        (dim,).
+        """
+        force = self.force(g)
+        return force if self.load is None else force + self.load.covector(t, xi, g)
+
+    @final
     def energy(self, mu: Vec, g: Element) -> float:
         """H(mu) + V(g).  mu : (dim,), g : an element."""
         return self.body.energy(mu) + self.potential.energy(g)
@@ -126,10 +134,8 @@ class MechanicalSystem(System):
     @final
     def rate(self, t: float, state: BodyState) -> Vec:
         """(xi, f): the velocity on T*G."""
-        force = self.force(state.g)
-        if self.load is not None:
-            force = force + self.load.covector(t, self.velocity(state.mu), state.g)
-        return vec(*self.velocity(state.mu), *force)
+        xi = self.velocity(state.mu)
+        return vec(*xi, *self.applied(t, xi, state.g))
 
     @final
     def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
@@ -168,15 +174,12 @@ class MechanicalSystem(System):
             self.body.group, mu, g
         )
 
-    def of_site(self) -> MechanicalSystem | None:
+    @cached_property
+    def site_form(self) -> MechanicalSystem | None:
         """The site form of a system of many sites: that of one body, whose formulas ask the other
         sites for what they need; None if there is none.
         """
-        return self._of_site
-
-    @cached_property
-    def _of_site(self) -> MechanicalSystem | None:
-        body, of_site = self.body.of_site(), getattr(self.potential, "of_site", None)
+        body, of_site = self.body.site_form, getattr(self.potential, "of_site", None)
         load = None if self.load is None else getattr(self.load, "of_site", None)
         if body is None or of_site is None or (load is None and self.load is not None):
             return None

@@ -14,7 +14,7 @@ from ..formulas.pytree import exchanged, inside, with_fields
 from ..formulas.sites import SiteArray, SiteTable, meet, own
 from ..groups.lie_group import LieGroup
 from .bound_terms import BoundTerm
-from .graphs import AllPairs, Incidence, Lattice, Within
+from .graphs import Incidence, Lattice, Within
 from .hamiltonian import Hamiltonian
 from .potential import Force, Potential
 from .terms import Term, site_class
@@ -43,7 +43,7 @@ class ValuesOfSites(Record, OfEach):
 
     def here(self) -> Any:
         """The value of this site."""
-        return _shaped(own(self.array), self.shape)
+        return in_shape(own(self.array), self.shape)
 
 
 @record
@@ -65,10 +65,11 @@ class EachOfEdges(Record, OfEach):
 
     def here(self, d: int) -> Any:
         """The value of edge d of this site."""
-        return _shaped(own(self.array, d), self.shape)
+        return in_shape(own(self.array, d), self.shape)
 
 
-def _shaped(numbers: Any, shape: tuple[int, ...]) -> Any:
+def in_shape(numbers: Any, shape: tuple[int, ...]) -> Any:
+    """Numbers as they are, or of a matrix row by row as that matrix."""
     if len(shape) < 2:
         return numbers
     n = shape[1]
@@ -104,10 +105,22 @@ class RoleAtSite(Record):
     def of(cls, part: BoundTerm, role: int) -> RoleAtSite:
         """That of a term on a graph."""
         alone = part.graph.arity == 1
-        if isinstance(part.graph, AllPairs) and not inside(part.term, Each) and part.merged:
+        if part.in_rounds:
             near = with_fields(part.graph, count=None) if isinstance(part.graph, Within) else None
             return cls(part.term, role, True, False, near=near)
-        incidence = part.incidence(role)
+        fixed = isinstance(part.graph, Lattice)
+        return cls.of_incidence(part, role, part.incidence(role), alone, fixed)
+
+    @classmethod
+    def of_incidence(
+        cls,
+        part: BoundTerm,
+        role: int,
+        incidence: Incidence,
+        alone: bool = False,
+        fixed: bool = True,
+    ) -> RoleAtSite:
+        """That of a term with these edges at each site.  fixed : is their number known to formulas?"""
         edges = incidence.edges
 
         def of_edges(each: Each) -> EachOfEdges:
@@ -117,7 +130,6 @@ class RoleAtSite(Record):
             )
 
         term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
-        fixed = isinstance(part.graph, Lattice)
         made = cls(term, role, part.merged, alone)
         return made if alone else made.with_tables(incidence, fixed)
 
@@ -129,15 +141,18 @@ class RoleAtSite(Record):
         known = None if same else SiteArray.of(counts.astype(float))
         return with_fields(self, others=tables, counts=known)
 
-    def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any) -> Any:
+    def added(
+        self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any, of_both: Any
+    ) -> Any:
         """A number or a vector, and the values of a formula(term, sites) for all edges at this site.
 
-        meeting : the others.  seen : makes of what a site publishes what terms see of it.
+        of_both : gives of a pair the values for both of its sites.  meeting : the others.  seen : makes
+        of what a site publishes what terms see of it.
         """
         if self.alone:
             return total + formula(self.at_edge(0), [me])
         if len(self.others) == 0:
-            return meeting.all(lambda b, j: formula(self.term, self.ends(me, [seen(b)])), total)
+            return meeting.pairs(lambda a, b: of_both(self.term, [seen(a), seen(b)]), total)
         first, more = self.others[0], self.others[1:]
 
         def of_edge(b: Any, d: Any) -> Any:
@@ -187,9 +202,9 @@ class TermsOfSite(Record):
         """A site of which nothing is known."""
         return site_class(self.names)()
 
-    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, first: bool = False) -> Any:
-        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
-        role by role.  first : of those where it is the first of the sites.
+    def met(self, mu: Any, g: Any = None, xi: Any = None) -> tuple[Any, Any, Any]:
+        """This site, the meeting with the others (None if it is alone), and what makes of what a site
+        publishes there what terms see of it.
         """
         own = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
         me = type(self.site)(mu, g, xi, *own)
@@ -204,6 +219,16 @@ class TermsOfSite(Record):
             ]
             return type(self.site)(published.mu, published.g, published.xi, *theirs)
 
+        return me, meeting, seen
+
+    def added(
+        self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any, first: bool = False
+    ) -> Any:
+        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
+        role by role; of_both(term, sites) is of both sites of a pair.  first : of the edges where it
+        is the first of the sites.
+        """
+        me, meeting, seen = self.met(mu, g, xi)
         for one in [role for role in self.roles if not first or role.role == 0]:
             total = one.added(
                 total,
@@ -211,6 +236,7 @@ class TermsOfSite(Record):
                 meeting,
                 seen,
                 lambda term, sites, role=one: formula(role, term, sites),
+                of_both,
             )
         return total
 
@@ -223,7 +249,11 @@ class TermsOfSite(Record):
             energy = term.energy(*sites)
             return 0.5 * energy if role.merged else energy
 
-        return self.added(0.0, mu, g, None, part, first=True)
+        def halves(term: Any, sites: list[Any]) -> tuple[float, float]:
+            energy = 0.5 * term.energy(*sites)
+            return energy, energy
+
+        return self.added(0.0, mu, g, None, part, halves, first=True)
 
     def if_it_moves(self, x: Vec) -> Vec:
         """A velocity or a force; zero at sites that are held."""
@@ -240,6 +270,11 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
 
+    @property
+    def coupled(self) -> bool:  # type: ignore[override]
+        """Is there a term of several sites?"""
+        return not all([role.alone for role in self.roles])  # noqa: C419
+
     def energy(self, mu: Vec) -> float:
         """The share of this site.  mu : (dim,), its momentum."""
         return self.share(mu, None)
@@ -248,7 +283,12 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):
         """The velocity of this site.  mu : (dim,), its momentum."""
         zero = vec(*[0.0 for _ in mu])
         slope = self.added(
-            zero, mu, None, None, lambda one, term, sites: term.slope(one.role, *sites)
+            zero,
+            mu,
+            None,
+            None,
+            lambda one, term, sites: term.slope(one.role, *sites),
+            lambda term, sites: term.slopes(*sites),
         )
         return self.if_it_moves(slope)
 
@@ -268,7 +308,12 @@ class PotentialOfSite(TermsOfSite, Potential):
         """The force on this site.  g : its element."""
         zero = vec(*[0.0 for _ in range(group.dim)])
         force = self.added(
-            zero, None, g, None, lambda one, term, sites: term.force(group, one.role, *sites)
+            zero,
+            None,
+            g,
+            None,
+            lambda one, term, sites: term.force(group, one.role, *sites),
+            lambda term, sites: term.forces(group, *sites),
         )
         return self.if_it_moves(force)
 
@@ -283,5 +328,12 @@ class ForceOfSite(TermsOfSite, Force):
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The force on this site.  xi : (dim,), its velocity, g : its element."""
         zero = vec(*[0.0 for _ in xi])
-        force = self.added(zero, None, g, xi, lambda one, term, sites: term.covector(t, *sites))
+        force = self.added(
+            zero,
+            None,
+            g,
+            xi,
+            lambda one, term, sites: term.covector(t, *sites),
+            lambda term, sites: (term.covector(t, *sites), term.covector(t, *sites[::-1])),
+        )
         return self.if_it_moves(force)
