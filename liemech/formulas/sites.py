@@ -158,19 +158,36 @@ class Meeting:
             found = found + formula(self.of(table, d), d)
         return found
 
-    def all(self, formula: Callable[[Any, int], Any], start: Any) -> Any:
+    def all(
+        self,
+        formula: Callable[[Any, int], Any],
+        start: Any,
+        reach: tuple[float, float] | None = None,
+    ) -> Any:
         """start + formula(b, j) + ... over all other sites j, in their order; b is what site j has
         published.
+
+        reach : the first of them and the one behind the last; None: all sites.
         """
         found = start
-        first, end, count = together()
-        for j in range(first):
+        first, last, count = together()
+        begin, end = (0, count) if reach is None else (int(reach[0]), int(reach[1]))
+        for j in range(begin, min(first, end)):
             found = found + formula(self.at(j), j)
-        for j in range(first, end):
+        for j in range(max(first, begin), min(last, end)):
             here = is_site(j)
-            other = where(here, self.at(other_than(j)), self.at(j))
+            other = where(here, self.at(other_than(j, begin)), self.at(j))
             found = where(here, found, found + formula(other, j))
-        for j in range(end, count):
+        for j in range(max(last, begin), end):
+            found = found + formula(self.at(j), j)
+        return found
+
+    def some(
+        self, formula: Callable[[Any, int], Any], start: Any, reach: tuple[float, float]
+    ) -> Any:
+        """start + formula(b, j) + ... over the sites j of a range of others, in their order."""
+        found = start
+        for j in range(int(reach[0]), int(reach[1])):
             found = found + formula(self.at(j), j)
         return found
 
@@ -194,9 +211,9 @@ def is_site(j: int) -> bool:
     return _visit("is_site").site == j
 
 
-def other_than(j: int) -> int:
-    """A site that is not j."""
-    return j - 1 if j > 0 else 1
+def other_than(j: int, begin: int = 0) -> int:
+    """A site from the site `begin` on that is not j."""
+    return j - 1 if j > begin else begin + 1
 
 
 def own(array: Any, d: int | None = None) -> Any:

@@ -12,8 +12,10 @@ import numpy as np
 from ..compiler.planes import Planes
 from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable
 from ..formulas.pytree import layout_of
+from ..groups.species import SpeciesGroup
 from ..integrators.sublattices import SublatticeSplitting, TermSplitting
 from ..systems.site_state import StateOfSites
+from ..systems.system import State
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
 from .sites_states import by_site, first_of
@@ -74,11 +76,18 @@ class SitesOfPlan:
             return repr(method)
         return next((name for name, value in asked.items() if value is not None), None)
 
+    def knows(self, start: Any) -> bool:
+        """Is it a state of many sites?"""
+        group = getattr(self.plan._one, "configurations", self.plan._one.group)
+        return isinstance(start, StateOfSites) or (
+            isinstance(start, State) and isinstance(group, SpeciesGroup)
+        )
+
     def takes(self, start: Any) -> bool:
         """Does a run from here go by sites?"""
         if isinstance(start, SiteCarry):
             return True
-        if not isinstance(start, StateOfSites):
+        if not self.knows(start):
             return False
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
         return numbers > self.plan._one.small or not self.as_one_body
@@ -93,7 +102,7 @@ class SitesOfPlan:
         from .turns_of_sites import TurnsRun
 
         fresh = not isinstance(start, SiteCarry)
-        if fresh and not isinstance(start, StateOfSites):
+        if fresh and not self.knows(start):
             return None
         state = by_site(self.plan._one, start if fresh else start.state)
         numbers = state.width // (state.bodies or 1)

@@ -20,14 +20,14 @@ def by_site(system: Any, start: Any) -> StateOfSites:
     """A state as users give it, with an axis of sites."""
     if isinstance(start, StateOfSites):
         return start
-    return SitePoints(**system.by_site(start.arrays))
+    return state_of(kind_of(start.arrays), system.by_site(start.arrays))
 
 
 def as_users_see(system: Any, state: Any) -> Any:
     """The inverse of `by_site`."""
-    if isinstance(state, SitePoints):
-        return small_state(CanonicalState, system.as_users_see(state.arrays))
-    return state
+    given = state.arrays
+    seen = system.as_users_see(given)
+    return state if seen is given else small_state(OF_ONE[type(state)], seen)
 
 
 def kind_of(states: Any) -> Any:

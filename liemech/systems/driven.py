@@ -12,6 +12,7 @@ from ..formulas import Vec, gradient, record, vec
 from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
 from ..groups.power import PowerGroup
+from ..groups.species import SpeciesGroup
 from .canonical import CanonicalState, PhaseSpace
 from .driven_hamiltonian import DrivenHamiltonian
 from .hamiltonian import Hamiltonian
@@ -145,7 +146,7 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
     @cached_property
     def _of_site(self) -> DrivenLiePoissonSystem | None:
         of_site = getattr(self.hamiltonian, "of_site", None)
-        if of_site is None or not isinstance(self.group, PowerGroup):
+        if of_site is None or not isinstance(self.group, (PowerGroup, SpeciesGroup)):
             return None
         return DrivenLiePoissonSystem(self.group.base, of_site())
 

@@ -23,7 +23,8 @@ class NearPairs(Term):
     """
 
     term: Term
-    group: LieGroup
+    first: LieGroup
+    second: LieGroup
     cutoff: float
     inner: float
     box: Vec | None
@@ -35,15 +36,15 @@ class NearPairs(Term):
         """The image of b that is nearest to a."""
         if self.box is None:
             return b
-        apart = place(self.group, b.g) - place(self.group, a.g)
+        apart = place(self.second, b.g) - place(self.first, a.g)
         shift = vec(
             *[-length * ((constant(d) / length + 0.5) // 1.0) for d, length in zip(apart, self.box)]
         )
-        return with_fields(b, g=displaced(self.group, b.g, shift))
+        return with_fields(b, g=displaced(self.second, b.g, shift))
 
     def switch(self, a: Any, b: Any) -> float:
         """1 for sites that are near, 0 from the cutoff on."""
-        apart = place(self.group, b.g) - place(self.group, a.g)
+        apart = place(self.second, b.g) - place(self.first, a.g)
         near, far = self.inner * self.inner, self.cutoff * self.cutoff
         x = (dot(apart, apart) - near) / (far - near)
         y = 1.0 - x * x * x * x * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
@@ -60,10 +61,11 @@ class NearPairs(Term):
         first, second = sites
         ends = (first, self.image(first, second))
         s = self.switch(*ends)
-        apart = place(self.group, ends[k].g) - place(self.group, ends[1 - k].g)
+        groups = (self.first, self.second)
+        apart = place(groups[k], ends[k].g) - place(groups[1 - k], ends[1 - k].g)
         near, far = self.inner * self.inner, self.cutoff * self.cutoff
         x = (dot(apart, apart) - near) / (far - near)
         steep = where(x > 0.0, where(x < 1.0, 140.0 * (x * (1.0 - x)) ** 3, 0.0), 0.0)
         push = (2.0 * steep * self.term.energy(*ends) / (far - near)) * apart
-        force = s * self.term.force(group, k, *ends) + seen_from(self.group, ends[k].g, push)
+        force = s * self.term.force(group, k, *ends) + seen_from(groups[k], ends[k].g, push)
         return vec(*[where(s > 0.0, c, 0.0) for c in force])

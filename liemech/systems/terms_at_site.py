@@ -13,8 +13,10 @@ from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, inside, with_fields
 from ..formulas.sites import SiteArray, SiteTable, meet, own
 from ..groups.lie_group import LieGroup
+from ..groups.one_of import filled
+from .among import Among, Species, is_all_pairs, is_near
 from .bound_terms import BoundTerm
-from .graphs import AllPairs, Incidence, Lattice, Within
+from .graphs import Incidence, Lattice, Within
 from .hamiltonian import Hamiltonian
 from .potential import Force, Potential
 from .terms import Term, site_class
@@ -89,7 +91,8 @@ class RoleAtSite(Record):
     term : with `EachOfEdges` for parameters of edges.  others : for every other place of the energy
     the sites that stand there; none of them: it is tied to all others.  counts : how many edges each
     site has; None: as many as the tables have rows.  near : the graph of pairs within a cutoff, of
-    which a run may make lists.
+    which a run may make lists.  of : the species of the ends; (): there is one only.  reach : the
+    first of the sites of the other end and the one behind the last, where it is tied to all of these.
     """
 
     term: Term
@@ -98,15 +101,21 @@ class RoleAtSite(Record):
     alone: bool
     others: tuple[SiteTable, ...] = ()
     counts: SiteArray | None = None
-    near: Within | None = None
+    near: Within | Among | None = None
+    of: tuple[int, ...] = ()
+    reach: tuple[float, float] | None = None
 
     @classmethod
-    def of(cls, part: BoundTerm, role: int) -> RoleAtSite:
+    def made(cls, part: BoundTerm, role: int) -> RoleAtSite:
         """That of a term on a graph."""
-        alone = part.graph.arity == 1
-        if isinstance(part.graph, AllPairs) and not inside(part.term, Each) and part.merged:
-            near = with_fields(part.graph, count=None) if isinstance(part.graph, Within) else None
-            return cls(part.term, role, True, False, near=near)
+        graph: Any = part.graph
+        alone = graph.arity == 1
+        apart = len({*part.of}) > 1
+        if is_all_pairs(graph) and not inside(part.term, Each) and (part.merged or apart):
+            near = graph.open() if is_near(graph) else None
+            reach = graph.range_of(1 - role) if part.of else None
+            given = part.term, role, part.merged, False
+            return cls(*given, near=near, of=part.of, reach=reach)
         incidence = part.incidence(role)
         edges = incidence.edges
 
@@ -118,7 +127,7 @@ class RoleAtSite(Record):
 
         term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
         fixed = isinstance(part.graph, Lattice)
-        made = cls(term, role, part.merged, alone)
+        made = cls(term, role, part.merged, alone, of=part.of)
         return made if alone else made.with_tables(incidence, fixed)
 
     def with_tables(self, incidence: Incidence, fixed: bool = False) -> RoleAtSite:
@@ -137,7 +146,13 @@ class RoleAtSite(Record):
         if self.alone:
             return total + formula(self.at_edge(0), [me])
         if len(self.others) == 0:
-            return meeting.all(lambda b, j: formula(self.term, self.ends(me, [seen(b)])), total)
+
+            def of_other(b: Any, j: Any) -> Any:
+                return formula(self.term, self.ends(me, [seen(b)]))
+
+            if self.reach is None or self.merged:
+                return meeting.all(of_other, total, self.reach)
+            return meeting.some(of_other, total, self.reach)
         first, more = self.others[0], self.others[1:]
 
         def of_edge(b: Any, d: Any) -> Any:
@@ -174,13 +189,15 @@ class TermsOfSite(Record):
     """Terms as one site has them, which asks the others for what it needs; abstract.
 
     roles : the terms, and the places in their energies.  names, own : parameters of the site.
-    moves : 1 for sites that move, 0 for those that are held; None: all move.
+    moves : 1 for sites that move, 0 for those that are held; None: all move.  species : those of the
+    sites, if there are several.
     """
 
     roles: tuple[RoleAtSite, ...]
     names: tuple[str, ...] = ()
     own: tuple[Any, ...] = ()
     moves: SiteArray | None = None
+    species: Species | None = None
 
     @cached_property
     def site(self) -> Any:
@@ -191,10 +208,10 @@ class TermsOfSite(Record):
         """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
         role by role.  first : of those where it is the first of the sites.
         """
-        own = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
-        me = type(self.site)(mu, g, xi, *own)
+        mine = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
+        me = type(self.site)(mu, g, xi, *mine)
         alone = all(role.alone for role in self.roles)
-        varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(own, self.own)]
+        varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(mine, self.own)]
         meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
 
         def seen(published: Any) -> Any:
@@ -205,14 +222,25 @@ class TermsOfSite(Record):
             return type(self.site)(published.mu, published.g, published.xi, *theirs)
 
         for one in [role for role in self.roles if not first or role.role == 0]:
-            total = one.added(
-                total,
-                me,
-                meeting,
-                seen,
-                lambda term, sites, role=one: formula(role, term, sites),
-            )
+            if self.species is None or own(self.species.which) == one.of[one.role]:
+                total = one.added(total, me, meeting, seen, self._formula(one, total, formula))
         return total
+
+    def _formula(self, role: RoleAtSite, total: Any, formula: Any) -> Any:
+        """A formula(role, term, sites) for terms that see sites of their species."""
+        species = self.species
+        if species is None:
+            return lambda term, sites: formula(role, term, sites)
+
+        def of_species(term: Any, sites: list[Any]) -> Any:
+            found = formula(role, term, [species.seen(k, x) for k, x in zip(role.of, sites)])
+            return filled(found, len(total)) if isinstance(total, vectors.Vec) else found
+
+        return of_species
+
+    def group_of(self, role: RoleAtSite, group: LieGroup) -> LieGroup:
+        """The group of the site that stands in a role."""
+        return group if self.species is None else self.species.groups[role.of[role.role]]
 
     def share(self, mu: Any, g: Any) -> float:
         """The part of this site in the energy, whose sum over all sites is the whole: of every edge
@@ -268,7 +296,11 @@ class PotentialOfSite(TermsOfSite, Potential):
         """The force on this site.  g : its element."""
         zero = vec(*[0.0 for _ in range(group.dim)])
         force = self.added(
-            zero, None, g, None, lambda one, term, sites: term.force(group, one.role, *sites)
+            zero,
+            None,
+            g,
+            None,
+            lambda one, term, sites: term.force(self.group_of(one, group), one.role, *sites),
         )
         return self.if_it_moves(force)
 
