@@ -85,7 +85,7 @@ def optimised(text: str) -> str:
         return str(_optimised(text))
 
 
-def linked(code: bytes) -> tuple[Any, Any]:
+def linked(code: bytes, signature: Any = SIGNATURE) -> tuple[Any, Any]:
     """The owner of the code, and the function; it lives as long as its owner."""
     with _lock:
         library = llvm.JITLibraryBuilder().add_object_img(code).export_symbol("kernel")
@@ -97,7 +97,7 @@ def linked(code: bytes) -> tuple[Any, Any]:
         loaded = library.link(_linker(), f"kernel {next(_numbers)}")
         owner = Owner()
         weakref.finalize(owner, _unload, loaded).atexit = False
-        return owner, SIGNATURE(loaded["kernel"])
+        return owner, signature(loaded["kernel"])
 
 
 class Owner:

@@ -11,13 +11,15 @@ import decimal
 import functools
 import keyword
 import operator
+import threading
 import types
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from ..errors import NotCompilable
 from . import content_hashes
 from .content_hashes import ATOMS, Known, digest, is_mutable, same
+from .words import Word, Words, word_of
 
 Step = tuple[int, str, Any]
 """The number of the read that leads to the holder (-1: none), how it is asked, and for what."""
@@ -25,13 +27,20 @@ Step = tuple[int, str, Any]
 MISSING = object()
 
 
+LOOKS = 8
+"""How often words may have changed for other reasons before they are given up: where a formula counts in
+its class how often it is asked, they always do.
+"""
+
+_settling = threading.Lock()
+
 RELATIONS: dict[str, Callable[[Any, Any], bool]] = {"is": operator.is_, "isinstance": isinstance}
 """Reads of two things, each known by its number."""
 
 
 class Guard:
-    """Compares the values of reads with the present ones: by one expression of all comparisons,
-    written and compiled for them.
+    """Compares the values of reads with the present ones: by the words of memory that change with them,
+    and of the others by one expression of all comparisons, written and compiled for them.
 
     Where it does not hold, every read is asked for anew, one after the other, which tells what is
     different.
@@ -44,7 +53,6 @@ class Guard:
         # relations: the reads that lead to the two
         self.pairs: list[tuple[tuple[int, int], int]] = []
         self.compared: list[int] = []
-        self.others: list[Any] = []  # what the comparisons need beside the values
         self.mutable: list[int] = []
         self.of_arguments: list[tuple[list[tuple[str, Any]], int]] = []
         self.parents = collections.Counter(parent for parent, *_ in steps)
@@ -77,23 +85,44 @@ class Guard:
                 self.compared.append(i)
             if all_tokens[i] and name != "__dataclass_fields__" and is_mutable(values[i]):
                 self.mutable.append(i)
-        self.same = self._expressions()
+        # words, and expressions of the reads that these do not show
+        self.glance: tuple[Words, list[Callable[[Sequence[Any], list[Any]], bool]]] | None = None
+        self.shown: set[int] = set()
+        self.others: list[Any] = []  # what the expressions need beside the values
+        self.looks = 0
 
-    def _expressions(self) -> list[Callable[[Sequence[Any], list[Any]], bool]]:
+    def _words(self) -> dict[int, Word]:
+        """The words that change with reads, as they are now; none if they often change otherwise."""
+        self.looks += 1
+        words = {}
+        for i in self.compared if self.looks <= LOOKS else ():
+            parent, how, name = self.steps[i]
+            word = None if parent < 0 else word_of(self.values[parent], how, name, self.values[i])
+            if word is not None:
+                words[i] = word
+        return words
+
+    def _expressions(
+        self, shown: Collection[int]
+    ) -> list[Callable[[Sequence[Any], list[Any]], bool]]:
         """One for each module, which sees its names as any function there does, and one for
         everything else.
+
+        shown : reads that are compared by words.
         """
         general: dict[int, str] = {}
         modules: dict[tuple[int, int], tuple[Any, list[str]]] = {}
         known = {f"v{i}": value for i, value in enumerate(self.values)}
         for i in self.compared:
+            if i in shown:
+                continue
             parent, how, name = self.steps[i]
             holder = self.values[parent]
             if how == "global" and "__builtins__" in holder.__globals__:
                 space = id(holder.__globals__), id(holder.__builtins__)
                 modules.setdefault(space, (holder, []))[1].append(f"{name} is _values[{i}]")
             # a method has its formula for ever
-            elif name != "__formula__" or parent not in general:
+            elif name != "__formula__" or not (parent in general or parent in shown):
                 general[i] = self._comparison(i, holder, how, name)
         found = [*general.values()]
         for path, i in self.of_arguments:
@@ -149,20 +178,39 @@ class Guard:
 
     def verdict(self, args: Sequence[Any]) -> bool | None:
         """Is everything the same?  None: there are other objects, and their tokens must tell."""
+        glance, words = self.glance, None
+        if glance is None or not glance[0].same():
+            words = self._words()  # before they can change
+        else:
+            try:
+                for holds in glance[1]:
+                    if not holds(args, self.values):
+                        break
+                else:
+                    return not self.mutable or self._content()
+            except Exception:  # something is no longer there; which, does not matter yet
+                pass
         try:
-            for holds in self.same:
-                if not holds(args, self.values):
-                    break
-            else:
-                return not self.mutable or all(
-                    digest(self.values[i], self.known) == self.tokens[i] for i in self.mutable
-                )
-        except Exception:  # something is no longer there; which, does not matter yet
-            pass
-        try:
-            return self._by_parts(args)
+            verdict = self._by_parts(args)
         except Exception:
             return False
+        if verdict and words is not None:
+            self._settle(words)
+        return verdict
+
+    def _settle(self, words: dict[int, Word]) -> None:
+        """Look at these words from now on, and at what they do not show."""
+        with _settling:
+            if self.glance is None or self.shown != words.keys():
+                self.shown, self.others = {*words}, []
+                expressions = self._expressions(self.shown)
+            else:
+                expressions = self.glance[1]
+            self.glance = Words(words.values()), expressions
+
+    def _content(self) -> bool:
+        """Is what can change in place as it was?"""
+        return all(digest(self.values[i], self.known) == self.tokens[i] for i in self.mutable)
 
     def _by_parts(self, args: Sequence[Any]) -> bool | None:
         unknown = False
@@ -175,9 +223,8 @@ class Guard:
                 unknown = unknown or type(now) not in ATOMS
         if unknown:
             return None
-        for i in self.mutable:
-            if digest(self.values[i], self.known) != self.tokens[i]:
-                return False
+        if not self._content():
+            return False
         for path, i in self.of_arguments:
             value = self._now(path, args)
             if value is not self.values[i]:

@@ -337,7 +337,7 @@ def _why_not(system: Any) -> str:
     if isinstance(system, MechanicalSystem):
         return "it is in a field"
     if isinstance(system, LiePoissonSystem):
-        system = system.of_site() or system
+        system = system.site_form or system
     if isinstance(getattr(system, "hamiltonian", None), EnergyOfSpecies):
         species = zip(system.hamiltonian.species.groups, system.hamiltonian.energies)
         return next((why for one in species if (why := _why_no_body(*one))), "")

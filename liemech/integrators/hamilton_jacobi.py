@@ -10,6 +10,7 @@ from ..formulas import Mat, Vec, dot, jacobian, plain, record, sqrt, vec
 from ..formulas.double_double import is_long
 from ..formulas.numbers import CarriesMore
 from ..formulas.series import Series
+from ..groups.representations import squares
 from ..retractions import Exponential
 from ..solvers import LIMIT, correction, newton
 from ..systems.canonical import CanonicalState, HamiltonianSystem
@@ -174,8 +175,8 @@ class HamiltonJacobi(Method):
         """
         if self.kind != "qP":
             to_x, to_y = self._motion(system, t, h, x, y + w)
-            forth, scale = total(to_x), dot(y, y) + _squares(to_y)
-            size = (dot(forth, forth) + _squares(to_x)) / (h * h)
+            forth, scale = total(to_x), dot(y, y) + squares(to_y)
+            size = (dot(forth, forth) + squares(to_x)) / (h * h)
             if self.adjoint:  # expanded about the old state, the new one is elsewhere
                 here, there, kick = self._between(system, t, h, x, forth / h, y, size)
                 return vec(*forth, *-kick), here - y, scale
@@ -185,11 +186,11 @@ class HamiltonJacobi(Method):
             terms = self._motion(system, t, h, x, y + w)[1]
             forth = w + total(terms)
             other, back = self._generated(system, t, -h, x, y + forth)
-            return vec(*-other, *forth), forth + back, dot(y, y) + _squares(terms)
+            return vec(*-other, *forth), forth + back, dot(y, y) + squares(terms)
         terms = self._motion(system, t, h, x + w, y)[0]
         forth = w + total(terms)
         back, other = self._generated(system, t + h, h, x + forth, y)
-        return vec(*forth, *other), forth - back, dot(x, x) + _squares(terms)
+        return vec(*forth, *other), forth - back, dot(x, x) + squares(terms)
 
     # ---------------------------------------------------------------- series
 
@@ -384,11 +385,3 @@ def _polynomial(terms: list[Vec]) -> Vec:
 def _term(k: int, terms: list[Vec]) -> Vec:
     """The coefficient of e^k in a + e b + e^2 c + ..."""
     return vec(*[c[k] for c in collected(terms[: k + 1])])
-
-
-def _squares(terms: list[Vec]) -> float:
-    """The sum of the squares of the terms."""
-    square = 0.0
-    for term in terms:
-        square = square + dot(term, term)
-    return square

@@ -246,7 +246,7 @@ class KickDrift(FieldSplitting):
     def require(self, system: Any) -> None:
         """A body in a field that the free motion accepts, with an energy that the tableau accepts."""
         super().require(system)
-        one = system.body.of_site() or system.body
+        one = system.body.site_form or system.body
         energies = energies_of(one.hamiltonian)
         if self.tableau.quadratic and not all(isinstance(x, KineticEnergy) for x in energies):
             raise IncompatibleSystem(

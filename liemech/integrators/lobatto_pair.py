@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, sqrt, vec
 from ..formulas.sizes import one_norms
+from ..groups.representations import squares
 from ..solvers import fixed_point
 from ..systems.canonical import CanonicalState
 from ..systems.constrained import eliminated
@@ -107,7 +108,11 @@ class LobattoPair(OnConstraints):
         # momenta follow from positions
         blocks = _of_positions(system.unit_blocks, len(q))
         if len(blocks) == 1:
-            return (qs, ps, L), sqrt(_squares(qs, Q)), norm(q) + norm(qs[s - 1] - q)
+            return (
+                (qs, ps, L),
+                sqrt(squares([a - b for a, b in zip(qs, Q)])),
+                norm(q) + norm(qs[s - 1] - q),
+            )
         off = vec(*[0.0 for _ in blocks])
         for new, old in zip(qs, Q):
             off = off + one_norms(new - old, blocks)
@@ -146,11 +151,3 @@ def _of_positions(blocks: tuple[int, ...], n: int) -> tuple[int, ...]:
             found = [*found, size]
         filled = filled + size
     return tuple(found)
-
-
-def _squares(new: list[Vec], old: list[Vec]) -> float:
-    """The sum of the squares of all changes."""
-    total = 0.0
-    for a, b in zip(new, old):
-        total = total + dot(a - b, a - b)
-    return total

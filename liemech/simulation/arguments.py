@@ -53,7 +53,7 @@ def matching(system: Any, method: Any) -> None:
     try:
         method.require(system)
     except IncompatibleSystem:
-        site = system.of_site()  # which a method may accept, and not all sites as one body
+        site = system.site_form  # which a method may accept, and not all sites as one body
         if site is None:
             raise
         method.require(site)

@@ -534,9 +534,12 @@ class StraightRun(EqualRun):
         return self._between(samples, numbers, some)
 
     def _as_far(self, t: np.ndarray, samples: Straight) -> np.ndarray:
-        """The times of samples, (n, bodies) if the run was interrupted before all had come to them."""
+        """The times of samples, (n, bodies) if the run was interrupted before all had come to them; of a
+        body that failed its own, unless all share theirs.
+        """
         taken = self.clocks[TAKEN]
-        late = np.flatnonzero((taken < taken.max()) & ~self.failed & ~self.over)
+        late = (taken < max(taken.max(), self.reached)) & ~self.over
+        late = np.flatnonzero(late & ~self.failed if t.ndim == 1 else late)
         if not len(late):
             return t
         t = np.repeat(t[:, None], self.count, axis=1) if t.ndim == 1 else t

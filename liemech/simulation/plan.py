@@ -34,7 +34,7 @@ from .checkpoint import Checkpoint
 from .equal import EqualRun, StraightRun
 from .execution import like
 from .fictive import FictiveCarry
-from .fictive_run import FictiveRun
+from .fictive_run import FictiveRun, StraightFictiveRun
 from .options import EQUAL, FICTIVE, TOLERANCE, Options
 from .prepared import Steps
 from .recorded import recorder_of
@@ -47,7 +47,6 @@ from .stepper import Stepper
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
-from .transformed import TransformedRun
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -310,8 +309,6 @@ class Plan:
                 raise InvalidInput(
                     "integrate: t_eval needs t_end, the time up to which the run goes"
                 )
-            if not self._apart(start, t_end, t_eval):
-                return self._transformed(start, steps, t0, kept)
         else:
             if not self._apart(start, t_end, t_eval):
                 self._count(steps, t_end, t0)
@@ -366,6 +363,14 @@ class Plan:
         axes = arguments.axes(t_end, "t_end") > 0 or arguments.axes(t_eval, "t_eval") > 1
         return of_each or axes
 
+    def kind_of_run(self, start: Any, t_end: Any, t_eval: Any) -> Any:
+        """What makes a run from such a start."""
+        if self.adaptive:
+            return ToleranceRun
+        if self._apart(start, t_end, t_eval):
+            return FictiveRun if self.fictive else EqualRun
+        return StraightFictiveRun if self.fictive else StraightRun
+
     def _in_pieces(
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
@@ -385,10 +390,9 @@ class Plan:
                 run = short(way, start, t0, end, times, limit)
                 if run is not None:
                     return run
-        kind: Any = ToleranceRun if self.adaptive else FictiveRun if self.fictive else EqualRun
-        straight = kind is EqualRun and not self._apart(start, t_end, t_eval)
+        kind: Any = self.kind_of_run(start, t_end, t_eval)
+        straight = kind is StraightRun
         if straight:
-            kind = StraightRun
             made = self._at_once(start, t0, steps, t_end) if t_eval is None is kept else None
             if made is not None:
                 return made
@@ -532,8 +536,6 @@ class Plan:
             carry = self._of_this_plan(run, "resume")
         else:
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        if self.fictive and not self._apart(carry, t_end, t_eval):
-            return self._transformed(carry, steps, carry.t, kept)
         return self._in_pieces(carry, 0.0, steps, t_end, t_eval, kept)
 
     @property
@@ -542,21 +544,6 @@ class Plan:
         transforms.
         """
         return self._one.system if self._one.fictive else self._one
-
-    def _transformed(
-        self, start: State | FictiveCarry, steps: Any, t0: Any, kept: Checkpoint | None
-    ) -> Trajectory:
-        """A run of so many steps in fictive time."""
-        recorder, compiled = self.recorder, self._steps.compiled
-        kind = type(start if isinstance(start, State) else start.origin.start)
-        if kept is not None and recorder is not None:
-            kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        steps = arguments.count(steps, "steps", 0)
-        run = TransformedRun(self, start, t0, kept)
-        if recorder is None:
-            return run.steps(steps)
-        made: Trajectory = recorder.instead(lambda: run.steps(steps), kind, compiled)
-        return made
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
         """How many steps, checked, and with them their times."""

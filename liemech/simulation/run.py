@@ -337,6 +337,10 @@ class Run:
         out[0, : len(self.here), :m] = self.here[:, bodies]
         before = columns.copy() if self.events else columns
         lanes.forwards(bodies, columns, out, turns, workers, self.failures, self.native)
+        for k, body in enumerate(bodies.tolist() if self.left else ()):
+            ways = self.left.get(body)
+            if ways:  # a last step that ends before a jump at t_end is one to t_end
+                out[:, 0, k][out[:, 0, k] == ways[0][0]] = self.t_end[body]
         piece = Piece(self, bodies, out, begun, taken)
         try:
             self._see(piece, bodies, before, columns)
@@ -417,8 +421,6 @@ class Run:
                 columns[goal, k] = ways[-1][0] if ways else self.t_end[body]
                 if beyond == self.t_end[body]:
                     self.here[0, body] = beyond
-                    for one in self.observers:
-                        one.arrived(body)
 
     # ---------------------------------------------------------------- functions instead of states
 
@@ -596,7 +598,9 @@ class Run:
             shown[: len(rows)] = rows[:n]
         np.copyto(shown, rest, where=(np.arange(n)[:, None] >= told)[..., None])
         t = shown[..., 0]
-        if self.asked is not None:  # who has failed has the times that were asked for
+        if (
+            self.asked is not None and not self.own_times
+        ):  # who has failed shares the times of others
             gone = failed | (self.over & np.isin(np.arange(self.count), [*self.errors]))
             np.copyto(t, self.asked, where=gone)
         if not self.own_times and (t == t[:, :1]).all():

@@ -35,7 +35,7 @@ class SitesOfPlan:
     @classmethod
     def of(cls, plan: Any) -> SitesOfPlan | None:
         """None if the system has no site form."""
-        site = plan._one.of_site()
+        site = plan._one.site_form
         return None if site is None else cls(plan, with_lists(plan._one, site))
 
     def prepared(self, start: StateOfSites, starts: Planes) -> Any:

@@ -5,6 +5,7 @@ are wanted.
 from __future__ import annotations
 
 import functools
+import inspect
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import kernel
-from ..compiler.planes import Planes
+from ..compiler.planes import Planes, load
 from ..errors import (
     IntegrationInterrupted,
     InvalidInput,
@@ -31,6 +32,7 @@ from ..formulas.sites import (
     rows_of,
 )
 from ..systems.site_state import StateOfSites
+from ..systems.terms_at_site import at_this_site
 from .control import ASKED, FRESH, LIMIT, MARK, STUCK, TAKEN, Equal
 from .dense import unpacked
 from .equal import affordable
@@ -135,8 +137,6 @@ class Prepared:
 
 def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
     """What a name or a function of a user's gives for one site."""
-    import inspect
-
     if not isinstance(wanted, str):
         return OfSite(wanted)
     parts = tuple(inspect.signature(getattr(site, wanted)).parameters)
@@ -149,9 +149,6 @@ def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
 
 
 def _one_value(quantity: Any, site: Any, given: Any, starts: Planes) -> Any:
-    from ..compiler.planes import load
-    from ..systems.terms_at_site import at_this_site
-
     return quantity(0.0, at_this_site(site), load(starts, 0, given))
 
 
@@ -307,12 +304,21 @@ class SiteRun:
             )
             raise self._ended(error, f"step {self._taken}, t = {self.clocks[0, 0]:g}")
 
+    @property
+    def _copy(self) -> int:
+        """Which of the two copies of the memory holds the sites."""
+        return int(self.place.view(np.int64)[0, 0])
+
+    @property
+    def _memory(self) -> np.ndarray:
+        """What the method carries along for the sites, (width, sites)."""
+        width = self.shape.memory.width
+        found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
+        return found
+
     def _elements(self) -> np.ndarray:
         """Where the sites are."""
-        width = self.shape.memory.width
-        begin = int(self.place.view(np.int64)[0, 0]) * width
-        memory = self.sites.array[begin : begin + width, : self.count]
-        rows = self.shape.shown_rows(memory)
+        rows = self.shape.shown_rows(self._memory)
         return unpacked(self.shape.state, rows.T)["g"]
 
     # ---------------------------------------------------------------- what came of it
@@ -324,7 +330,7 @@ class SiteRun:
         assert self.clocks[MARK, 0] in (ASKED, STUCK)
         step = self._taken
         t, memory = self.t0 + step * self.h, self.shape.memory
-        here = int(self.place.view(np.int64)[0, 0])
+        here = self._copy
         given = self.shape.method, self.site, t, self.h, self.sites, here, 1 - here, memory
         failures = [e for e in self.failures if e is not None]
         error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_step, *given))
@@ -372,10 +378,7 @@ class SiteRun:
     def _so_far(self) -> Trajectory:
         """The run up to here."""
         shape, n, taken = self.shape, self.made, self._taken
-        width, shown = shape.memory.width, shape.shown
-        numbers = self.numbers[:n]
-        begin = int(self.place.view(np.int64)[0, 0]) * width
-        memory = self.sites.array[begin : begin + width, : self.count].copy()
+        shown, numbers, memory = shape.shown, self.numbers[:n], self._memory.copy()
         recorder = self.plan.recorder
         observed = () if recorder is None else tuple(recorder.quantities)
 

@@ -30,7 +30,7 @@ def of_sites(system: Any, states: dict[str, np.ndarray]) -> Any:
     leading = next(iter(states.values()), np.empty(0))
     if leading.ndim < 2 or not {"mu", "q"} & {*states}:
         return None
-    site: Any = system.of_site()
+    site: Any = system.site_form
     if site is None:
         return None
     leading = next(iter(system.by_site(states).values()))
@@ -40,7 +40,7 @@ def of_sites(system: Any, states: dict[str, np.ndarray]) -> Any:
 
 def energy(system: Any, t: np.ndarray, states: dict[str, np.ndarray]) -> np.ndarray:
     """The energy at every sample, (n,): the sum of the shares of the sites."""
-    site = system.of_site()
+    site = system.site_form
     formula = Share("energy", tuple(inspect.signature(site.energy).parameters))
     kind, states = kind_of(states), system.by_site(states)
     states = {p: states[p] for p in names_of(kind) if p in states}

@@ -188,10 +188,9 @@ def _waiting(plan: Any, start: Any, how: dict[str, Any]) -> Any:
     t0, t_end, t_eval = how["t0"], how["t_end"], how["t_eval"]
     start, steps = plan._started(start), plan._steps
     if plan.fictive:  # they have a clock, too
-        if plan._apart(start, t_end, t_eval):
-            run = FictiveRun(plan, start, t0, how["steps"], t_end, t_eval).result()
-        else:
-            run = plan._transformed(start, 0, t0, None)
+        kind = plan.kind_of_run(start, t_end, t_eval)
+        steps_made = how["steps"] if kind is FictiveRun else 0
+        run = kind(plan, start, t0, steps_made, t_end, t_eval).result()
     else:
         run = Trajectory.promised(
             SimpleNamespace(

@@ -49,7 +49,7 @@ class Trajectory:
     observed : names in `states` that are no parts of the state but functions of it, which `record`
     asked for.  breaks : times at which fixed steps had to end.
     stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took
-    and the `error` that ended it.
+    and the `error` that ended it.  It stays there, at its own time where t is (n, m).
     """
 
     system: System

@@ -189,11 +189,6 @@ class TurnsRun(SiteRun):
             times = self.t0 + self.numbers[first : first + samples] * self.h
             totals_in(self.totals[first : first + samples], self.site, shown, planes, times)
 
-    @property
-    def _memory(self) -> np.ndarray:
-        found: np.ndarray = self.sites.array[: self.shape.memory.width, : self.count]
-        return found
-
     def _turned(self, turns: int, samples: int, shown: int) -> np.ndarray:
         """The states of all sites after so many steps each, (samples, width, places); if they are not
         to be shown, what the sites carry along.

@@ -11,8 +11,6 @@ from ..errors import InvalidType, undefined
 from ..formulas import Vec, gradient, record, vec
 from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
-from ..groups.power import PowerGroup
-from ..groups.species import SpeciesGroup
 from .canonical import CanonicalState, PhaseSpace
 from .driven_hamiltonian import DrivenHamiltonian
 from .hamiltonian import Hamiltonian
@@ -139,16 +137,11 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
         """The body velocity."""
         return self.velocity(t, state.mu)
 
-    def of_site(self) -> DrivenLiePoissonSystem | None:
-        """The site form of a system of many sites; None if there is none."""
-        return self._of_site
-
     @cached_property
-    def _of_site(self) -> DrivenLiePoissonSystem | None:
-        of_site = getattr(self.hamiltonian, "of_site", None)
-        if of_site is None or not isinstance(self.group, (PowerGroup, SpeciesGroup)):
-            return None
-        return DrivenLiePoissonSystem(self.group.base, of_site())
+    def site_form(self) -> DrivenLiePoissonSystem | None:
+        """The site form of a system of many sites; None if there is none."""
+        made: DrivenLiePoissonSystem | None = self.at_site(DrivenLiePoissonSystem)
+        return made
 
     def at(self, t: float) -> LiePoissonSystem:
         """The free system whose energy is for ever what this one's is at time t.  Raises

@@ -439,10 +439,10 @@ def _shown(edge: Any) -> str:
 
 
 @record
-class AllPairs(Graph):
-    """Every site is tied to every other one.
+class OfCount(Graph):
+    """A graph that is known by the number of its sites; abstract.
 
-    count : how many sites there are; None: as many as the system has.
+    count : that number; None: as many as the system has.
     """
 
     count: int | None = None
@@ -454,7 +454,12 @@ class AllPairs(Graph):
 
     def on(self, sites: int) -> Graph:
         """That of so many sites."""
-        return AllPairs(sites) if self.count is None else super().on(sites)
+        return with_fields(self, count=sites) if self.count is None else super().on(sites)
+
+
+@record
+class AllPairs(OfCount):
+    """Every site is tied to every other one."""
 
     @cached_property
     def edges(self) -> np.ndarray:
@@ -502,10 +507,6 @@ class Within(AllPairs):
     cutoff: float = 0.0
     inner: float = 0.0
     box: Vec | None = None
-
-    def on(self, sites: int) -> Graph:
-        """That of so many sites."""
-        return with_fields(self, count=sites)
 
     def pairs(self, places: Any, reach: float) -> np.ndarray:
         """The pairs of sites up to a distance, (pairs, 2), in rising order.  places : (sites, n)."""
@@ -612,27 +613,13 @@ def displaced(group: LieGroup, g: Element, shift: Vec) -> Any:
 
 
 @record
-class EachSite(Graph):
-    """Every site for itself: the edges of terms that have one argument.
-
-    count : how many sites there are; None: as many as the system has.
-    """
-
-    count: int | None = None
-
-    @property
-    def sites(self) -> int | None:
-        """How many sites there are."""
-        return self.count
+class EachSite(OfCount):
+    """Every site for itself: the edges of terms that have one argument."""
 
     @property
     def arity(self) -> int:
         """One."""
         return 1
-
-    def on(self, sites: int) -> Graph:
-        """That of so many sites."""
-        return EachSite(sites) if self.count is None else super().on(sites)
 
     @cached_property
     def edges(self) -> np.ndarray:

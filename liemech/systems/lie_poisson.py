@@ -89,6 +89,14 @@ class LiePoissonMotion(System):
         """The inverse of `by_site`."""
         return as_users_see(self.group, arrays)
 
+    def at_site(self, kind: Any) -> Any:
+        """A system of this kind, of one site among many; None if the energy is no sum of terms on a
+        power.
+        """
+        group, energy = self.group, getattr(self, "hamiltonian", None)  # type: Any, Any
+        many = isinstance(group, (PowerGroup, SpeciesGroup)) and hasattr(energy, "of_site")
+        return kind(group.base, energy.of_site()) if many else None
+
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
         change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
@@ -175,18 +183,13 @@ class LiePoissonSystem(LiePoissonMotion):
         """The body velocity."""
         return self.velocity(state.mu)
 
-    def of_site(self) -> LiePoissonSystem | None:
+    @cached_property
+    def site_form(self) -> LiePoissonSystem | None:
         """The site form of a system of many sites: that of one body, whose formulas ask the other
         sites for what they need; None if there is none.
         """
-        return self._of_site
-
-    @cached_property
-    def _of_site(self) -> LiePoissonSystem | None:
-        of_site = getattr(self.hamiltonian, "of_site", None)
-        if of_site is None or not isinstance(self.group, (PowerGroup, SpeciesGroup)):
-            return None
-        return LiePoissonSystem(self.group.base, of_site())
+        made: LiePoissonSystem | None = self.at_site(LiePoissonSystem)
+        return made
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy, Casimirs and, if the attitude is known, the spatial momentum."""

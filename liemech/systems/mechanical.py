@@ -176,15 +176,12 @@ class MechanicalSystem(System):
             self.body.group, mu, g
         )
 
-    def of_site(self) -> MechanicalSystem | None:
+    @cached_property
+    def site_form(self) -> MechanicalSystem | None:
         """The site form of a system of many sites: that of one body, whose formulas ask the other
         sites for what they need; None if there is none.
         """
-        return self._of_site
-
-    @cached_property
-    def _of_site(self) -> MechanicalSystem | None:
-        body, of_site = self.body.of_site(), getattr(self.potential, "of_site", None)
+        body, of_site = self.body.site_form, getattr(self.potential, "of_site", None)
         load = None if self.load is None else getattr(self.load, "of_site", None)
         if body is None or of_site is None or (load is None and self.load is not None):
             return None

@@ -42,30 +42,35 @@ class NearPairs(Term):
         )
         return with_fields(b, g=displaced(self.second, b.g, shift))
 
-    def switch(self, a: Any, b: Any) -> float:
-        """1 for sites that are near, 0 from the cutoff on."""
-        apart = place(self.second, b.g) - place(self.first, a.g)
-        near, far = self.inner * self.inner, self.cutoff * self.cutoff
-        x = (dot(apart, apart) - near) / (far - near)
+    @property
+    def layer(self) -> float:
+        """cutoff^2 - inner^2."""
+        return self.cutoff * self.cutoff - self.inner * self.inner
+
+    def depth(self, apart: Vec) -> float:
+        """x of two sites that are so far apart."""
+        return (dot(apart, apart) - self.inner * self.inner) / self.layer
+
+    def switch(self, x: float) -> float:
+        """1 for sites that are near, 0 from the cutoff on.  x : see above."""
         y = 1.0 - x * x * x * x * (35.0 + x * (-84.0 + x * (70.0 - 20.0 * x)))
         return where(x > 0.0, where(x < 1.0, y, 0.0), 1.0)
 
     def energy(self, a: Any, b: Any) -> float:
         """s times the energy of the term."""
         there = self.image(a, b)
-        s = self.switch(a, there)
+        s = self.switch(self.depth(place(self.second, there.g) - place(self.first, a.g)))
         return where(s > 0.0, s * self.term.energy(a, there), 0.0)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
         """The force on site number k: s times that of the term, and what the switch adds."""
         first, second = sites
         ends = (first, self.image(first, second))
-        s = self.switch(*ends)
         groups = (self.first, self.second)
         apart = place(groups[k], ends[k].g) - place(groups[1 - k], ends[1 - k].g)
-        near, far = self.inner * self.inner, self.cutoff * self.cutoff
-        x = (dot(apart, apart) - near) / (far - near)
+        x = self.depth(apart)
+        s = self.switch(x)
         steep = where(x > 0.0, where(x < 1.0, 140.0 * (x * (1.0 - x)) ** 3, 0.0), 0.0)
-        push = (2.0 * steep * self.term.energy(*ends) / (far - near)) * apart
+        push = (2.0 * steep * self.term.energy(*ends) / self.layer) * apart
         force = s * self.term.force(group, k, *ends) + seen_from(groups[k], ends[k].g, push)
         return vec(*[where(s > 0.0, c, 0.0) for c in force])

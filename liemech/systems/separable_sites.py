@@ -70,14 +70,11 @@ class SeparableSites(SeparableSystem):
         """The system as masses on a power of VectorSpace(n), with a potential of terms."""
         raise undefined(self, "masses_in_space")
 
-    def of_site(self) -> SeparableSite | None:
-        """The site form; None of few sites, which are faster written out."""
-        return self._of_site if self.degrees > self.small else None
-
     @cached_property
-    def _of_site(self) -> SeparableSite:
-        site: Any = self.masses_in_space().of_site()
-        return SeparableSite(site)
+    def site_form(self) -> SeparableSite | None:
+        """The site form; None of few sites, which are faster written out."""
+        site: Any = self.masses_in_space().site_form if self.degrees > self.small else None
+        return site and SeparableSite(site)
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Positions and momenta as (..., sites, n)."""

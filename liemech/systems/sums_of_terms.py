@@ -100,6 +100,23 @@ class OfTerms(Record):
             found = [*found, energy]
         return interleaved_sum(found)
 
+    def by_site(self, sites: list[Any], formula: Any) -> Vec:
+        """A sum over parts and edges for every site, one behind the other: formula(sum, group of the
+        site, edges) adds those of one part.  Sites that are held have zero.
+        """
+        found: list[Any] = []
+        for i in range(self.group.copies):
+            base: Any = self.group.base_of(i)
+            total = vec(*[0.0 for _ in range(base.dim)])
+            for part in self.parts if i not in self.held else ():
+                total = formula(total, base, part.edges_at(sites, i))
+            found = [*found, *total]
+        return vec(*found)
+
+    def divided(self, x: Vec) -> list[Any]:
+        """The parts of a vector that belong to the sites."""
+        return [self.group.momentum_of(x, i) for i in range(self.group.copies)]
+
     def _at_a_site(self) -> tuple[Any, ...]:
         """The fields of the site form."""
         roles = [RoleAtSite.made(part, role) for part in self.parts for role in part.roles]
@@ -130,6 +147,15 @@ class OfTerms(Record):
             return EnergyOfSpecies.at_site(one, species, group) if momenta else None
         return one and exchanged(one, Each, map(EachOfSites.of_each, inside(one, Each)))
 
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return (self.group.dim,) if kind == "Vec" else self.group.element_shape
+
+    def _in_rows(self, value: Any, kind: str) -> Any:
+        return self.group._in_rows(value, kind)
+
+    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
+        return self.group._out_of_rows(results, kind)
+
 
 @record
 class MomentumTerms(OfTerms, Hamiltonian):
@@ -141,9 +167,7 @@ class MomentumTerms(OfTerms, Hamiltonian):
     __repr__ = OfTerms.__repr__
 
     def _sites(self, mu: Vec) -> list[Any]:
-        return [
-            self.site_with(i, self.group.momentum_of(mu, i), None) for i in range(self.group.copies)
-        ]
+        return [self.site_with(i, m, None) for i, m in enumerate(self.divided(mu))]
 
     def energy(self, mu: Vec) -> float:
         """The sum over terms and edges, site by site.  mu : (sites dim,), or (sites, dim)."""
@@ -151,13 +175,7 @@ class MomentumTerms(OfTerms, Hamiltonian):
 
     def gradient(self, mu: Vec) -> Vec:
         """Its derivative.  mu : (sites dim,), or (sites, dim)."""
-        sites, found = self._sites(mu), []  # type: Any, list[Any]
-        for i in range(self.group.copies):
-            slope = vec(*[0.0 for _ in range(self.group.base_of(i).dim)])
-            for part in self.parts if i not in self.held else ():
-                slope = slopes(slope, part.edges_at(sites, i))
-            found = [*found, *slope]
-        return vec(*found)
+        return self.by_site(self._sites(mu), lambda slope, _, edges: slopes(slope, edges))
 
     @cached_property
     def affine(self) -> Coloured:
@@ -185,15 +203,6 @@ class MomentumTerms(OfTerms, Hamiltonian):
             return energies(self, mu, True)
         return self.group.without_sites(slopes_of(self, mu, True), "Vec")
 
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (self.group.dim,) if kind == "Vec" else None
-
-    def _in_rows(self, value: Any, kind: str) -> Any:
-        return self.group._in_rows(value, kind)
-
-    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
-        return self.group._out_of_rows(results, kind)
-
 
 @record
 class KineticTerms(MomentumTerms, Lagrangian):
@@ -218,23 +227,18 @@ class KineticTerms(MomentumTerms, Lagrangian):
     def _each_one(self) -> list[Any]:
         return [self.of_one_at(i) for i in range(self.group.copies)]
 
-    def _velocities(self, xi: Vec) -> list[Any]:
-        return [self.group.momentum_of(xi, i) for i in range(self.group.copies)]
-
     def value(self, xi: Vec) -> float:
         """The sum over the sites.  xi : (sites dim,), or (sites, dim)."""
-        return interleaved_sum(
-            [one.value(x) for one, x in zip(self._each_one(), self._velocities(xi))]
-        )
+        return interleaved_sum([one.value(x) for one, x in zip(self._each_one(), self.divided(xi))])
 
     def momentum(self, xi: Vec) -> Vec:
         """Those of the sites.  xi : (sites dim,), or (sites, dim)."""
-        found = [one.momentum(x) for one, x in zip(self._each_one(), self._velocities(xi))]
+        found = [one.momentum(x) for one, x in zip(self._each_one(), self.divided(xi))]
         return vec(*[x for part in found for x in part])
 
     def hessian(self, xi: Vec) -> Mat | Vec:
         """Those of the sites, as blocks of the diagonal."""
-        blocks = [one.hessian(x) for one, x in zip(self._each_one(), self._velocities(xi))]
+        blocks = [one.hessian(x) for one, x in zip(self._each_one(), self.divided(xi))]
         if all([isinstance(block, vectors.Vec) for block in blocks]):  # noqa: C419
             return vec(*[x for block in blocks for x in block])
         places = spans([len(block) for block in blocks])
@@ -286,14 +290,7 @@ class PlaceTerms(OfTerms, Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The forces on all sites.  g : an element of the power."""
-        sites, found = self._sites(g), []  # type: Any, list[Any]
-        for i in range(self.group.copies):
-            base: Any = self.group.base_of(i)
-            force = vec(*[0.0 for _ in range(base.dim)])
-            for part in self.parts if i not in self.held else ():
-                force = forces(force, base, part.edges_at(sites, i))
-            found = [*found, *force]
-        return vec(*found)
+        return self.by_site(self._sites(g), forces)
 
     def of_site(self) -> Potential:
         """Its site form: the potential of one body, which asks the other sites for what it needs;
@@ -314,15 +311,6 @@ class PlaceTerms(OfTerms, Potential):
             return energies(self, g, False)
         return self.group.without_sites(slopes_of(self, g, False), "Vec")
 
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (self.group.dim,) if kind == "Vec" else self.group.element_shape
-
-    def _in_rows(self, value: Any, kind: str) -> Any:
-        return self.group._in_rows(value, kind)
-
-    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
-        return self.group._out_of_rows(results, kind)
-
 
 @record
 class ForceTerms(OfTerms, Force):
@@ -335,32 +323,17 @@ class ForceTerms(OfTerms, Force):
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The forces on all sites.  xi : (sites dim,), g : an element of the power."""
-        copies, found = self.group.copies, []  # type: int, list[Any]
         sites = [
-            self.site_with(i, None, self.group.site(g, i), self.group.momentum_of(xi, i))
-            for i in range(copies)
+            self.site_with(i, None, self.group.site(g, i), x)
+            for i, x in enumerate(self.divided(xi))
         ]
-        for i in range(copies):
-            force = vec(*[0.0 for _ in range(self.group.base_of(i).dim)])
-            for part in self.parts if i not in self.held else ():
-                force = loads(force, t, part.edges_at(sites, i))
-            found = [*found, *force]
-        return vec(*found)
+        return self.by_site(sites, lambda force, _, edges: loads(force, t, edges))
 
     def of_site(self) -> Force:
         """Its site form: the load on one body, which asks the other sites for what it needs; of
         `PerSite` alone the one that it was given.
         """
         return self._of_one_at_a_site() or ForceOfSite(*self._at_a_site())
-
-    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
-        return (self.group.dim,) if kind == "Vec" else self.group.element_shape
-
-    def _in_rows(self, value: Any, kind: str) -> Any:
-        return self.group._in_rows(value, kind)
-
-    def _out_of_rows(self, results: Any, kind: str | None = None) -> Any:
-        return self.group._out_of_rows(results, kind)
 
 
 @record

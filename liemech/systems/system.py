@@ -146,7 +146,8 @@ class System(Record):
         """
         return state
 
-    def of_site(self) -> System | None:
+    @property
+    def site_form(self) -> System | None:
         """The site form of a system of many sites; None if there is none."""
         return None
 

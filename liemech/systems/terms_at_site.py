@@ -45,7 +45,7 @@ class ValuesOfSites(Record, OfEach):
 
     def here(self) -> Any:
         """The value of this site."""
-        return _shaped(own(self.array), self.shape)
+        return in_shape(own(self.array), self.shape)
 
 
 @record
@@ -67,10 +67,11 @@ class EachOfEdges(Record, OfEach):
 
     def here(self, d: int) -> Any:
         """The value of edge d of this site."""
-        return _shaped(own(self.array, d), self.shape)
+        return in_shape(own(self.array, d), self.shape)
 
 
-def _shaped(numbers: Any, shape: tuple[int, ...]) -> Any:
+def in_shape(numbers: Any, shape: tuple[int, ...]) -> Any:
+    """Numbers as they are, or of a matrix row by row as that matrix."""
     if len(shape) < 2:
         return numbers
     n = shape[1]

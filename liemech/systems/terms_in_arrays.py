@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..formulas import Record, Vec, mat, record
+from ..formulas import Record, Vec, record
 from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, inside
 from ..groups.lie_group import LieGroup
@@ -22,6 +22,7 @@ from .bound_terms import BoundTerm
 from .graphs import AllPairs
 from .near_pairs import NearPairs
 from .terms import Term, site_class
+from .terms_at_site import in_shape
 
 ROWS = 2**17
 """So many edges are looked at together."""
@@ -98,13 +99,7 @@ class OfEdge(Record):
 
 def _taken(numbers: Any, at: int, shape: tuple[int, ...]) -> Any:
     """The number, the vector or the matrix that begins there."""
-    if not shape:
-        return numbers[at]
-    found = numbers[at : at + math.prod(shape)]
-    if len(shape) == 1:
-        return found
-    n = shape[1]
-    return mat(*[found[n * k : n * (k + 1)] for k in range(shape[0])])
+    return in_shape(numbers[at : at + math.prod(shape)] if shape else numbers[at], shape)
 
 
 def energies(terms: Any, states: np.ndarray, in_momenta: bool) -> np.ndarray:

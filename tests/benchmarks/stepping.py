@@ -14,7 +14,7 @@ from liemech.simulation.equal import StraightRun
 from liemech.simulation.options import Options
 from liemech.simulation.plan import Plan
 from liemech.simulation.prepared import Steps
-from liemech.simulation.short_steps import advanced
+from liemech.simulation.short_steps import LONGEST, advanced, place_of
 
 
 class Native:
@@ -29,11 +29,16 @@ class Native:
     ) -> None:
         self.plan = plan_of(Steps(system, method, h, 1, compensate, "double", True, False, 1))
         self.carry = StraightRun(self.plan, start, 0.0, 0, None, None).trajectory().carry
+        place = place_of(self.plan._steps, self.carry.shape)
+        self.most = LONGEST // place.carried**2  # steps at once
 
     def __call__(self, steps: int) -> np.ndarray:
-        end = advanced(self.plan._steps, self.carry, steps)
-        if end is None:
-            raise SystemExit(f"{steps} steps were not made at once")
+        end = self.carry
+        for done in range(0, steps, self.most):
+            now = min(self.most, steps - done)
+            end = advanced(self.plan._steps, end, now)
+            if end is None:
+                raise SystemExit(f"{now} of {steps} steps were not made at once")
         return end.last
 
 

@@ -9,23 +9,16 @@ import pytest
 from matplotlib.colors import to_rgb
 from matplotlib.image import AxesImage
 from matplotlib.quiver import Quiver
+from terms_of_spins import Exchange
 
 import liemech as lm
 from liemech import plots
 from liemech.errors import InvalidInput
 
 
-@lm.record
-class Exchange(lm.Term):
-    """Heisenberg's energy of two neighbours."""
-
-    def energy(self, a: Any, b: Any) -> float:
-        return -lm.dot(a.mu, b.mu)
-
-
 def spins(graph: Any, **given: Any) -> Any:
     """A short run from random directions, whose lengths are two."""
-    system = lm.LiePoissonSystem(lm.SO3() ** graph.sites, lm.Terms(Exchange().over(graph)))
+    system = lm.LiePoissonSystem(lm.SO3() ** graph.sites, lm.Terms(Exchange(1.0).over(graph)))
     mu = np.random.default_rng(5).normal(size=(graph.sites, 3))
     mu *= 2.0 / np.linalg.norm(mu, axis=1, keepdims=True)
     mu[0] = [0.0, 0.0, 2.0]
@@ -49,7 +42,7 @@ def test_arrows_stand_on_the_lattice_and_point_as_the_spins() -> None:
 
 def test_large_layers_are_colours_site_by_site() -> None:
     graph = lm.neighbours.cubic(2, 3, 50, periodic=False)
-    system = lm.LiePoissonSystem(lm.SO3() ** 300, lm.Terms(Exchange().over(graph)))
+    system = lm.LiePoissonSystem(lm.SO3() ** 300, lm.Terms(Exchange(1.0).over(graph)))
     mu = np.random.default_rng(5).normal(size=(1, 300, 3))
     run = lm.viewer.Motion(system, [0.0], {"mu": mu})
     ax = plots.spins(run, layer=1)

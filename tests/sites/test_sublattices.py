@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scenes import slope
 from scipy.integrate import solve_ivp
+from terms_of_spins import Chiral, Exchange, Twist, Zeeman
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput, InvalidType
@@ -21,45 +22,11 @@ near = lm.neighbours
 
 
 @lm.record
-class Exchange(lm.Term):
-    J: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return -self.J * lm.dot(a.mu, b.mu)
-
-
-@lm.record
-class Twist(lm.Term):
-    """Of Dzyaloshinskii and Moriya."""
-
-    D: lm.Vec
-
-    def energy(self, a: Any, b: Any) -> float:
-        return lm.dot(self.D, lm.cross(a.mu, b.mu))
-
-
-@lm.record
 class Biquadratic(lm.Term):
     K: float
 
     def energy(self, a: Any, b: Any) -> float:
         return self.K * lm.dot(a.mu, b.mu) ** 2
-
-
-@lm.record
-class Chiral(lm.Term):
-    K: float
-
-    def energy(self, a: Any, b: Any, c: Any) -> float:
-        return self.K * lm.dot(a.mu, lm.cross(b.mu, c.mu))
-
-
-@lm.record
-class Zeeman(lm.Term):
-    B: lm.Vec
-
-    def energy(self, a: Any) -> float:
-        return -lm.dot(self.B, a.mu)
 
 
 @lm.record

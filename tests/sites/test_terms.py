@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from terms_of_spins import Chiral, Exchange, Twist
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput
@@ -16,37 +17,11 @@ RNG = np.random.default_rng(3)
 
 
 @lm.record
-class Exchange(lm.Term):
-    J: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return -self.J * lm.dot(a.mu, b.mu)
-
-
-@lm.record
-class Twist(lm.Term):
-    """Of Dzyaloshinskii and Moriya: a and b are not alike."""
-
-    D: lm.Vec
-
-    def energy(self, a: Any, b: Any) -> float:
-        return lm.dot(self.D, lm.cross(a.mu, b.mu))
-
-
-@lm.record
 class Zeeman(lm.Term):
     B: lm.Vec
 
     def energy(self, a: Any) -> float:
         return -a.moment * lm.dot(self.B, a.mu)
-
-
-@lm.record
-class Chiral(lm.Term):
-    K: float
-
-    def energy(self, a: Any, b: Any, c: Any) -> float:
-        return self.K * lm.dot(a.mu, lm.cross(b.mu, c.mu))
 
 
 @lm.record
@@ -100,7 +75,7 @@ def test_energy_and_velocity_are_those_written_by_hand() -> None:
 
 def forms(system: Any, mu: np.ndarray) -> tuple[np.ndarray, float]:
     """Velocities and energy by the site form."""
-    site, found, shares = system.of_site(), np.empty(mu.shape), []
+    site, found, shares = system.site_form, np.empty(mu.shape), []
 
     def at_site() -> None:
         here = lm.formulas.vec(*mu[present_site()])

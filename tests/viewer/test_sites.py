@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from browser import Tab
 from scipy.spatial.transform import Rotation
+from terms_of_spins import Exchange
 
 import liemech as lm
 from liemech.errors import InvalidInput
@@ -20,16 +21,6 @@ from liemech.viewer.chromium import Chromium
 from liemech.viewer.page import described
 
 T = np.linspace(0.0, 4.0, 41)
-
-
-@lm.record
-class Exchange(lm.Term):
-    """Heisenberg's energy of two neighbours."""
-
-    J: float
-
-    def energy(self, a: Any, b: Any) -> float:
-        return -self.J * lm.dot(a.mu, b.mu)
 
 
 @lm.record

@@ -1,0 +1,157 @@
+"""Words of memory in which CPython shows that a function has other code now, or a class other members:
+native code looks at hundreds of them in the time in which Python compares one.
+
+A function keeps the addresses of its code and its defaults.  A class keeps the number of its version:
+whatever is set in it or in one of its bases, it gets another, which no class ever had.  Where these words
+lie is found by trying; an interpreter in which it is not found has none, and Python compares everything.
+"""
+
+from __future__ import annotations
+
+import abc
+import ctypes
+import functools
+import struct
+import sys
+import sysconfig
+import types
+from collections.abc import Callable, Iterable
+from typing import Any
+
+SLOTS = "__code__", "__defaults__", "__kwdefaults__"
+CLASSES = type, abc.ABCMeta
+"""Classes of classes that leave the search for members to Python."""
+
+ADDRESS, VERSION = struct.Struct("Q"), struct.Struct("I")
+
+
+Word = tuple[Any, int, int, int]
+"""The object that has it, its address, the bits that count, and what they are."""
+
+
+class Words:
+    """Words that were looked at once: are they still what they were?"""
+
+    def __init__(self, words: Iterable[Word]) -> None:
+        by_address = {word[1]: word for word in words}.values()
+        self.alive = [word[0] for word in by_address]  # nothing else gets their addresses
+        numbers = [x for _, *rest in by_address for x in rest]
+        self.block = struct.pack(f"{1 + len(numbers)}Q", len(self.alive), *numbers)
+        self.look = _look() if self.alive else None
+
+    def same(self) -> bool:
+        """Are they?"""
+        return self.look is None or not self.look(self.block)
+
+
+def word_of(holder: Any, how: str, name: Any, value: Any) -> Word | None:
+    """The word that changes when a read of a holder gives another value than this one; None if there is
+    none.
+    """
+    places = _places()
+    if not places:
+        return None
+    if type(holder) is types.FunctionType and how == "attribute" and name in places:
+        return holder, id(holder) + places[name], 2**64 - 1, id(value)
+    if type(holder) not in CLASSES:
+        return None
+    of_members = how.startswith("member") or how in ("defines", "plain")
+    if not of_members and (how != "attribute" or hasattr(type(vars(type).get(name)), "__set__")):
+        return None
+    at = places["version"]
+    holder.__sizeof__  # noqa: B018 - it has no version until something is looked up
+    (version,) = VERSION.unpack(ctypes.string_at(id(holder) + at, VERSION.size))
+    return (holder, id(holder) + at, 2**32 - 1, version) if version else None
+
+
+@functools.cache
+def _places() -> dict[str, int]:
+    """How many bytes after the beginning of a function its parts lie, and of a class its version; empty
+    if it cannot be told.
+    """
+    known = sys.implementation.name == "cpython" and sys.byteorder == "little"
+    if not known or sysconfig.get_config_var("Py_GIL_DISABLED") or ADDRESS.size != 8:
+        return {}
+    one, other = _example(), _example()
+    changed = [getattr(other, name) for name in SLOTS]
+    found = {}
+    for name, after in zip(SLOTS, changed, strict=True):
+        places = []
+        for value in (getattr(one, name), after):
+            setattr(one, name, value)
+            content = ctypes.string_at(id(one), one.__sizeof__())
+            places.append(
+                [i for i, (x,) in enumerate(ADDRESS.iter_unpack(content)) if x == id(value)]
+            )
+        if len(places[0]) != 1 or places[0] != places[1]:
+            return {}
+        found[name] = ADDRESS.size * places[0][0]
+    base: type = type("Base", (), {"member": 0})
+    derived: Any = type("Derived", (base,), {})
+    contents = []
+    for k in range(8):
+        base.member = k  # type: ignore[attr-defined]
+        if k < 7:  # without a look the version is none, not the one before
+            derived.member  # noqa: B018
+        contents.append(
+            [*VERSION.iter_unpack(ctypes.string_at(id(derived), type(derived).__basicsize__))]
+        )
+    moving = [i for i, seen in enumerate(zip(*contents)) if len({*seen}) == len(contents)]
+    if len(moving) != 1 or contents[-1][moving[0]] != (0,):
+        return {}
+    return found | {"version": VERSION.size * moving[0]}
+
+
+def _example() -> Any:
+    """A function with parts of its own."""
+
+    def example(x: Any, *, y: Any) -> Any:
+        return x, y
+
+    example.__code__ = example.__code__.replace(co_name="another")
+    example.__defaults__, example.__kwdefaults__ = (object(),), {"y": object()}
+    return example
+
+
+@functools.cache
+def _look() -> Callable[[bytes], int]:
+    """Native code that compares words: how many of them there are, and of each address, mask, content;
+    not zero if one is another.
+    """
+    from llvmlite import ir
+
+    from . import llvm
+
+    word = ir.IntType(64)
+    module = ir.Module("words", ir.Context())
+    module.triple = llvm.triple()
+    function = ir.Function(module, ir.FunctionType(word, [word.as_pointer()]), "kernel")
+    block, b = function.args[0], ir.IRBuilder(function.append_basic_block("entry"))
+    loop, turn, end = map(function.append_basic_block, ("loop", "turn", "end"))
+
+    def number(at: Any) -> Any:
+        return b.load(b.gep(block, [at], source_etype=word), typ=word)
+
+    count = number(word(0))
+    last = b.mul(count, word(3))
+    b.branch(loop)
+    b.position_at_end(loop)
+    at = b.phi(word)
+    at.add_incoming(word(0), function.entry_basic_block)
+    b.cbranch(b.icmp_unsigned("<", at, last), turn, end)
+    b.position_at_end(turn)
+    address, mask, content = [number(b.add(at, word(k))) for k in (1, 2, 3)]
+    now = b.and_(b.load(b.inttoptr(address, word.as_pointer()), typ=word), mask)
+    at.add_incoming(b.add(at, word(3)), turn)
+    b.cbranch(b.icmp_unsigned("==", now, content), loop, end)
+    b.position_at_end(end)
+    left = b.phi(word)
+    left.add_incoming(word(0), loop)
+    left.add_incoming(word(1), turn)
+    b.ret(left)
+    owner, look = llvm.linked(llvm.object_code(f"; 20 instructions\n{module}"), _SIGNATURE)
+    look.owner = owner
+    return look
+
+
+_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_char_p)
