@@ -78,6 +78,10 @@ class PowerGroup(DirectProduct):
         if not isinstance(base, LieGroup):
             cure = "; write it with brackets" if isinstance(self.base, type) else ""
             raise InvalidType(f"PowerGroup: base must be a LieGroup; got {self.base!r}{cure}")
+        if hasattr(base, "copies"):
+            raise InvalidInput(
+                f"PowerGroup: base is the group of one site, and {base!r} is one of {base.copies}"
+            )
         if isinstance(self.copies, bool) or self.copies < 1:
             raise InvalidInput(
                 f"{self.base!r} ** {self.copies!r}: the exponent is how many sites there are, a "

@@ -16,6 +16,9 @@ from ..groups.se2 import SE2
 from ..groups.se3 import SE3
 from ..groups.vector_space import VectorSpace
 
+MOST = 2**53
+"""More sites than this have no numbers."""
+
 
 class Incidence(NamedTuple):
     """For each site the edges that end there in one role, as tables with a column for each site.
@@ -228,9 +231,9 @@ def cubic(layers: int, rows: int, columns: int, periodic: Any = True) -> Lattice
 
 def _lattice(name: str, shape: tuple[int, ...], periodic: Any) -> Lattice:
     shape = tuple([_count(name, "a length", n) for n in shape])
-    some: Any = (
-        (periodic,) * len(shape) if isinstance(periodic, (bool, np.bool_)) else tuple(periodic)
-    )
+    some: Any = (periodic,) * len(shape)
+    if isinstance(periodic, (tuple, list, np.ndarray)):
+        some = tuple(periodic)
     if len(some) != len(shape) or not all(isinstance(x, (bool, np.bool_)) for x in some):
         raise InvalidInput(
             f"neighbours.{name}: periodic is True or False, or one of them for each of "
@@ -323,7 +326,7 @@ def edges(pairs: Any, sites: int | None = None, ordered: bool | None = None) -> 
     if same.any():
         at = int(same.argmax())
         raise InvalidInput(f"{name}: edge {at}, {_shown(array[at])}, ties a site to itself")
-    if ordered not in (True, False, None):
+    if not (ordered is None or isinstance(ordered, (bool, np.bool_))):
         raise InvalidType(f"{name}: ordered is True, False or None; got {ordered!r}")
     made = Edges(frozen_array(array, name), count, ordered)
     require_no_duplicates(made, array if ordered is not False or array.shape[1] > 2 else rows)
@@ -340,8 +343,11 @@ def _numbers_of_sites(name: str, pairs: Any) -> np.ndarray:
         array = np.empty(
             (0, array.shape[1] if array.ndim == 2 and array.shape[1] else 2), dtype=np.int64
         )
-    if array.dtype.kind == "f" and (array == np.floor(array)).all():
+    whole = array.dtype.kind == "f" and bool((array == np.floor(array)).all())
+    if whole and np.abs(array).max(initial=0.0) < MOST:
         array = array.astype(np.int64)
+    if (whole and array.dtype.kind == "f") or (array.dtype.kind == "u" and array.max() >= MOST):
+        raise InvalidInput(f"{name}: pairs name site {array.max():g}; there are not so many")
     if array.dtype.kind not in "iu":
         raise InvalidType(f"{name}: pairs are whole numbers, those of sites; got {array.dtype}")
     if array.ndim != 2 or array.shape[1] < 2:
@@ -547,9 +553,16 @@ def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within
     Raises InvalidInput for a cutoff beyond half the box.
     """
     name = "neighbours.within"
-    numbers = real_array([cutoff, 0.9 * cutoff if inner is None else inner], f"{name}: cutoff")
-    check_finite(numbers, f"{name}: cutoff")
-    far, near = numbers.tolist()
+    numbers = [
+        real_array(x, f"{name}: {what}")
+        for what, x in (("cutoff", cutoff), ("inner", inner or 0.0))
+    ]
+    for what, x in zip(("cutoff", "inner"), numbers):
+        if x.ndim:
+            raise InvalidInput(f"{name}: {what} is one distance; got shape {x.shape}")
+        check_finite(x, f"{name}: {what}")
+    far = float(numbers[0])
+    near = 0.9 * far if inner is None else float(numbers[1])
     if not 0.0 <= near < far:
         raise InvalidInput(
             f"{name}: cutoff is a positive distance, and inner a shorter one; got {far:g} and {near:g}"
@@ -559,7 +572,7 @@ def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within
     lengths = np.atleast_1d(real_array(box, f"{name}: box"))
     lengths = np.repeat(lengths, 3) if lengths.shape == (1,) else lengths
     check_finite(lengths, f"{name}: box")
-    if lengths.ndim != 1 or not (lengths > 0.0).all():
+    if lengths.ndim != 1 or not len(lengths) or not (lengths > 0.0).all():
         raise InvalidInput(f"{name}: box is the lengths of a box, positive; got {box!r}")
     if far > 0.5 * lengths.min():
         raise InvalidInput(

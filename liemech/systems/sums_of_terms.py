@@ -444,10 +444,22 @@ def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
     made = kind(group, parts, *parameters(terms, group))
     for part in parts:
         _require_kind(name, kind, part)
+        _require_fitting(name, group, part)
     parts = tuple([tried(made, part) for part in parts])
     if kind is MomentumTerms:
         parts = tuple([with_fields(part, kind=kind_of(made, part)) for part in parts])
     return with_fields(made, parts=parts)
+
+
+def _require_fitting(name: str, group: Any, part: BoundTerm) -> None:
+    """Raise InvalidInput for the energy of a body of another dimension than its sites."""
+    one = getattr(part.term, "energy_of_one", None)
+    base = group.powers[part.of[0]].base if part.of else group.base
+    shape = None if one is None else one._shape("mu", "Vec")
+    if shape not in (None, (base.dim,)):
+        raise InvalidInput(
+            f"{name}: {one!r} takes vectors of {shape[0]} components; those of {base!r} have {base.dim}"
+        )
 
 
 def _require_kind(name: str, kind: Any, part: BoundTerm) -> None:

@@ -15,6 +15,7 @@ from ..errors import InvalidInput, InvalidType, undefined
 from ..formulas import (
     Record,
     Vec,
+    check_finite,
     gradient,
     record,
     vec,
@@ -371,7 +372,10 @@ def _parameter(name: str, value: Any) -> Any:
         )
     if isinstance(value, Each):
         return value
-    found = small(np.asarray(value))
+    array = np.asarray(value)
+    if array.dtype.kind in "fc" and not np.isfinite(array).all():
+        check_finite(array, f"Terms: {name}")
+    found = small(array)
     if isinstance(found, (int, float)) and not isinstance(found, bool):
         return float(found)
     if isinstance(found, Record) or not hasattr(found, "axes"):

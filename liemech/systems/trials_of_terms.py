@@ -94,7 +94,7 @@ def require_apart(name: str, terms: Any, g: np.ndarray) -> None:
     group = terms.group
     rows = np.asarray(group.in_a_row(np.asarray(g), "Element"))
     for member in rows.reshape(-1, *group.element_shape):
-        for i, j in _in_one_place(_places(group, member)):
+        for i, j in in_one_place(_places(group, member)):
             for part in terms.parts:
                 if part.graph.arity == 2 and part.graph.ties(i, j):
                     _require_finite(name, terms, part, member, (i, j))
@@ -109,7 +109,7 @@ def _places(group: Any, member: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(elements).reshape(group.copies, -1)
 
 
-def _in_one_place(rows: np.ndarray) -> list[tuple[int, int]]:
+def in_one_place(rows: np.ndarray) -> list[tuple[int, int]]:
     """Some pairs of equal rows, told by the order of a number made of each."""
     weights = np.random.default_rng(3).uniform(0.5, 1.0, rows.shape[1])
     order = np.argsort(np.abs(rows @ weights), kind="stable")
