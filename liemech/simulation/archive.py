@@ -17,6 +17,7 @@ from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
+from ..systems.poisson import PoissonState
 from ..systems.site_state import SiteState
 from ..systems.system import State, System, small_state
 from .arrival import FictiveMotion
@@ -133,11 +134,9 @@ def _carry_of(
     """The carry of which that was told.  origin : of a run in fictive time."""
     if "sites" in kept:
         parts = {part: arrays[f"{name}.state.{part}"] for part in kept["sites"]}
-        in_a_row = (
-            BodyState if "mu" in parts else CanonicalState
-        )  # of several species, or canonical
-        by_site = "mu" in parts and np.ndim(parts["mu"]) == 2
-        there = SiteState(**parts) if by_site else small_state(in_a_row, parts)
+        kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
+        by_site = "mu" in parts and np.ndim(parts["mu"]) == 2  # else of several species, in a row
+        there = SiteState(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
         return SiteCarry(kept["t0"], kept["h"], kept["step"], arrays[f"{name}.numbers"], there)
     state: Any = decode(kept["state"])
     wanted: Any = State if origin is None or "step" not in kept else tuple

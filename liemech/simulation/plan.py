@@ -26,7 +26,6 @@ from ..formulas import Record
 from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
 from ..formulas.signatures import spelt
 from ..integrators.method import Method
-from ..systems.canonical import CanonicalState
 from ..systems.system import State, System, member
 from . import arguments
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
@@ -251,7 +250,7 @@ class Plan:
     ) -> Trajectory | None:
         """A run of a system of many sites, site by site; None if it is to be written out."""
         sites: Any = self._sites
-        if isinstance(start, CanonicalState) or sites.knows(start):
+        if sites.knows(start):
             start, t0 = arguments.known(self._one, start), arguments.real(t0, "t0")
             start = by_site(self._one, start)
             first = first_of(start)

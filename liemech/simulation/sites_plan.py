@@ -12,7 +12,6 @@ import numpy as np
 from ..compiler.planes import Planes
 from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable
 from ..formulas.pytree import layout_of
-from ..groups.species import SpeciesGroup
 from ..integrators.sublattices import SublatticeSplitting, TermSplitting
 from ..systems.site_state import StateOfSites
 from ..systems.system import State
@@ -77,11 +76,11 @@ class SitesOfPlan:
         return next((name for name, value in asked.items() if value is not None), None)
 
     def knows(self, start: Any) -> bool:
-        """Is it a state of many sites?"""
-        group = getattr(self.plan._one, "configurations", self.plan._one.group)
-        return isinstance(start, StateOfSites) or (
-            isinstance(start, State) and isinstance(group, SpeciesGroup)
-        )
+        """Is it a state of many sites, or one that has them in a row?"""
+        if isinstance(start, StateOfSites) or not isinstance(start, State):
+            return isinstance(start, StateOfSites)
+        given = start.arrays
+        return self.plan._one.by_site(given) is not given
 
     def takes(self, start: Any) -> bool:
         """Does a run from here go by sites?"""

@@ -28,7 +28,7 @@ def of_sites(system: Any, states: dict[str, np.ndarray]) -> Any:
     that are written out; else None.
     """
     leading = next(iter(states.values()), np.empty(0))
-    if leading.ndim < 2 or not {"mu", "q"} & {*states}:
+    if leading.ndim < 2 or not {"mu", "q", "y"} & {*states}:
         return None
     site: Any = system.site_form
     if site is None:
@@ -90,7 +90,7 @@ def constants(system: Any, t: np.ndarray, states: dict[str, np.ndarray]) -> dict
     functions of every site, (n, sites).
     """
     found = {"energy": energy(system, t, states)}
-    if hasattr(system, "casimirs"):
+    if "mu" in states and hasattr(system, "casimirs"):
         for of_species, group, mu in _by_species(system.group, states["mu"]):
             each = np.asarray(group.casimirs(mu))
             found |= {f"Casimir {k + 1}{of_species}": each[..., k] for k in range(each.shape[-1])}

@@ -53,6 +53,13 @@ class SitePoints(StateOfSites):
 
 
 @record
+class SiteValues(StateOfSites):
+    """Points `y` of the sites of a Poisson system, (sites, n) or, for an ensemble, (members, sites, n)."""
+
+    y: Any
+
+
+@record
 class SiteState(StateOfSites):
     """Where the sites of a system are and how they move: momenta `mu`, and the elements `g` from
     body to space (None: not asked for), a row for each site.

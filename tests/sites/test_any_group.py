@@ -146,7 +146,7 @@ def test_precision(several: bool, options: Any, monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize("options", [{}, {"precision": "double-double"}], ids=str)
 @pytest.mark.parametrize("group", GROUPS, ids=repr)
 def test_native_bits(group: Any, options: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    if options and isinstance(group, lm.MatrixLieGroup):
+    if options and isinstance(group, (lm.MatrixLieGroup, lm.SGal3)):
         pytest.skip("its exponential is one of doubles")
     plain = both(monkeypatch, lambda: free(group, True), lm.RKMK(order=2), **options)[1]
     fast = both(monkeypatch, lambda: free(group, True), lm.RKMK(order=2), compiled=True, **options)
