@@ -25,13 +25,15 @@ class Pass:
     """One loop over sites.
 
     index : of the first site at hand.  body : the block with which a turn begins.  left : the one to
-    which control goes behind it if the step is given up.
+    which control goes behind it if the step is given up.  paired : do sites meet others in it?
     """
 
     left: ir.Block | None = None
 
-    def __init__(self, b: ir.IRBuilder, begin: ir.Value, end: ir.Value) -> None:
-        self.function, self.before = b.function, b.block
+    def __init__(
+        self, b: ir.IRBuilder, begin: ir.Value, end: ir.Value, paired: bool = False
+    ) -> None:
+        self.function, self.before, self.paired = b.function, b.block, paired
         self.start = len(b.function.blocks)
         self.head = b.append_basic_block()
         b.branch(self.head)
@@ -156,6 +158,8 @@ class Fission:
         for i, q in self.at.items():
             for x in used(i):
                 if self.at.get(x, q) < q:
+                    if self.passes[q].paired:
+                        raise NotCompilable("a formula of pairs asks for numbers of one site alone")
                     uses.setdefault(x, set()).add(q)
         return uses
 

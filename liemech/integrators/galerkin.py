@@ -196,7 +196,7 @@ class GalerkinVariational(Implicit):
             p = body.lagrangian.momentum(xi)
             rate, size = group.ad_star(xi, p), size + one_norms(p, group.unit_blocks)
             if kick is not None:
-                force = _force(system, t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
+                force = system.applied(t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
                 rate, kick = rate + force, kick + (h * b[i]) * tau.tau_Ad_star(group, -x, force)
             P, F = tangent(
                 lambda y: tau.dtau_dual(group, _half(y, 0), _half(y, 1)),
@@ -282,12 +282,6 @@ def _velocity(body: Any, middle: Middle, p: Vec) -> Vec:
 def _body(system: Any) -> Any:
     """The body without the field."""
     return system.body if isinstance(system, MechanicalSystem) else system
-
-
-def _force(system: MechanicalSystem, t: float, xi: Vec, g: Any) -> Vec:
-    """The force of field and load together."""
-    force = system.force(g)
-    return force if system.load is None else force + system.load.covector(t, xi, g)
 
 
 def _half(y: Vec, which: int) -> Vec:

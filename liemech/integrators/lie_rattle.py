@@ -8,10 +8,23 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, NoConvergence
-from ..formulas import Element, Mat, Vec, dot, norm, plain, record, vec, vectors, where
+from ..formulas import (
+    Element,
+    Mat,
+    Vec,
+    dot,
+    identity_matrix,
+    jacobian,
+    norm,
+    plain,
+    record,
+    vec,
+    vectors,
+    where,
+)
 from ..formulas.sizes import EPSILON
 from ..retractions import Exponential, Retraction
-from ..solvers import NOISE
+from ..solvers import NOISE, newton
 from ..systems.conditions import joint, led, pulled, solved_sparse, speeds
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import times
@@ -51,6 +64,9 @@ class LieRATTLE(Remembering):
     constrained phase space is kept, and so are momenta of common symmetries of potential and
     constraint; the energy oscillates without drift. 2 l/h and 2 l'/h are multipliers to first order
     only: `ConstrainedBody.multipliers` gives those of a state, of second order.
+    A load F, by the principle of Lagrange and d'Alembert, adds (h/2) F to each kick: to the first
+    as it is at the beginning, to the last as it is at the end, an equation for mu_i+1 and l'.  Still
+    of order 2 and symmetric; there is no two-form to be kept then.
     Raises NoConvergence if the step is too large, or where the conditions become dependent (a dead
     point): no solution grows out of h = 0 up to this step.
 
@@ -119,13 +135,23 @@ class LieRATTLE(Remembering):
         """Solve for displacement and impulses, move, kick, and take away what leads off the
         constraint.
         """
-        state, (force, rows), free = memory.state, memory.node, system.body.body
+        state, (force, rows), free, load = (
+            memory.state,
+            memory.node,
+            system.body.body,
+            system.body.load,
+        )
+        if load is not None:
+            force = force + load.covector(t, system.velocity(plain(state.mu)), plain(state.g))
+            memory = Memory(state, (force, rows), memory.past)
         unknown = self._solved(system, h, memory, extrapolated(*memory.past))
         x, impulses = split(unknown, system.configurations.dim)
         kick = (0.5 * h) * force - pulled(system, rows, impulses)
         state = free.displaced(self.retraction, BodyState(state.mu + kick, state.g), x)
         force, rows = self.at_node(system, state, h)
         mu = state.mu + (0.5 * h) * force
+        if load is not None:
+            mu = mu + self._load_at_the_end(system, t + h, plain(mu), plain(state.g), rows, 0.5 * h)
         mu = mu - pulled(system, rows, self._excess(system, rows, plain(mu)))
         past = followed(memory.past, unknown)
         return Memory(BodyState(mu, state.g), (force, rows), past)
@@ -247,6 +273,36 @@ class LieRATTLE(Remembering):
         return solved_sparse(
             system, joint(system, through, pushed), speeds(system, rows, system.velocity(mu))
         )[0]
+
+    def _load_at_the_end(
+        self, system: Any, t: float, mu: Vec, g: Element, rows: Any, h: float
+    ) -> Vec:
+        """The kick h F at the velocity that it leads to, on the constraint.
+
+        Newton's method finds the velocities that the load depends on, `rates`:
+        w = rates(J^-1 P (mu + h F(t, w, g))) with P the projection to momenta on the constraint.
+        """
+        load = system.body.load
+
+        def led_to(w: Vec) -> tuple[Vec, Vec]:
+            pushed = mu + h * load.at_rates(t, w, g)
+            held = pushed - pulled(system, rows, self._excess(system, rows, pushed))
+            return pushed, load.rates(system.velocity(held), g)
+
+        def equation(w: Vec) -> tuple[Vec, Mat, float]:
+            pushed, found = led_to(w)
+            slope = identity_matrix(len(w)) - jacobian(lambda y: led_to(y)[1], w)
+            free = system.velocity(pushed)
+            return w - found, slope, dot(free, free) + dot(w, w)
+
+        held = mu - pulled(system, rows, self._excess(system, rows, mu))
+        w, rest, enough, _ = newton(equation, load.rates(system.velocity(held), g))
+        if not rest <= enough:
+            raise NoConvergence(
+                f"{self!r}: no velocity found that fits the load at the end of a step; try "
+                f"h = {h:g}"
+            )
+        return h * load.at_rates(t, w, g)
 
     # ---------------------------------------------------------------- sizes
 

@@ -4,6 +4,7 @@ way, with ends, times or events of their own.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import os
 import time
@@ -30,10 +31,10 @@ from .control import (
     begun,
     sample,
 )
-from .dense import evaluated, flat, short_step
+from .dense import Between, ShortSteps, flat
 from .driver import begin
 from .execution import LOOK
-from .keep import At, Piece, Straight
+from .keep import At, Straight
 from .lanes import Lanes, share_out
 from .prepared import Shape, shown_step, times
 from .progress import Bar
@@ -285,18 +286,10 @@ class EqualRun(Run):
 
     # ---------------------------------------------------------------- between steps
 
-    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        points, a = piece.rows(step, before=True)[:, 1:], piece.a[step]
-        return np.concatenate([points, a[:, None], (times - a)[:, None]], axis=1)
-
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
-        point = self.lanes.state
-        what = (
-            repr(self.of(0)[1]),
-            lambda k: f"the shorter step from t = {given[k, -2]:g} to t = {times[k]:g}",
-        )
-        arguments = *self.lanes.arguments[:2], point
-        return evaluated(short_step, arguments, given, point.width, self.asked_for, what, body)
+    @functools.cached_property
+    def between(self) -> Between:
+        method, system = self.lanes.arguments[:2]
+        return ShortSteps(system, method, self.lanes.example, None, self.asked_for)
 
     # ---------------------------------------------------------------- what came of it
 
@@ -605,9 +598,10 @@ class StraightRun(EqualRun):
             self.here[1:].copy(), bodies=self.count,
         )  # fmt: skip
         if failed.any():
-            made.taken = np.where(failed & (taken == step), -1.0, taken)
             stopped = {int(i): self.failures.get(int(i)) for i in np.flatnonzero(failed)}
-            made.failures = {i: told[-1] if told else None for i, told in stopped.items()}
+            failures = {i: told[-1] if told else None for i, told in stopped.items()}
+            given = np.where(failed & (taken == step), -1.0, taken)
+            made = dataclasses.replace(made, taken=given, failures=failures)
         vars(made)["state"] = state
         return made
 

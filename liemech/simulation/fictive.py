@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 from ..errors import IncompatibleSystem
+from ..formulas.frozen import frozen
 from ..formulas.pytree import layout_of
 from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
@@ -17,7 +18,7 @@ from .events import NO_EVENTS, Met
 from .prepared import Steps
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Origin:
     """Where a run began: the system as it was given, the method, and the start, on whose energy
     time scales may depend.
@@ -72,7 +73,7 @@ class Origin:
         return {"given": self.given, "method": self.method, "start": self.start}
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class FictiveCarry:
     """Where a run in fictive time stands: at the end of its last whole step, from which it goes on
     as if it had never stopped.

@@ -22,13 +22,14 @@ from ..errors import (
 from ..formulas.pytree import build, layout_of, leaves
 from ..systems.system import member, small_state, state_of
 from . import arguments
-from .arrival import FictiveMotion, arrivals
+from .arrival import FictiveMotion
 from .carry import Carry, Ended, stacked
 from .control import ANEW, LIMIT, MARK, STUCK, TAKEN, TIME, Fictive, sample
 from .dense import flat, unpacked
 from .equal import NEAR, EqualRun, StraightRun, lay_down
 from .fictive import FictiveCarry, Origin
 from .keep import At, Dense, Every, Piece
+from .prepared import shown_step
 from .systems import OfBodies, Systems
 from .trajectory import Trajectory, TransformedTrajectory
 
@@ -113,8 +114,8 @@ class OfClocked(EqualRun):
 
     def known(self, i: int | None) -> dict[str, Any]:
         if i is None:
-            own = self.h.copy() if "h" in self.plan.of_each else self.h.item(0)
-            return {"h": own, "system": self._inner(), "origin": self.origin}
+            h = shown_step(self.way.h)
+            return {"h": h, "system": self._inner(), "origin": self.origin}
         origin = self.origin_of(i)
         found = {"h": self.h.item(i), "system": origin.whole.system, "origin": origin}
         if not self.bodies:
@@ -126,13 +127,20 @@ class OfClocked(EqualRun):
         return self.samples(0)
 
     def _motion(self, t: np.ndarray, numbers: np.ndarray) -> FictiveMotion:
-        one, begun = self.begun(0), None
-        if isinstance(one, FictiveCarry) and one.ahead is not None and len(t) and t[0] == one.t:
-            begun = np.append(one.inner.last, one.tau - one.inner.t)
+        begun = self._inside(0) if len(t) and t[0] == self.begun(0).t else None
         return FictiveMotion(
             self.way.way_of(0), self.wholes[0], self._kind, self.lanes.example, self.h.item(0),
-            t.copy(), numbers[:, :-1].copy(), self.asked_for, begun,
+            np.column_stack([t, numbers]), self.asked_for, begun,
         )  # fmt: skip
+
+    def _inside(self, i: int) -> np.ndarray | None:
+        """Of a body that goes on from inside of a step where that begins, and the fictive time from
+        there; None of others.
+        """
+        one = self.begun(i)
+        if not isinstance(one, FictiveCarry) or one.ahead is None:
+            return None
+        return np.append(one.inner.last, one.tau - one.inner.t)
 
     def carry(self, i: int, met: Any) -> Any:
         whole, h = int(self.clocks[TAKEN, i]), self.h.item(i)
@@ -201,10 +209,8 @@ class FictiveRun(OfClocked):
         way, count = self.way, self.count
         members = [self.begun(i) for i in range(count)]
         least = 0 if ends[0] is None else 1
-        own = self.plan.of_each.get("h")
-        h = [way.h] * count if own is None else [arguments.step(x) for x in own]
         limit = arguments.MOST // 2 if steps is None else arguments.count(steps, "steps", least)
-        self.h = np.array(h)
+        self.h = h = np.array([way.h_of(i) for i in range(count)])
         self.first = np.array([float(getattr(one, "step", 0)) for one in members])
         self.zero = np.zeros(count)
         self.aims = np.zeros((6, count))
@@ -310,25 +316,20 @@ class FictiveRun(OfClocked):
 
     # ---------------------------------------------------------------- between steps
 
-    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        rows, body = piece.rows(step, before=True), piece.body[step]
-        given = np.concatenate(
-            [rows[:, 1:-1], times[:, None], rows[:, -1:], np.zeros((len(step), 1))], axis=1
-        )
-        for k in np.flatnonzero(piece.a[step] == self.t0[body]).tolist():
-            one = self.begun(int(body[k]))
-            if isinstance(one, FictiveCarry) and one.ahead is not None:
-                given[k, :-3], given[k, -1] = one.inner.last.ravel(), one.tau - one.inner.t
-        return given
-
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
+    @functools.cached_property
+    def between(self) -> FictiveMotion:
         method, system = self.lanes.arguments[:2]
-        h: Any = self.plan._steps.h
-        if "h" in self.plan.of_each:
-            h = self.h
-        found = arrivals(method, system, self.lanes.example, h, given[:, :-2], self.asked_for, body)
-        found[:, -1] = given[:, -2] + (found[:, -1] - given[:, -1])
-        return found
+        h = shown_step(self.way.h)
+        given = self._kind, self.lanes.example, h, None, self.asked_for
+        return FictiveMotion(method, system, *given)
+
+    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
+        given, body = super().given(piece, step, times), piece.body[step]
+        for k in np.flatnonzero(piece.a[step] == self.t0[body]).tolist():
+            begun = self._inside(int(body[k]))
+            if begun is not None:
+                given[k, :-3], given[k, -1] = begun[:-1], begun[-1]
+        return given
 
     # ---------------------------------------------------------------- what came of it
 

@@ -157,12 +157,13 @@ class Species(Record):
     """The species of a system, as terms see their sites.
 
     groups : of each the group of a site.  names : of each those of its parameters.  which : of every
-    site its species.  alike : have all the same group?
+    site its species.  numbers : of every site its number among all.  alike : have all the same group?
     """
 
     groups: tuple[LieGroup, ...]
     names: tuple[tuple[str, ...], ...]
     which: SiteArray
+    numbers: SiteArray
     alike: bool
 
     @classmethod
@@ -170,7 +171,8 @@ class Species(Record):
         """Those of a group, with parameters of these names."""
         which = SiteArray.of(np.repeat(np.arange(len(group.powers), dtype=float), group.counts))
         bases = tuple([power.base for power in group.powers])
-        return cls(bases, names, which, len({*bases}) == 1)
+        numbers = SiteArray.of(np.arange(group.copies, dtype=float))
+        return cls(bases, names, which, numbers, len({*bases}) == 1)
 
     @cached_property
     def blank(self) -> tuple[Any, ...]:

@@ -11,11 +11,12 @@ from ..errors import InvalidInput
 from ..formulas import Record, Vec, record
 from ..formulas.of_each import Each, each
 from ..formulas.pytree import exchanged, inside
+from ..formulas.sites import partners
 from ..formulas.vectors import small
 from ..groups.power import PowerGroup
 from ..groups.species import SpeciesGroup
 from .among import Among, Species, is_near
-from .graphs import EachSite, Graph, Incidence, place
+from .graphs import AllPairs, EachSite, Graph, Incidence, place
 from .kinds_of_terms import Kind
 from .near_pairs import NearPairs
 from .terms import Over, Term, Terms, timed
@@ -49,6 +50,11 @@ class BoundTerm(Record):
         return self.graph.of if isinstance(self.graph, Among) else ()
 
     @property
+    def in_rounds(self) -> bool:
+        """Does every site meet all others, alike, in the order of `partners`?"""
+        return isinstance(self.graph, AllPairs) and self.merged and not _each_of(self.term)
+
+    @property
     def roles(self) -> tuple[int, ...]:
         """The places in the energy in which a site may stand."""
         return (0,) if self.merged or self.first else tuple(range(self.graph.arity))
@@ -62,7 +68,16 @@ class BoundTerm(Record):
         """For each site the edges that end there: the role, the number of the edge, and all sites in
         the order in which the energy takes them.
         """
-        found: list[list[Any]] = [[] for _ in range(self.graph.sites or 0)]
+        count = self.graph.sites or 0
+        if self.in_rounds:
+            met = [partners(i, count) for i in range(count)]
+            return tuple(
+                [
+                    tuple([(0, 0, (i, j)) if first else (1, 0, (j, i)) for j, first in them])
+                    for i, them in enumerate(met)
+                ]
+            )
+        found: list[list[Any]] = [[] for _ in range(count)]
         for role in self.roles:
             others, numbers, counts = self.incidence(role)
             for i, mine in enumerate(found):
@@ -88,7 +103,7 @@ def share(total: float, edges: list[Any], merged: bool) -> float:
     are alike.
     """
     for role, term, ends in edges:
-        if role == 0:
+        if role == 0 or merged:
             energy = term.energy(*ends)
             total = total + (0.5 * energy if merged else energy)
     return total
@@ -110,8 +125,8 @@ def forces(total: Vec, group: Any, edges: list[Any]) -> Vec:
 
 def loads(total: Vec, t: float, edges: list[Any]) -> Vec:
     """A vector, and the forces that terms are on a site at time t."""
-    for _, term, ends in edges:
-        total = total + term.covector(t, *ends)
+    for role, term, ends in edges:
+        total = total + term.covector(t, ends[role], *ends[:role], *ends[role + 1 :])
     return total
 
 

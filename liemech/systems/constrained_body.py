@@ -74,10 +74,6 @@ class BoundBody(System):
                 f"{name}: the kinetic energy must be quadratic, a "
                 f"KineticEnergy; {body.body!r} has another one"
             )
-        if body.load is not None:
-            raise InvalidInput(
-                f"{name}: a load without a potential is not supported; got {body.load!r}"
-            )
         object.__setattr__(self, "body", body)
         # formulas may have no value at the identity
         count = self._count(small(body.configurations.random(1)))
@@ -183,18 +179,18 @@ class BoundBody(System):
         return self.constraint.rows(self.configurations, g)
 
     @final
-    def multipliers(self, mu: Vec, g: Element) -> Vec:
+    def multipliers(self, mu: Vec, g: Element, t: float = 0.0) -> Vec:
         """The multipliers lam, (m,), at a consistent state: -G* lam is the force of the constraint
         on the momentum.
 
-            lam = (G J^-1 G*)^-1 [ d/ds G(g exp(s xi)) xi + G J^-1 (ad*_xi mu + f) ]
+            lam = (G J^-1 G*)^-1 [ d/ds G(g exp(s xi)) xi + G J^-1 (ad*_xi mu + f + F) ]
 
         A condition measured in m has its lam in N, one that is an angle or a cosine in N m.
-        mu : (dim,), g : an element.
+        mu : (dim,), g : an element.  t : in s, for loads that change with it.
         Source: Hairer, Lubich, Wanner, VII.1.2; the slides, (1.9), on a group.
         """
         rows, xi = self.rows(g), self.velocity(mu)
-        pull = self.configurations.ad_star(xi, mu) + self.force(g)
+        pull = self.configurations.ad_star(xi, mu) + self.body.applied(t, xi, g)
         curved = derivative(
             lambda s: vec(*speeds(self, self.rows(self.configurations.compose_exp(g, s * xi)), xi)),
             0.0,
@@ -210,11 +206,12 @@ class BoundBody(System):
 
     @final
     def rate(self, t: float, state: BodyState) -> Vec:
-        """(xi, f - G* lam): the velocity on T*G, by index reduction."""
-        push = self.force(state.g) - pulled(
-            self, self.rows(state.g), self.multipliers(state.mu, state.g)
+        """(xi, f + F - G* lam): the velocity on T*G, by index reduction."""
+        xi = self.velocity(state.mu)
+        push = self.body.applied(t, xi, state.g) - pulled(
+            self, self.rows(state.g), self.multipliers(state.mu, state.g, t)
         )
-        return vec(*self.velocity(state.mu), *push)
+        return vec(*xi, *push)
 
     @final
     def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:
@@ -227,7 +224,9 @@ class BoundBody(System):
         return self.body.variation(state, omega)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The energy."""
+        """The energy; nothing, as far as is known, under a load."""
+        if self.body.load is not None:
+            return {}
         return {"energy": np.asarray(self.energy(states["mu"], states["g"]))}
 
     # ---------------------------------------------------------------- checked input
@@ -251,6 +250,11 @@ class BoundBody(System):
             )
             self._require_consistent(one, where)
         return self.vouched(state)
+
+    @final
+    def reached(self, **parts: Any) -> BodyState:
+        """The state with these parts, whether it obeys the constraint or not."""
+        return self._given("state", parts.get("mu"), parts.get("g"), None)
 
     def _require_consistent(self, mu: Any, g: Any) -> None:
         """Raise InconsistentState for a velocity off the constraint, beside what velocities of its
@@ -421,10 +425,11 @@ class BoundBody(System):
 class ConstrainedBody(BoundBody):
     """Bodies whose configuration obeys c(g) = 0:
 
-        mu' = ad*_xi mu + f(g) - G(g)* lam,   g' = g xi,   xi = J^-1 mu,   c(g) = 0,   hence   G(g) xi = 0
+        mu' = ad*_xi mu + f(g) + F(t, xi, g) - G(g)* lam,   g' = g xi,   xi = J^-1 mu,   c(g) = 0,   hence   G(g) xi = 0
 
     body : what moves without the constraint: a free body such as RigidBody(J), or a
-    MechanicalSystem; its kinetic energy is quadratic.  On a ProductGroup it is many bodies.
+    MechanicalSystem, perhaps under a load F; its kinetic energy is quadratic.  On a ProductGroup it
+    is many bodies.
     constraint : c, with m components, m >= 1, whose derivatives G(g), left-trivialised, are
     independent.  LieRATTLE keeps both constraints to rounding, the two-form on what is left, and
     the momenta of common symmetries.  `rate` is that of the reduced equation, with lam in closed
@@ -541,12 +546,12 @@ class ConstrainedBody(BoundBody):
 class NonholonomicBody(BoundBody):
     """Bodies that roll, or glide on a blade: velocities obey A(g) xi = 0, configurations nothing.
 
-        mu' = ad*_xi mu + f(g) - A(g)* lam,   g' = g xi,   xi = J^-1 mu,   A(g) xi = 0          (Lagrange-d'Alembert)
+        mu' = ad*_xi mu + f(g) + F(t, xi, g) - A(g)* lam,   g' = g xi,   xi = J^-1 mu,   A(g) xi = 0          (Lagrange-d'Alembert)
 
-    body : what moves without the constraint: a free body or a MechanicalSystem, with quadratic
-    kinetic energy.
+    body : what moves without the constraint: a free body or a MechanicalSystem, perhaps under a
+    load F, with quadratic kinetic energy.
     constraint : A, a VelocityConstraint with m independent rows.
-    The motion keeps the energy.  It keeps no symplectic form, and of a symmetry's momentum no more
+    Without a load the motion keeps the energy.  It keeps no symplectic form, and of a symmetry's momentum no more
     than its allowed motions tell.  LagrangeDAlembert() is the method for it; `rate` is that of the
     reduced equation, for RKMK.
 

@@ -113,6 +113,14 @@ class MechanicalSystem(System):
         return self.potential.force(self.body.group, g)
 
     @final
+    def applied(self, t: float, xi: Vec, g: Element) -> Vec:
+        """Field and load together, f(g) + F(t, xi, g).  xi : (dim,), g : an element;  returns
+        (dim,).
+        """
+        force = self.force(g)
+        return force if self.load is None else force + self.load.covector(t, xi, g)
+
+    @final
     def energy(self, mu: Vec, g: Element) -> float:
         """H(mu) + V(g).  mu : (dim,), g : an element."""
         return self.body.energy(mu) + self.potential.energy(g)
@@ -134,10 +142,8 @@ class MechanicalSystem(System):
     @final
     def rate(self, t: float, state: BodyState) -> Vec:
         """(xi, f): the velocity on T*G."""
-        force = self.force(state.g)
-        if self.load is not None:
-            force = force + self.load.covector(t, self.velocity(state.mu), state.g)
-        return vec(*self.velocity(state.mu), *force)
+        xi = self.velocity(state.mu)
+        return vec(*xi, *self.applied(t, xi, state.g))
 
     @final
     def displaced(self, retraction: Retraction, state: BodyState, omega: Vec) -> BodyState:

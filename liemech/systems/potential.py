@@ -82,3 +82,17 @@ class Force(Record):
         xi : (dim,), g : an element.
         """
         raise undefined(self, "covector")
+
+    def rates(self, xi: Vec, g: Any) -> Vec:
+        """The velocities that the force depends on, linear in xi, (n,): all of them, xi, by
+        default.  xi : (dim,), g : an element.
+        """
+        return xi
+
+    def at_rates(self, t: float, rates: Vec, g: Any) -> Vec:
+        """The force at these velocities, (dim,), so that `covector` is this at `rates(xi, g)`.
+
+        Methods that solve for the force at the end of a step solve for them.  rates : (n,), g : an
+        element.
+        """
+        return self.covector(t, rates, g)

@@ -350,6 +350,11 @@ class DrivenTerms(DrivenHamiltonian):
     def __repr__(self) -> str:
         return repr(self.at_zero)
 
+    @property
+    def coupled(self) -> bool:  # type: ignore[override]
+        """Is there a term of several sites?"""
+        return self.at_zero.coupled
+
     def at(self, t: float) -> Any:
         """It at time t."""
         moved = [with_fields(x, time=t) for x in inside(self.at_zero, AtTime)]

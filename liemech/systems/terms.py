@@ -5,6 +5,7 @@ H = sum over terms, sum over edges (a, b, ...) of  term.energy(a, b, ...)
 
 from __future__ import annotations
 
+import difflib
 import functools
 import inspect
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -29,6 +30,9 @@ from ..formulas.vectors import small
 from .graphs import EachSite, Graph
 from .hamiltonian import Hamiltonian
 from .potential import Force, Potential
+
+NEARLY = 0.7
+"""A parameter of sites whose name is so much like `held` is a slip."""
 
 SAMPLES = 64
 """Edges at which a term is tried with its arguments in another order."""
@@ -123,6 +127,16 @@ class Term(Record, StandsForAnEnergy):
             return self.energy(*[there if j == k else s for j, s in enumerate(sites)])
 
         return -gradient(moved, vec(*[0.0 for _ in range(group.dim)]))
+
+    def slopes(self, *sites: Any) -> tuple[Vec, ...]:
+        """The derivatives by the momenta of all sites of the edge."""
+        return tuple([self.slope(k, *sites) for k in range(len(sites))])
+
+    def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
+        """The forces on all sites of the edge: to be written where they have more in common than their
+        energy.
+        """
+        return tuple([self.force(group, k, *sites) for k in range(len(sites))])
 
     def over(self, graph: Any = None, of: Any = None) -> Over:
         """The sum of the term over the edges of a graph, such as `neighbours.ring(100)`; of no graph
@@ -270,7 +284,7 @@ class Terms(Record, StandsForAnEnergy):
 
     terms : terms over graphs, `Exchange(1.0).over(neighbours.ring(100))`; without `over` a term is
     one of every site.
-    own : parameters of the sites by name, numbers for all or `each(values)`: with `mass=each(m)`
+    own : parameters of the sites by name (none that is nearly "held"), numbers for all or `each(values)`: with `mass=each(m)`
     formulas read `a.mass`.
     held : the numbers of sites that do not move: no slope and no force is theirs, others feel them.
     Where sites are of several species, own and held may be told of each, mass={0: each(m), 1: 18.0},
@@ -369,6 +383,10 @@ def _parameter(name: str, value: Any) -> Any:
     if name in ("mu", "g", "xi", "t"):
         raise InvalidInput(
             f"Terms: {name} is no parameter of a site, but where it is; name it otherwise"
+        )
+    if difflib.get_close_matches(name, ["held"], 1, NEARLY):
+        raise InvalidInput(
+            f"Terms: {name}: did you mean held? A parameter of the sites needs a name that is less like it"
         )
     if isinstance(value, Each):
         return value

@@ -109,15 +109,27 @@ class RoleAtSite(Record):
     @classmethod
     def made(cls, part: BoundTerm, role: int) -> RoleAtSite:
         """That of a term on a graph."""
+        alone = part.graph.arity == 1
         graph: Any = part.graph
-        alone = graph.arity == 1
-        apart = len({*part.of}) > 1
-        if is_all_pairs(graph) and not inside(part.term, Each) and (part.merged or apart):
-            near = graph.open() if is_near(graph) else None
-            reach = graph.range_of(1 - role) if part.of else None
-            given = part.term, role, part.merged, False
-            return cls(*given, near=near, of=part.of, reach=reach)
-        incidence = part.incidence(role)
+        if part.in_rounds:
+            return cls(part.term, role, True, False, near=graph.open() if is_near(graph) else None)
+        several = part.merged or len({*part.of}) > 1
+        if part.of and is_all_pairs(graph) and several and not inside(part.term, Each):
+            near, reach = graph.open() if is_near(graph) else None, graph.range_of(1 - role)
+            return cls(part.term, role, part.merged, False, near=near, of=part.of, reach=reach)
+        fixed = isinstance(part.graph, Lattice)
+        return cls.of_incidence(part, role, part.incidence(role), alone, fixed)
+
+    @classmethod
+    def of_incidence(
+        cls,
+        part: BoundTerm,
+        role: int,
+        incidence: Incidence,
+        alone: bool = False,
+        fixed: bool = True,
+    ) -> RoleAtSite:
+        """That of a term with these edges at each site.  fixed : is their number known to formulas?"""
         edges = incidence.edges
 
         def of_edges(each: Each) -> EachOfEdges:
@@ -127,7 +139,6 @@ class RoleAtSite(Record):
             )
 
         term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
-        fixed = isinstance(part.graph, Lattice)
         made = cls(term, role, part.merged, alone, of=part.of)
         return made if alone else made.with_tables(incidence, fixed)
 
@@ -139,21 +150,33 @@ class RoleAtSite(Record):
         known = None if same else SiteArray.of(counts.astype(float))
         return with_fields(self, others=tables, counts=known)
 
-    def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any) -> Any:
+    def added(
+        self,
+        total: Any,
+        me: Any,
+        meeting: Any,
+        seen: Any,
+        formula: Any,
+        of_both: Any,
+        mine: Any = None,
+    ) -> Any:
         """A number or a vector, and the values of a formula(term, sites) for all edges at this site.
 
-        meeting : the others.  seen : makes of what a site publishes what terms see of it.
+        of_both : gives of a pair the values for both of its sites.  meeting : the others.  seen : makes
+        of what a site publishes what terms see of it.  mine : the number of this site, if it is in the
+        reach.
         """
         if self.alone:
             return total + formula(self.at_edge(0), [me])
         if len(self.others) == 0:
-
-            def of_other(b: Any, j: Any) -> Any:
-                return formula(self.term, self.ends(me, [seen(b)]))
-
-            if self.reach is None or self.merged:
-                return meeting.all(of_other, total, self.reach)
-            return meeting.some(of_other, total, self.reach)
+            if self.reach is not None:
+                return meeting.some(
+                    lambda b, j: formula(self.term, self.ends(me, [seen(b)])),
+                    total,
+                    self.reach,
+                    mine,
+                )
+            return meeting.pairs(lambda a, b: of_both(self.term, [seen(a), seen(b)]), total)
         first, more = self.others[0], self.others[1:]
 
         def of_edge(b: Any, d: Any) -> Any:
@@ -205,9 +228,9 @@ class TermsOfSite(Record):
         """A site of which nothing is known."""
         return site_class(self.names)()
 
-    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, first: bool = False) -> Any:
-        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
-        role by role.  first : of those where it is the first of the sites.
+    def met(self, mu: Any, g: Any = None, xi: Any = None) -> tuple[Any, Any, Any]:
+        """This site, the meeting with the others (None if it is alone), and what makes of what a site
+        publishes there what terms see of it.
         """
         mine = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
         me = type(self.site)(mu, g, xi, *mine)
@@ -222,9 +245,24 @@ class TermsOfSite(Record):
             ]
             return type(self.site)(published.mu, published.g, published.xi, *theirs)
 
+        return me, meeting, seen
+
+    def added(
+        self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any, first: bool = False
+    ) -> Any:
+        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
+        role by role; of_both(term, sites) is of both sites of a pair.  first : of the edges where it
+        is the first of the sites.
+        """
+        me, meeting, seen = self.met(mu, g, xi)
         for one in [role for role in self.roles if not first or role.role == 0]:
             if self.species is None or own(self.species.which) == one.of[one.role]:
-                total = one.added(total, me, meeting, seen, self._formula(one, total, formula))
+                mine = (
+                    own(self.species.numbers) if one.merged and self.species is not None else None
+                )
+                total = one.added(
+                    total, me, meeting, seen, self._formula(one, total, formula), of_both, mine
+                )
         return total
 
     def _formula(self, role: RoleAtSite, total: Any, formula: Any) -> Any:
@@ -252,7 +290,11 @@ class TermsOfSite(Record):
             energy = term.energy(*sites)
             return 0.5 * energy if role.merged else energy
 
-        return self.added(0.0, mu, g, None, part, first=True)
+        def halves(term: Any, sites: list[Any]) -> tuple[float, float]:
+            energy = 0.5 * term.energy(*sites)
+            return energy, energy
+
+        return self.added(0.0, mu, g, None, part, halves, first=True)
 
     def if_it_moves(self, x: Vec) -> Vec:
         """A velocity or a force; zero at sites that are held."""
@@ -269,6 +311,11 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
 
+    @property
+    def coupled(self) -> bool:  # type: ignore[override]
+        """Is there a term of several sites?"""
+        return not all([role.alone for role in self.roles])  # noqa: C419
+
     def energy(self, mu: Vec) -> float:
         """The share of this site.  mu : (dim,), its momentum."""
         return self.share(mu, None)
@@ -277,7 +324,12 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):
         """The velocity of this site.  mu : (dim,), its momentum."""
         zero = vec(*[0.0 for _ in mu])
         slope = self.added(
-            zero, mu, None, None, lambda one, term, sites: term.slope(one.role, *sites)
+            zero,
+            mu,
+            None,
+            None,
+            lambda one, term, sites: term.slope(one.role, *sites),
+            lambda term, sites: term.slopes(*sites),
         )
         return self.if_it_moves(slope)
 
@@ -302,6 +354,7 @@ class PotentialOfSite(TermsOfSite, Potential):
             g,
             None,
             lambda one, term, sites: term.force(self.group_of(one, group), one.role, *sites),
+            lambda term, sites: term.forces(group, *sites),
         )
         return self.if_it_moves(force)
 
@@ -316,5 +369,12 @@ class ForceOfSite(TermsOfSite, Force):
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The force on this site.  xi : (dim,), its velocity, g : its element."""
         zero = vec(*[0.0 for _ in xi])
-        force = self.added(zero, None, g, xi, lambda one, term, sites: term.covector(t, *sites))
+        force = self.added(
+            zero,
+            None,
+            g,
+            xi,
+            lambda one, term, sites: term.covector(t, *sites),
+            lambda term, sites: (term.covector(t, *sites), term.covector(t, *sites[::-1])),
+        )
         return self.if_it_moves(force)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.compiler import kernel
-from liemech.errors import InvalidInput, NotFinite
+from liemech.errors import IncompatibleSystem, InvalidInput, NotFinite
 
 native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
 SPINS, BODIES = 5, 3
@@ -296,6 +296,15 @@ def test_driven_and_loads(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(lm.System, "small", small)
         found.append(runs(slowed, lm.KickDrift(), start, h=0.1, steps=2, compiled=False))
     assert same(*found)
+
+
+def test_splittings_of_spins_take_one_species() -> None:
+    group = lm.SO3() ** 2 * lm.SO3() ** 2
+    system = lm.LiePoissonSystem(group, Exchange(1.0).over(lm.neighbours.chain(2), of=0))
+    start = system.state(mu=np.ones(12))
+    for method in (lm.SublatticeSplitting(), lm.BondSplitting()):
+        with pytest.raises(IncompatibleSystem, match="one species"):
+            lm.integrate(system, method, start, h=0.1, steps=1)
 
 
 def test_laws_of_the_group() -> None:
