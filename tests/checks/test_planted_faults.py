@@ -686,6 +686,10 @@ METHODS: dict[str, tuple[Callable[[], tuple[Any, Any, Any]], str]] = {
         "symmetric",
     ),
     "far out": (lambda: (runge(lambda s, h: s.q[1] > 3.0), GALAXY, IN_GALAXY), "order"),
+    "far out on the other side": (
+        lambda: (runge(lambda s, h: s.q[0] < -1.5), GALAXY, GALAXY.state([0.1, 0.2], [0.2, 0.1])),
+        "order",
+    ),
     "far out among species": (
         lambda: (runge(lambda s, h: abs(s.y[0]) > 4.0), SPECIES, SPECIES.state([1.5, 1.0])),
         "order",
