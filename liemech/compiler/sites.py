@@ -194,13 +194,17 @@ class SiteLoops:
         t.fail_if(failed)
 
     def _open(self) -> None:
-        """Begin a pass over the sites of this thread."""
+        """Begin a pass over the sites of this thread: of a range the same share as of all."""
         b, over = self.b, self.t.state.over
         begin, end = b.function.args[4:6]
         if over.range is not None:
-            first, last = over.range
-            begin = b.select(b.icmp_signed(">", first, begin), first, begin)
-            end = b.select(b.icmp_signed("<", last, end), last, end)
+            (first, last), count = over.range, over.sites.count.value
+            groups = b.sdiv(b.sub(last, first), I64(TOGETHER))
+
+            def share(place: ir.Value) -> ir.Value:
+                return b.add(first, b.mul(b.sdiv(b.mul(groups, place), count), I64(TOGETHER)))
+
+            begin, end = share(begin), share(end)
         over.passes.append(Pass(b, begin, end))
 
     def _close(self, lanes: int | None = None) -> None:
@@ -275,11 +279,11 @@ class SiteLoops:
         """Value number k of a site."""
         over, start = self._over("load"), sites.start(k, layout)
         sites.body = over.passes[-1].index
-        first, numbers = sites.first(start), []
+        first, row, numbers = sites.first(start), self.e.cast(start, "i", False)[0], []
         for i, kind in enumerate(layout.kinds):
             x = sites.load(first, i)
             over.again |= {*x.values}
-            over.came[x.values] = sites, start + i
+            over.came[x.values] = sites, self.e.num([self.b.add(row, I64(i))])
             numbers.append(sites._found(x, kind))
         return build(layout, iter(numbers))
 
@@ -514,13 +518,16 @@ class SiteLoops:
         b.branch(done)
         b.position_at_end(apart)
 
-        def register(k: int, places: ir.Value) -> ir.Value:
+        lanes = [ir.Constant(I32, i) for i in range(e.width)]
+        singly = [[b.extract_element(places, lane) for lane in lanes] for places in which.values]
+
+        def register(k: int, places: list[ir.Value]) -> ir.Value:
             found: ir.Value = ir.Constant(type_, ir.Undefined)
-            for lane in (ir.Constant(I32, i) for i in range(e.width)):
-                found = b.insert_element(found, one(k, b.extract_element(places, lane)), lane)
+            for lane, place in zip(lanes, places, strict=True):
+                found = b.insert_element(found, one(k, place), lane)
             return found
 
-        gathered = [[register(k, places) for places in which.values] for k in range(len(rows))]
+        gathered = [[register(k, places) for places in singly] for k in range(len(rows))]
         apart_end = b.block
         b.branch(done)
         b.position_at_end(done)

@@ -35,6 +35,8 @@ class Method(Record):
     shortens: ClassVar[bool] = False
     # is a step a power series in time, so that it sees an input from where it begins only?
     analytic: ClassVar[bool] = False
+    # does a step add to the state, so that it is worth to remember what rounding takes from the sum?
+    adds: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -162,6 +164,11 @@ class Wrapping(Method):
     def symplectic(self) -> bool:  # type: ignore[override]
         """Is the method symplectic?"""
         return self.method.symplectic
+
+    @property
+    def adds(self) -> bool:  # type: ignore[override]
+        """Does a step of it add to the state?"""
+        return self.method.adds
 
     def start(self, system: Any, state: Any, h: float) -> Any:
         """The first memory of the method."""

@@ -47,6 +47,7 @@ class TermSplitting(Remembering):
     }
     _motions: ClassVar[type[MotionsOfTerms]]
     symmetric: ClassVar[bool] = True
+    adds: ClassVar[bool] = False  # it turns
 
     def __post_init__(self) -> None:
         super().__post_init__()

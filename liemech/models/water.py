@@ -100,26 +100,33 @@ class SPC(Term):
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
         """Torque and force on molecule k, in its axes."""
-        return self.forces(group, *sites)[k]
+        pushes, _ = self._pushes(sites[k], sites[1 - k], False)
+        return self._felt(sites[k].g, pushes)
 
     def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
         """Torque and force on both molecules, each in its axes."""
         a, b = sites
+        first, second = self._pushes(a, b, True)
+        return self._felt(a.g, first), self._felt(b.g, second)
+
+    def _pushes(self, a: Any, b: Any, both: bool) -> tuple[list[Vec], list[Vec]]:
+        """The forces on the atoms of the first molecule, in space, and of the second as well."""
         first, second = self._places(a.g), self._places(b.g)
         d = first[0] - second[0]
         r = 1.0 / dot(d, d)
         s = r * r * r
         push = (r * s * (12.0 * self.repulsion * s - 6.0 * self.attraction)) * d
         none = vec(0.0, 0.0, 0.0)
-        own, other = [push, none, none], [-push, none, none]
+        of_a, of_b = [push, none, none], [-push, none, none]
         for i in range(3):
             for j in range(3):
                 d = first[i] - second[j]
                 r = 1.0 / sqrt(dot(d, d))
                 push = (self._product(i, j) * (r * r * r)) * d
-                own[i] = own[i] + push
-                other[j] = other[j] - push
-        return self._felt(a.g, own), self._felt(b.g, other)
+                of_a[i] = of_a[i] + push
+                if both:
+                    of_b[j] = of_b[j] - push
+        return of_a, of_b
 
     def _places(self, g: Any) -> list[Vec]:
         """The atoms of a molecule, in space: the hydrogens are in the plane of the first axis and the

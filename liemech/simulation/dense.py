@@ -387,6 +387,25 @@ def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:
     return rows[0] if len(rows) == 1 else np.concatenate(rows, axis=1)
 
 
+def lay_out(arrays: dict[str, np.ndarray], columns: np.ndarray) -> None:
+    """Write the numbers of many states, a column for each body; lanes that are left over repeat the last
+    body.
+    """
+    at = 0
+    for part in arrays.values():
+        count = len(part)
+        rows = part.reshape(count, -1) if part.dtype == float else flat({"": part}, count)
+        numbers = columns[at : at + rows.shape[1], :count]
+        for i in range(0, count, CACHED):  # one pass over memory, not one for each number
+            numbers[:, i : i + CACHED] = rows[i : i + CACHED].T
+        at += len(numbers)
+    columns[:, count:] = columns[:, count - 1 : count]
+
+
+CACHED = 2**10
+"""Bodies whose numbers stay in the cache while they are written from rows into columns."""
+
+
 def packed(value: Any) -> np.ndarray:
     """The numbers of a state, (width,)."""
     return np.array(leaves(value, layout_of(value)), dtype=float)

@@ -31,7 +31,7 @@ from .control import (
     begun,
     sample,
 )
-from .dense import Between, ShortSteps, flat
+from .dense import Between, ShortSteps, lay_out
 from .driver import begin
 from .execution import LOOK
 from .keep import At, Straight
@@ -49,9 +49,6 @@ PLAIN, NATIVE = 16, 2**17
 
 SWEEP = 2**26
 """Steps of all bodies together, in native code, after which all bodies have come to the same time."""
-
-CACHED = 2**10
-"""Bodies whose numbers stay in the cache while they are written from rows into columns."""
 
 WORTH = 2**15
 """Steps of all bodies together that are worth a thread."""
@@ -262,18 +259,10 @@ class EqualRun(Run):
         """Write the numbers of the start, a column for each body; lanes that are left over repeat
         the last body.
         """
-        count = self.count
         if not self.bodies:
             columns[:, 0] = leaves(start, self.shape.given)
             return
-        at = 0
-        for part in start.arrays.values():
-            rows = flat({"": part}, count)
-            numbers = columns[at : at + rows.shape[1], :count]
-            for i in range(0, count, CACHED):  # one pass over memory, not one for each number
-                numbers[:, i : i + CACHED] = rows[i : i + CACHED].T
-            at += len(numbers)
-        columns[:, count:] = columns[:, count - 1 : count]
+        lay_out(start.arrays, columns)
 
     def observe(self) -> list[Any]:
         if self.asked is None or self.plan.events:

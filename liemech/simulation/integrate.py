@@ -81,7 +81,7 @@ def integrate(
     of a step, of every body.
     compensated : whether the increments of the steps are summed up in compensated numbers: True for
     all parts of the state, False for none, None for those that the motion depends on, if the method
-    is symmetric or symplectic.
+    is symmetric or symplectic and adds to them.
     precision : "double", or "double-double" for steps in numbers of two doubles: 31 digits, of
     which the samples show 16.
     workers : threads among which the bodies of an ensemble are divided.

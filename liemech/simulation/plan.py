@@ -22,7 +22,15 @@ from ..errors import (
     warn,
 )
 from ..formulas import Record
-from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
+from ..formulas.pytree import (
+    Layout,
+    exact,
+    fields_of,
+    known_layout,
+    layout_of,
+    names_of,
+    restricted,
+)
 from ..formulas.signatures import spelt
 from ..integrators.method import Method
 from ..systems.canonical import CanonicalState
@@ -142,12 +150,11 @@ class Plan:
             self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
         self._sites = SitesOfPlan.of(self)  # of a system of many sites
-        self._plain = not (  # is there nothing to do but to step, for one system?
-            self.of_each
-            or self.events
-            or self.fictive
-            or self.recorder is not None
-            or options.progress
+        of_each = {*self.of_each} - (set() if self.adaptive else {"system", "method"})
+        kinds_of_methods = {type(way) for way in each_of(self.method)}
+        self._warns = any(k.step_warning is not Method.step_warning for k in kinds_of_methods)
+        self._plain = not (  # is there nothing to do but to step, by one clock?
+            of_each or self.events or self.fictive or self.recorder is not None or options.progress
         )
 
     def _first_of(self, name: str) -> Any:
@@ -344,13 +351,11 @@ class Plan:
             if made is not None and self.options.atol is None:
                 arguments.large_enough(restricted(start, layout))
             return made
-        shape, of_each = way.shapes.get(known), side and arguments.axes(t_end, "t_end")
-        if shape is None or of_each or t_eval is not None:
+        shape, of_each = way.shapes.get(known), side and t_end is not None
+        if shape is None or t_eval is not None or (of_each and arguments.axes(t_end, "t_end")):
             return None
         count = self._count(steps, t_end, t0)
-        if type(self.method).step_warning is not Method.step_warning and self._doubt(
-            restricted(start, layout) if not side else start
-        ):
+        if self._doubt(start if side else restricted(start, layout)):
             return None
         if side:
             return short_steps_of_many(way, shape, start, count, t0)
@@ -415,12 +420,6 @@ class Plan:
             return start if start.bodies else restricted(start, known[0])
         inner, given = self._inner, start
         start = arguments.started(inner, start, self._needed(inner, start))
-        if not self.of_each and inner._knows(given):
-            side = kernel.side_by_side(start.bodies)
-            if start.bodies is None:
-                self._laid_out[layout_of(given)] = layout_of(start), side
-            elif start is given:
-                self._laid_out[kind_of_many(given)] = layout_of(member(start, 0)), side
         for name, own in self.of_each.items():
             if start.bodies == len(own):
                 continue
@@ -436,10 +435,15 @@ class Plan:
                 )
             what = "steps" if name == "h" else "numbers"
             raise InvalidInput(f"integrate: {name} has {len(own)} {what} for {start.bodies} bodies")
-        if self.fictive:
-            return start
         if self._one is not self.system and self._one.bounded:
-            arguments.allowed(self.system, start)
+            if not self.fictive:
+                arguments.allowed(self.system, start)
+        elif (self._plain or not self.of_each) and inner._knows(given):
+            side = kernel.side_by_side(start.bodies)
+            if start.bodies is None:
+                self._laid_out[layout_of(given)] = layout_of(start), side
+            elif start is given:
+                self._laid_out[kind_of_many(given)] = layout_of(member(start, 0)), side
         return start
 
     def _kept(self, path: Any, seconds: Any) -> Checkpoint:
@@ -462,6 +466,8 @@ class Plan:
 
     def _doubt(self, start: State) -> str | None:
         """What the method warns of; of several systems the first warning."""
+        if not self._warns:
+            return None
         steps: Steps = self._steps
         if not self.of_each:
             return self.method.step_warning(self.system, start, steps.h)
@@ -877,8 +883,9 @@ class Advance(StraightRun):
 
 def kind_of_many(start: Any) -> Any:
     """What the starts of two ensembles have in common that are laid out in the same way."""
-    parts = [(name, x.shape, x.dtype) for name, x in start.arrays.items()]
-    return type(start), *parts
+    kind: Any = type(start)
+    parts = [getattr(start, name) for name in names_of(kind)]
+    return kind, *[x if x is None else (x.shape, x.dtype.char) for x in parts]
 
 
 def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:

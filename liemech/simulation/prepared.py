@@ -126,7 +126,8 @@ class Steps:
         """The same of a system."""
         if self.precision == "double-double":
             return double_double(start)
-        if self.compensated is None and (self.method.symmetric or self.method.symplectic):
+        method = self.method
+        if self.compensated is None and method.adds and (method.symmetric or method.symplectic):
             motion = system.essential_part(start).parts
             return type(start)(
                 *(

@@ -19,7 +19,7 @@ from ..formulas.pytree import build, gatherer
 from ..systems.system import State
 from .carry import AdaptiveCarry, Carry
 from .control import CLOCK, FRESH, GOAL, MARK, STRAIGHT, TAKEN, TIME
-from .dense import DenseOutput, flat, unpacked
+from .dense import DenseOutput, lay_out, unpacked
 from .driver import SAMPLES, sampled_steps
 from .execution import COLUMNS, SHARED, Execution, like
 from .lanes import Lanes
@@ -216,7 +216,10 @@ class _Found:
 
     def t(self) -> np.ndarray:
         """The times of the samples."""
-        return self.t0 + np.arange(self.step, self.reached + 1, self.every) * self.h
+        times = np.arange(float(self.step), self.reached + 1.0, float(self.every))
+        times *= self.h
+        times += self.t0
+        return times
 
     def states(self) -> dict[str, np.ndarray]:
         """The samples; as they may be written to, the last one is kept for the carry."""
@@ -268,28 +271,32 @@ def short_steps_of_many(
     out = np.empty((samples + 1, place.sampled, columns))
     alike = shape.given == shape.shown
     starts = out[0] if alike else np.empty((shape.given.width, columns))
-    starts[:, :count] = flat(arrays, count).T
-    starts[:, count:] = starts[:, count - 1 : count]
-    goal = math.inf, 0.0, 0.0, 0.0, ENDLESS, t0
-    table[place.clock :] = np.array((t0, way.h, *FRESH, *goal))[:, None]
+    lay_out(arrays, starts)
+    numbers, clocks, goals, *own = place.lanes.parts(table)
+    clocks[:], goals[:] = _column(t0, way.h, *FRESH), _column(math.inf, 0.0, 0.0, 0.0, ENDLESS, t0)
+    for mine, given in zip(own, place.lanes.own, strict=True):
+        mine[:, :count], mine[:, count:] = given, given[:, -1:]
+    whole = shape.whole(count)
     if place.beginning is None:
-        table[: place.clock] = 0.0
-        table[place.copied] = starts[place.source]
+        numbers[:] = 0.0
+        numbers[place.copied] = starts[place.source]
     else:
         place.beginning.used(place.asked)
         if not place.beginning.ready(0.0):
             return None
-        numbers, clocks, *_ = place.lanes.parts(table)
-        given = starts, clocks, numbers, out[0]
-        place.beginning.run(place.constants, (), given, columns, 0, shape.whole(count))
-    whole, (carried, clock, goals, *_) = shape.whole(count), place.lanes.parts(table)
-    rows = goals, carried, clock, out[1:]
+        begun = *own, starts, clocks, numbers, out[0]
+        place.beginning.run(place.constants, (), begun, columns, 0, whole)
+    rows = *own, goals, numbers, clocks, out[1:]
     place.stepping.run(place.constants, (samples, way.every), rows, columns, 0, whole)
     if (table[place.taken, :whole] != steps).any():
         return None
     found = _FoundOfBodies(place, table, t0, way.h, way.every, 0, steps)
     found.bodies, found.out = count, out
     return _made(way, steps, found, count)
+
+
+def _column(*numbers: float) -> np.ndarray:
+    return np.array(numbers)[:, None]
 
 
 # ------------------------------------------------------------------ adaptive steps
@@ -307,9 +314,9 @@ class Rows(Places):
         self.limit = max(1, TRIALS // self.carried**2)
         self.free: list[Any] = []  # memory that no run needs any more
 
-    def of_system(self, lanes: Lanes) -> Any:
-        """These places for another system of the same layout."""
-        return self.of_lanes(lanes, free=[])
+    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
+        """As before, with memory of its own."""
+        return super().of_lanes(lanes, free=[], **own)
 
     def native(self) -> bool:
         """Is there native code that says what the formulas say now?"""
@@ -327,7 +334,10 @@ class Rows(Places):
 
     def run(self, way: Any, start: Any, t0: float, t_end: float, limit: int) -> _Rows | None:
         """What a run from a start has written; None if it has not come to its end."""
-        room = self.free.pop() if self.free else self.room()
+        try:
+            room = self.free.pop()
+        except IndexError:
+            room = self.room()
         memory, block, buffers = room
         numbers = self.gather(start)
         goal = t_end, way.rtol, way.atol, way.longest, min(limit, self.limit), 0.0
@@ -406,8 +416,8 @@ class Times(Rows):
         call = sampled_steps, *lanes.arguments, 1, 1, *[COLUMNS] * 4, *shared, None
         return Execution(None, lanes.stepping.progress, *call, silent=True)
 
-    def of_system(self, lanes: Lanes) -> Any:
-        made = super().of_system(lanes)
+    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
+        made = super().of_lanes(lanes, **own)
         made.stepping = self.stepping.of(lanes.arguments[1])
         return made
 

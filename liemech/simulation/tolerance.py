@@ -65,8 +65,12 @@ class AdaptiveSteps:
 
     def of_system(self, system: Any) -> AdaptiveSteps:
         """These steps for a system of the same layout; layouts and native code are shared."""
-        lanes = [(k, s) for k, s in [*self.shapes.items()] if isinstance(s, Lanes)]
-        shapes = {k: s.of_system(system) for k, s in lanes}
+        shapes: dict[Any, Any] = {}
+        for key, known in [*self.shapes.items()]:  # places of short runs come after their lanes
+            if isinstance(known, Lanes):
+                shapes[key] = known.of_system(system)
+            else:
+                shapes[key] = known.of_lanes(shapes[*key[:2], False])
         other: AdaptiveSteps = like(self, system=system, shapes=shapes)
         return other
 

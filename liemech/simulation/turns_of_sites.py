@@ -288,7 +288,7 @@ class TurnsRun(SiteRun):
         left = self.before + self.steps - self.taken
         if turning.execution.ready_for(self.count * max(1, left)):
             self.compiled = True
-            turning.execution.on_sites(count)(*arguments, kernel.Shared(self.clock))
+            turning.execution.on_sites(count, self.workers)(*arguments, kernel.Shared(self.clock))
         else:
             given: list[Any] = [*arguments, self.clock]
             advance_turns(*given)

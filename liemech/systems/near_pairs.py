@@ -62,20 +62,28 @@ class NearPairs(Term):
         return where(s > 0.0, s * self.term.energy(a, there), 0.0)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """The force on site number k."""
-        return self.forces(group, *sites)[k]
+        """The force on site number k: s times that of the term, and what the switch adds."""
+        ends, s, push = self._pushed(*sites)
+        return self._whole(ends[k], s, self.term.force(group, k, *ends), push if k == 0 else -push)
 
     def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
-        """The forces on both sites: s times those of the term, and what the switch adds."""
-        first, second = sites
-        ends = (first, self.image(first, second))
+        """The forces on both sites."""
+        ends, s, push = self._pushed(*sites)
+        first, second = self.term.forces(group, *ends)
+        return self._whole(ends[0], s, first, push), self._whole(ends[1], s, second, -push)
+
+    def _pushed(self, a: Any, b: Any) -> tuple[tuple[Any, Any], float, Vec]:
+        """The two sites, the second as the image that is nearest; the switch, and the force on the first
+        that comes of it, in space.
+        """
+        ends = (a, self.image(a, b))
         apart = place(self.group, ends[0].g) - place(self.group, ends[1].g)
         x = self.depth(apart)
         s = self.switch(x)
         steep = where(x > 0.0, where(x < 1.0, 140.0 * (x * (1.0 - x)) ** 3, 0.0), 0.0)
-        push = (2.0 * steep * self.term.energy(*ends) / self.layer) * apart
-        found = []
-        for end, force, pushed in zip(ends, self.term.forces(group, *ends), (push, -push)):
-            whole = s * force + seen_from(self.group, end.g, pushed)
-            found.append(vec(*[where(s > 0.0, c, 0.0) for c in whole]))
-        return tuple(found)
+        return ends, s, (2.0 * steep * self.term.energy(*ends) / self.layer) * apart
+
+    def _whole(self, end: Any, s: float, force: Vec, push: Vec) -> Vec:
+        """The force on one of them; none beyond the cutoff."""
+        whole = s * force + seen_from(self.group, end.g, push)
+        return vec(*[where(s > 0.0, c, 0.0) for c in whole])

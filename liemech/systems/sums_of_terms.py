@@ -90,14 +90,14 @@ class OfTerms(Record):
             found = [*found, energy]
         return interleaved_sum(found)
 
-    def by_site(self, sites: list[Any], formula: Any) -> Vec:
+    def by_site(self, sites: list[Any], formula: Any, parts: Any = None) -> Vec:
         """A sum over parts and edges for every site, one behind the other: formula(sum, edges) adds
-        those of one part.  Sites that are held have zero.
+        those of one part.  Sites that are held have zero.  parts : those that count; None: all.
         """
         found: list[Any] = []
         for i in range(self.group.copies):
             total = vec(*[0.0 for _ in range(self.group.base.dim)])
-            for part in self.parts if i not in self.held else ():
+            for part in (self.parts if parts is None else parts) if i not in self.held else ():
                 total = formula(total, part.edges_at(sites, i))
             found = [*found, *total]
         return vec(*found)
@@ -262,8 +262,15 @@ class PlaceTerms(OfTerms, Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The forces on all sites.  g : an element of the power."""
+        return self._forces(g, self.parts)
+
+    def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
+        """Those of term number k alone."""
+        return self._forces(g, (self.parts[k],))
+
+    def _forces(self, g: Element, parts: tuple[BoundTerm, ...]) -> Vec:
         base = self.group.base
-        return self.by_site(self._sites(g), lambda force, edges: forces(force, base, edges))
+        return self.by_site(self._sites(g), lambda force, edges: forces(force, base, edges), parts)
 
     def of_site(self) -> Potential:
         """Its site form: the potential of one body, which asks the other sites for what it needs;

@@ -202,13 +202,16 @@ class TermsOfSite(Record):
         """A site of which nothing is known."""
         return site_class(self.names)()
 
-    def met(self, mu: Any, g: Any = None, xi: Any = None) -> tuple[Any, Any, Any]:
+    def met(
+        self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None
+    ) -> tuple[Any, Any, Any]:
         """This site, the meeting with the others (None if it is alone), and what makes of what a site
-        publishes there what terms see of it.
+        publishes there what terms see of it.  roles : those that count; None: all.
         """
+        some = self.roles if roles is None else roles
         own = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
         me = type(self.site)(mu, g, xi, *own)
-        alone = all(role.alone for role in self.roles)
+        alone = all(role.alone for role in some)
         varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(own, self.own)]
         meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
 
@@ -222,14 +225,21 @@ class TermsOfSite(Record):
         return me, meeting, seen
 
     def added(
-        self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, of_both: Any, first: bool = False
+        self,
+        total: Any,
+        mu: Any,
+        g: Any,
+        xi: Any,
+        formula: Any,
+        of_both: Any,
+        roles: Any = None,
     ) -> Any:
         """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
-        role by role; of_both(term, sites) is of both sites of a pair.  first : of the edges where it
-        is the first of the sites.
+        role by role; of_both(term, sites) is of both sites of a pair.  roles : those that count;
+        None: all.
         """
-        me, meeting, seen = self.met(mu, g, xi)
-        for one in [role for role in self.roles if not first or role.role == 0]:
+        me, meeting, seen = self.met(mu, g, xi, roles)
+        for one in self.roles if roles is None else roles:
             total = one.added(
                 total,
                 me,
@@ -253,7 +263,8 @@ class TermsOfSite(Record):
             energy = 0.5 * term.energy(*sites)
             return energy, energy
 
-        return self.added(0.0, mu, g, None, part, halves, first=True)
+        first = [role for role in self.roles if role.role == 0]
+        return self.added(0.0, mu, g, None, part, halves, first)
 
     def if_it_moves(self, x: Vec) -> Vec:
         """A velocity or a force; zero at sites that are held."""
@@ -306,6 +317,19 @@ class PotentialOfSite(TermsOfSite, Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The force on this site.  g : its element."""
+        return self._forces(group, g, None)
+
+    def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
+        """That of term number k alone."""
+        found: list[RoleAtSite] = []
+        number = -1
+        for role in self.roles:
+            number = number + (1 if role.role == 0 else 0)
+            if number == k:
+                found = [*found, role]
+        return self._forces(group, g, found)
+
+    def _forces(self, group: LieGroup, g: Element, roles: Any) -> Vec:
         zero = vec(*[0.0 for _ in range(group.dim)])
         force = self.added(
             zero,
@@ -314,6 +338,7 @@ class PotentialOfSite(TermsOfSite, Potential):
             None,
             lambda one, term, sites: term.force(group, one.role, *sites),
             lambda term, sites: term.forces(group, *sites),
+            roles,
         )
         return self.if_it_moves(force)
 

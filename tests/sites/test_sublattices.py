@@ -409,9 +409,7 @@ def test_waves_have_the_frequencies_of_the_closed_form() -> None:
 # ------------------------------------------------------------------ one bit for all
 
 
-@pytest.mark.parametrize(
-    ("order", "compensated", "attitudes"), [(2, None, True), (4, False, False)]
-)
+@pytest.mark.parametrize(("order", "compensated", "attitudes"), [(2, True, True), (4, None, False)])
 def test_loops_have_the_bits_of_what_is_written_out(
     order: int, compensated: Any, attitudes: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -574,10 +572,25 @@ def test_many_bonds_keep_the_total_spin_and_their_lengths() -> None:
     lattice = near.cubic(6, 5, 4)
     system = spins(lattice.sites, Exchange(1.0).over(lattice), Biquadratic(0.3).over(lattice))
     start = system.state(mu=directions(lattice.sites))
-    run = lm.integrate(
-        system, lm.BondSplitting(order=4), start, h=0.1, steps=200, every=50, workers=2
-    )
+    run = lm.integrate(system, lm.BondSplitting(order=4), start, h=0.1, steps=200, every=50)
     total = run.mu.sum(axis=1)
     assert np.abs(total - total[0]).max() < 1e-13 * lattice.sites
     assert np.abs(np.linalg.norm(run.mu, axis=-1) - 1.0).max() < 1e-13
     assert np.ptp(run.energy) < 1e-3 * abs(run.energy[0])
+
+
+@pytest.mark.parametrize("method", [lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr)
+def test_workers_share_the_sites_of_every_colour(
+    method: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if lm.compiler.kernel.available() is not None:
+        pytest.skip("needs llvmlite")
+    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 32)
+    lattice = near.cubic(7, 5, 4)  # of three colours
+    system = spins(lattice.sites, Exchange(1.0).over(lattice), EasyAxis(0.5, AXIS))
+    start = system.state(mu=directions(lattice.sites))
+    one, *more = [
+        lm.integrate(system, method, start, h=0.1, steps=7, every=3, workers=w).mu
+        for w in (1, 2, 3)
+    ]
+    assert all(np.array_equal(x, one) for x in more)
