@@ -59,7 +59,7 @@ SECTIONS = {
         "energy_exchange",
         "magnons",
     ),
-    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage"),
+    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm"),
     "Poisson systems, and steps that follow the motion": (
         "lotka_volterra",
         "banana_orbit",

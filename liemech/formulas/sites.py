@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
+from .functions import where
 from .pytree import as_others_see, build, carried_layout, leaves
 from .records import Record, record
 from .tables import Table
@@ -162,6 +163,29 @@ class Meeting:
         found = start
         for d in range(rows_in(table)):
             found = found + formula(self.of(table, d), d)
+        return found
+
+    def some(
+        self,
+        formula: Callable[[Any, int], Any],
+        start: Any,
+        reach: tuple[float, float],
+        mine: float | None = None,
+    ) -> Any:
+        """start + formula(b, j) + ... over the sites j of a range, in their order; b is what site j has
+        published.
+
+        reach : the first of them and the one behind the last.  mine : the number of this site, if it is
+        one of them, which is left out.
+        """
+        found, begin = start, int(reach[0])
+        for j in range(begin, int(reach[1])):
+            if mine is None:
+                found = found + formula(self.at(j), j)
+            else:
+                here = mine == j
+                other = where(here, self.at(j - 1 if j > begin else begin + 1), self.at(j))
+                found = where(here, found, found + formula(other, j))
         return found
 
     def pairs(self, formula: Callable[[Any, Any], tuple[Any, Any]], start: Any) -> Any:

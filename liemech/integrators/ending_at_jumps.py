@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from ..formulas import record, where
-from ..formulas.pytree import fields_of, with_fields
+from ..formulas.pytree import fields_of, fitted, layout_of, with_fields
 from ..formulas.tables import Table, entry
 from ..systems.tabulated import NEAR, ROUNDING, during, has_inputs, inputs, jump_ahead, reached
 from .method import Method, Wrapping
@@ -128,7 +128,8 @@ class EndingAtJumps(Wrapping):
             begin, s = self._kept_away(at, to, where(at == t and to == end, h, to - at))
             if self.anew:
                 memory, lasting = self._begun(system, memory, lasting, s), s
-            memory = self.method.step(during(system, begin, s, self.beyond), begin, memory, s)
+            after = self.method.step(during(system, begin, s, self.beyond), begin, memory, s)
+            memory = fitted(after, layout_of(memory))  # constant entries of poses carry no rest
             at, going = to, where(h > 0.0, to < end, to > end)
         return self._begun(system, memory, lasting, h) if self.anew else memory
 

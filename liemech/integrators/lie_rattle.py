@@ -329,8 +329,8 @@ class LieRATTLE(Remembering):
         """The error of a step without a solution of its own."""
         weakest = system.independence(g)
         where = (
-            "The conditions are nearly dependent here (the least singular value of G is "
-            f"{weakest:.1e} of what it is for unrelated conditions): the mechanism is close to a "
+            f"Near here {system.weakest(g)} depend on each other (the least singular value of G "
+            f"is {weakest:.1e} of what it is for unrelated conditions): the mechanism is close to a "
             "dead point, where it may go on in several ways, or in none"
             if weakest < 0.1
             else f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"

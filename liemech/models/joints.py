@@ -4,12 +4,13 @@ their derivatives.
 
 from __future__ import annotations
 
+from dataclasses import field
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
-from ..formulas import Mat, Record, Vec, cross, dot, mat, record, sqrt, vec
+from ..formulas import Mat, Record, Vec, atan2, cross, dot, mat, record, sqrt, transpose, vec
 from ..groups.lie_group import LieGroup
 from ..groups.se3 import join
 from ..groups.so3 import SO3
@@ -34,20 +35,29 @@ class Joint(Record):
     Points and axes are given in the axes of the body that they belong to, points from its centre of
     mass; those of the ground in space.
 
+    name : what it is called in messages, and by `Linkage.joint` and forces; None: its number.
+
     1. A subclass writes `value` and `rows` of two poses, and says how many `conditions` there are.
+    2. With `freedoms` it writes their `coordinates`, how they move (`motions`) and, for starts from
+    coordinates, `relative`. They tell how the first body moves against the second.
 
     Source: Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), chapter 7;
     Featherstone, Rigid Body Dynamics Algorithms (2008), section 4.4.
     """
 
     conditions: ClassVar[int]
+    freedoms: ClassVar[int] = 0
+    turns: ClassVar[bool] = True
 
     first: int
     second: int | None
+    name: str | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         name = type(self).__name__
+        if self.name is not None and (type(self.name) is not str or not self.name):
+            raise InvalidType(f"{name}: name must be a text; got {self.name!r}")
         for what, number in (
             ("first", self.first),
             ("second", 0 if self.second is None else self.second),
@@ -61,17 +71,17 @@ class Joint(Record):
             raise InvalidInput(
                 f"{name}: a joint holds two bodies together; first and second are both {self.first}"
             )
-        for field, value in vars(self).items():
-            if field.startswith(("at_", "axis")) and (
+        for given, value in vars(self).items():
+            if given.startswith(("at_", "axis")) and (
                 len(value) != 3 or not np.isfinite(np.array(value)).all()
             ):
                 raise InvalidInput(
-                    f"{name}: {field} must be a vector in space, (3,), and finite; got {value}"
+                    f"{name}: {given} must be a vector in space, (3,), and finite; got {value}"
                 )
-            if field.startswith("axis"):
+            if given.startswith("axis"):
                 if not any(value):
-                    raise InvalidInput(f"{name}: {field} must have a direction; got {value}")
-                object.__setattr__(self, field, value / sqrt(dot(value, value)))
+                    raise InvalidInput(f"{name}: {given} must have a direction; got {value}")
+                object.__setattr__(self, given, value / sqrt(dot(value, value)))
 
     def value(self, g: Mat, k: Mat) -> Vec:
         """The conditions, (m,), of the poses g of the first and k of the second body."""
@@ -82,6 +92,26 @@ class Joint(Record):
         pose, (6,) each.
         """
         raise NotDefined(f"{type(self).__name__} must define `rows`")
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The angles in rad, from -pi to pi, and shifts in m that the joint leaves free, (freedoms,)."""
+        raise NotDefined(f"{type(self).__name__} has no coordinates")
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Their rates as rows, for each by the velocity of the first and of the second body, (6,)
+        each; a torque or force along one acts on the bodies by these rows.
+        """
+        raise NotDefined(f"{type(self).__name__} has no coordinates")
+
+    def relative(self, q: Vec) -> Mat:
+        """The pose of the first body, seen from the second, at these coordinates.  q : (freedoms,)."""
+        raise NotDefined(f"{type(self).__name__} has no coordinates")
+
+    def slopes(self, q: Vec, slope: Vec) -> Vec:
+        """The derivative of a function of the coordinates along `motions`, from that by the
+        coordinates.  q, slope : (freedoms,).
+        """
+        return slope
 
 
 @record
@@ -95,6 +125,7 @@ class BallJoint(Joint):
     """
 
     conditions: ClassVar[int] = 3
+    freedoms: ClassVar[int] = 3
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -107,6 +138,22 @@ class BallJoint(Joint):
         """Of the points."""
         return tuple([(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES])
 
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The rotation vector of the first body, seen from the second."""
+        return SO3().log(transpose(rotation(k)) @ rotation(g))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """The relative angular velocity, in the axes of the first body."""
+        return tuple([(join(e, REST), join(-seen(k, turned(g, e)), REST)) for e in AXES])
+
+    def relative(self, q: Vec) -> Mat:
+        """The rotation by q about the point."""
+        return hung(SO3().exp(q), self.at_first, self.at_second)
+
+    def slopes(self, q: Vec, slope: Vec) -> Vec:
+        """By the derivative of the logarithm."""
+        return SO3().algebra.dexp_inv_dual(-q, slope)
+
 
 @record
 class RevoluteJoint(Joint):
@@ -114,11 +161,14 @@ class RevoluteJoint(Joint):
 
     at_first, at_second : a point on the axis, (3,), in m.  axis_first, axis_second : its direction,
     (3,), of any length.
+    Its angle is 0 where the vectors `across` the axes are parallel: if both axes have the same
+    numbers, where both frames are parallel.
 
     Source: Nikravesh (1988), section 7.2.
     """
 
     conditions: ClassVar[int] = 5
+    freedoms: ClassVar[int] = 1
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -136,6 +186,22 @@ class RevoluteJoint(Joint):
         axes = [crossed(g, u, k, self.axis_second) for u in across(self.axis_first)]
         return (*points, *axes)
 
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The angle by which the first body is turned about the axis."""
+        u = turned(g, across(self.axis_first)[0])
+        one, two = across(self.axis_second)
+        return vec(atan2(dot(u, turned(k, two)), dot(u, turned(k, one))))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Turning about the axis."""
+        return ((join(self.axis_first, REST), join(-self.axis_second, REST)),)
+
+    def relative(self, q: Vec) -> Mat:
+        """The turn by q about the axis."""
+        one, two = across(self.axis_first), across(self.axis_second)
+        mounted = carrying((*one, self.axis_first), (*two, self.axis_second))
+        return hung(SO3().exp(q[0] * self.axis_second) @ mounted, self.at_first, self.at_second)
+
 
 @record
 class UniversalJoint(Joint):
@@ -143,11 +209,15 @@ class UniversalJoint(Joint):
 
     at_first, at_second : where the axes meet, (3,), in m.  axis_first, axis_second : their
     directions, (3,), of any length.
+    Its coordinates are the angle of the cross about the axis of the second body, and that of the
+    first body about its own axis; both are 0 where the frames are parallel, if the numbers of the
+    axes are at right angles.
 
     Source: Nikravesh (1988), section 7.2.
     """
 
     conditions: ClassVar[int] = 4
+    freedoms: ClassVar[int] = 2
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -164,6 +234,31 @@ class UniversalJoint(Joint):
         points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
         return (*points, crossed(g, self.axis_first, k, self.axis_second))
 
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The angle of the cross about axis 2, and that of the first body about axis 1."""
+        a, b = turned(g, self.axis_first), turned(k, self.axis_second)
+        u, w = (
+            turned(g, beside(self.axis_first, self.axis_second)),
+            turned(k, beside(self.axis_second, self.axis_first)),
+        )
+        return vec(atan2(dot(a, cross(b, w)), dot(a, w)), -atan2(dot(b, cross(a, u)), dot(b, u)))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Turning about both axes."""
+        a, b = turned(g, self.axis_first), turned(k, self.axis_second)
+        return (
+            (join(seen(g, b), REST), join(-self.axis_second, REST)),
+            (join(self.axis_first, REST), join(-seen(k, a), REST)),
+        )
+
+    def relative(self, q: Vec) -> Mat:
+        """Both turns, one after the other."""
+        a, b = self.axis_first, self.axis_second
+        u, w = beside(a, b), beside(b, a)
+        mounted = carrying((a, u, cross(a, u)), (w, b, cross(w, b)))
+        turn = SO3().exp(q[0] * b) @ mounted @ SO3().exp(q[1] * a)
+        return hung(turn, self.at_first, self.at_second)
+
 
 @record
 class PrismaticJoint(Joint):
@@ -172,12 +267,15 @@ class PrismaticJoint(Joint):
 
     at_first, at_second : points whose connection stays along the axis, (3,), in m.  axis : in the
     first body, (3,).  Both bodies have parallel axes when they are mounted; `attitude` is the
-    rotation from the second body to the first, (3, 3), if they have not.
+    rotation from the second body to the first, (3, 3), if they have not.  Its coordinate is the
+    shift of the first body's point along the axis.
 
     Source: Nikravesh (1988), section 7.2 (translational joint).
     """
 
     conditions: ClassVar[int] = 5
+    freedoms: ClassVar[int] = 1
+    turns: ClassVar[bool] = False
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
@@ -216,6 +314,21 @@ class PrismaticJoint(Joint):
                 (turning(g, u, d) - along(g, self.at_first, n), along(k, self.at_second, n)),
             ]
         return (*slides, *[crossed(g, AXES[i], k, self.attitude[j]) for i, j in TURNS])
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """x_1 - x_2 along the axis."""
+        d = place(g, self.at_first) - place(k, self.at_second)
+        return vec(dot(turned(g, self.axis), d))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Moving along the axis."""
+        n = turned(g, self.axis)
+        return ((along(g, self.at_first, n), -along(k, self.at_second, n)),)
+
+    def relative(self, q: Vec) -> Mat:
+        """The shift by q along the axis."""
+        turn = transpose(self.attitude)
+        return hung(turn, self.at_first, self.at_second + q[0] * (turn @ self.axis))
 
     def _others(self, k: Mat) -> tuple[Vec, ...]:
         """The axes of the first body as the second one carries them."""
@@ -266,28 +379,43 @@ class Joints(Constraint):
     """The conditions of several joints, on a product of SE(3)s: a pose [[R, p], [0, 1]], p the
     centre of mass, for each body.
 
-    joints : of bodies numbered as the factors of the group.
+    joints : of bodies numbered as the factors of the group.  kept : for each joint the numbers of
+    the conditions that count, where others follow from them; None: all of all joints.
 
     Source: Nikravesh (1988), chapter 7.
     """
 
     joints: tuple[Any, ...]
+    kept: tuple[tuple[int, ...], ...] | None = None
+
+    @property
+    def counted(self) -> list[tuple[Any, Any]]:
+        """Each joint with the numbers of its conditions that count."""
+        if self.kept is None:
+            return [(joint, range(joint.conditions)) for joint in self.joints]
+        return [*zip(self.joints, self.kept)]
 
     def value(self, g: Vec) -> Vec:
         """Those of the joints, one after another.  g : an element of the product, (16 N,)."""
-        return vec(*[c for joint in self.joints for c in joint.value(*both(joint, g))])
+        return vec(
+            *[
+                value
+                for joint, kept in self.counted
+                for value in some(joint.value(*both(joint, g)), kept)
+            ]
+        )
 
     def rows(self, group: LieGroup, g: Vec) -> Rows:
         """Those of the joints; of the ground none."""
-        rows = [row for joint in self.joints for row in _rows(joint, g)]
+        rows = [row for joint, kept in self.counted for row in some(_rows(joint, g), kept)]
         return tuple(rows)
 
     def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
         """The two bodies of each joint, or the one."""
         return tuple(
             (joint.first,) if joint.second is None else (joint.first, joint.second)
-            for joint in self.joints
-            for _ in range(joint.conditions)
+            for joint, kept in self.counted
+            for _ in kept
         )
 
     def jacobian(self, group: LieGroup, g: Any) -> Mat:
@@ -302,6 +430,11 @@ class Joints(Constraint):
 
 
 REST6 = vec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def some(items: Any, numbers: Any) -> list[Any]:
+    """Those with these numbers."""
+    return [items[i] for i in numbers]
 
 
 def _rows(joint: Joint, g: Vec) -> list[Any]:
@@ -319,6 +452,25 @@ def both(joint: Joint, g: Vec) -> tuple[Mat, Mat]:
 def pose(g: Vec, body: int) -> Mat:
     """The pose of a body, from the entries of all, row by row."""
     return mat(*[vec(*[g[16 * body + 4 * i + j] for j in range(4)]) for i in range(4)])
+
+
+# ------------------------------------------------------------------ poses of one body, seen from another
+
+
+def rotation(g: Mat) -> Mat:
+    """R of a pose."""
+    return mat(*[vec(g[i, 0], g[i, 1], g[i, 2]) for i in range(3)])
+
+
+def hung(turn: Mat, at_first: Vec, at_second: Vec) -> Mat:
+    """The pose of a body that is turned so, with its point `at_first` at a point of the other one."""
+    p = at_second - turn @ at_first
+    return mat(*[vec(*turn[i], p[i]) for i in range(3)], vec(0.0, 0.0, 0.0, 1.0))
+
+
+def carrying(axes: tuple[Vec, ...], others: tuple[Vec, ...]) -> Mat:
+    """The rotation that carries three axes to three others."""
+    return transpose(mat(*others)) @ mat(*axes)
 
 
 # ------------------------------------------------------------------ points and axes
@@ -365,3 +517,19 @@ def across(axis: Vec) -> tuple[Vec, Vec]:
     a = -1.0 / (sign + z)
     b = x * y * a
     return vec(1.0 + sign * x * x * a, sign * b, -sign * x), vec(b, sign + y * y * a, -y)
+
+
+PARALLEL = 2.0**-40
+"""Directions whose difference is shorter than this, squared, have no direction across them."""
+
+
+def beside(axis: Vec, other: Vec) -> Vec:
+    """The unit vector across an axis that is nearest to another direction; any of two that are
+    parallel.
+    """
+    d = other - dot(axis, other) * axis
+    square = dot(d, d)
+    far = square > PARALLEL
+    length = 1.0 / sqrt(square if far else 1.0)
+    u = across(axis)[0]
+    return vec(*[(length * x if far else y) for x, y in zip(d, u)])

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import field
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Element, Mat, Record, Vec, real_array, record, vec
+from ..formulas import Element, Mat, Record, Vec, check_finite, real_array, record, vec
+from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..groups.product import ProductGroup
 from ..groups.se3 import SE3
@@ -16,9 +18,24 @@ from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
-from ..systems.potential import Potential
+from ..systems.potential import Force, Potential
 from .inertia import checked_inertia
+from .joint_forces import (
+    AtJoint,
+    JointForce,
+    JointPotential,
+    LinkageForce,
+    LinkagePotential,
+)
+from .joint_motion import JointMotion
 from .joints import BallJoint, Joint, Joints, RevoluteJoint
+from .mounting import (
+    closed,
+    hung_from_each_other,
+    independent_rows,
+    rows_of_motions,
+    velocity_with,
+)
 
 SURVIVES = 1e-9
 """A motion of space that changes conditions and energy by no more than this part of what others do
@@ -31,13 +48,14 @@ class Link(Record):
     """A rigid body of a linkage; its frame sits in the centre of mass.
 
     mass : in kg.  inertia : about the centre of mass, the principal moments, (3,), or the matrix,
-    (3, 3), in kg m^2; with principal moments a linkage is cheaper.
+    (3, 3), in kg m^2; with principal moments a linkage is cheaper.  name : for messages.
 
     Source: Goldstein, Classical Mechanics, 3rd ed., chapter 5.
     """
 
     mass: float
     inertia: Vec | Mat
+    name: str | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         mass = real_array(self.mass, "Link: mass")
@@ -47,10 +65,10 @@ class Link(Record):
         super().__post_init__()
 
     @classmethod
-    def rod(cls, mass: float, length: float, radius: float) -> Link:
+    def rod(cls, mass: float, length: float, radius: float, *, name: str | None = None) -> Link:
         """A straight cylinder of even density along e3.  mass : in kg, length, radius : in m."""
         across = mass * (3.0 * radius * radius + length * length) / 12.0
-        return cls(mass, [across, across, 0.5 * mass * radius * radius])
+        return cls(mass, [across, across, 0.5 * mass * radius * radius], name=name)
 
 
 @record
@@ -88,6 +106,9 @@ class Linkage(ConstrainedBody):
     links : the bodies, numbered from 0 on.  joints : such as BallJoint(0, 1, at_first, at_second);
     None is the ground.
     gravity : in m/s^2, downwards along e3.
+    forces : at joints: springs, dampers, motors, such as Spring("elbow", 3.0).  potential : one of
+    all poses, load : a Force on all bodies, if there are such.
+    kept : the conditions of each joint that count, as `independent` finds them; None: all.
     g, (16 N,), are the poses [[R, p], [0, 1]] of the centres of mass, row by row; `assembled` makes
     a start of poses, and `poses` poses of g.  mu, (6 N,), are the angular and linear momenta of
     each body in its own axes.
@@ -101,11 +122,17 @@ class Linkage(ConstrainedBody):
     Manifolds (2018), chapter 9.
     """
 
+    _cure: ClassVar[str] = ", as `linkage.independent(poses)` does"
+
     body: Any = field(init=False, repr=False)
     constraint: Joints = field(init=False, repr=False)
     links: tuple[Any, ...]
     joints: tuple[Any, ...]
     gravity: float = 9.80665
+    forces: tuple[Any, ...] = ()
+    potential: Potential | None = field(default=None, kw_only=True, repr=False)
+    load: Force | None = field(default=None, kw_only=True, repr=False)
+    kept: tuple[tuple[int, ...], ...] | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         given: Any = self
@@ -126,14 +153,70 @@ class Linkage(ConstrainedBody):
                         f"Linkage: {joint!r} holds body {number}; there "
                         f"are {len(links)}, numbered from 0"
                     )
+        _require_unlike("links", links)
+        _require_unlike("joints", joints)
         object.__setattr__(self, "links", links)
         object.__setattr__(self, "joints", joints)
+        springs, others = self._at_joints()
         group = ProductGroup(*[SE3()] * len(links))
         free = LiePoissonSystem(group, KineticEnergy(_inertia(links)))
-        weights = Weights([link.mass * self.gravity for link in links])
-        object.__setattr__(self, "body", MechanicalSystem(free, weights))
-        object.__setattr__(self, "constraint", Joints(joints))
+        energy: Any = Weights([link.mass * self.gravity for link in links])
+        potential, load = given.potential, given.load
+        for name, value, kind, words in (
+            ("potential", potential, Potential, "an `energy(g)`"),
+            ("load", load, Force, "a `covector(t, xi, g)`"),
+        ):
+            if value is not None and not isinstance(value, kind):
+                raise InvalidType(
+                    f"Linkage: {name} must be a {kind.__name__}, a subclass with {words}; got "
+                    f"{value!r}"
+                )
+        if springs or potential is not None:
+            energy = LinkagePotential(energy, springs, potential)
+        if others:
+            load = LinkageForce(others, load)
+        object.__setattr__(self, "body", MechanicalSystem(free, energy, load=load))
+        object.__setattr__(self, "constraint", Joints(joints, self.kept))
         super().__post_init__()
+
+    def _at_joints(self) -> tuple[tuple[AtJoint, ...], tuple[AtJoint, ...]]:
+        """The forces joint by joint: those with a potential, and the others."""
+        given: Any = self.forces
+        if not isinstance(given, (list, tuple)):
+            raise InvalidType(f"Linkage: forces is a list of JointForces; got {given!r}")
+        found: tuple[dict[int, list[Any]], dict[int, list[Any]]] = {}, {}
+        for force in given:
+            if not isinstance(force, JointForce):
+                raise InvalidType(
+                    "Linkage: forces are JointForces such as Damper(0, 0.1), and a Force on the "
+                    f"bodies is load=; got {force!r}"
+                )
+            number = number_of(self.joints, force.joint)
+            joint, freedom = self.joints[number], force.freedom
+            if joint.freedoms == 0:
+                raise InvalidInput(
+                    f"Linkage: {force!r} acts at {self.label(number)}, a "
+                    f"{type(joint).__name__}, which has no coordinates to act along"
+                )
+            if freedom is not None and not 0 <= freedom < joint.freedoms:
+                raise InvalidInput(
+                    f"Linkage: {force!r} acts along freedom {freedom} of {self.label(number)}; "
+                    f"a {type(joint).__name__} has {joint.freedoms}, numbered from 0"
+                )
+            found[not isinstance(force, JointPotential)].setdefault(number, []).append(force)
+        springs, others = (
+            tuple(AtJoint(self.joints[j], tuple(some[j])) for j in sorted(some)) for some in found
+        )
+        return springs, others
+
+    def number(self, joint: str | int) -> int:
+        """The number of a joint that is given by its name, or by its number."""
+        return number_of(self.joints, joint)
+
+    def label(self, joint: int) -> str:
+        """A joint, in messages: by its name if it has one."""
+        name = self.joints[joint].name
+        return f"joint {joint}" if name is None else f"joint {name!r}"
 
     # ---------------------------------------------------------------- poses
 
@@ -159,6 +242,139 @@ class Linkage(ConstrainedBody):
         mu = np.array(self.body.body.lagrangian.momentum(xi.reshape(6 * count)))
         return self.consistent(mu, g.reshape(16 * count))
 
+    def state(
+        self,
+        mu: Any = None,
+        g: Any = None,
+        *,
+        xi: Any = None,
+        angles: Any = None,
+        rates: Any = None,
+        near: Any = None,
+    ) -> BodyState:
+        """A start for `integrate`: of momenta and poses as `ConstrainedBody.state` takes them, or of
+        the angles and rates of joints.
+
+        angles, rates : by the names or numbers of joints, such as {"elbow": 0.3}: angles in rad and
+        shifts in m, and their rates; a vector where a joint leaves several free.  Those left out are
+        zero; in loops they are what the loops ask for, of rates those of the least kinetic energy.
+        near : poses, (N, 4, 4), from which those of loops are looked for.
+        Raises NoConvergence where a loop cannot be closed, InvalidInput for rates that the joints do
+        not allow.
+        """
+        if angles is None and rates is None:
+            if near is not None:
+                raise InvalidInput("Linkage.state: near goes with angles or rates")
+            return super().state(mu, g, xi=xi)
+        if mu is not None or g is not None or xi is not None:
+            raise InvalidInput(
+                "Linkage.state: give angles and rates, or momenta and poses, not both"
+            )
+        q, speeds = self._by_number("angles", angles), self._by_number("rates", rates)
+        start = hung_from_each_other(self, q) if near is None else self._near("state: near", near)
+        tree = sum(joint.conditions for joint in self.joints) + sum(
+            joint.freedoms for joint in self.joints
+        )
+        if tree <= 6 * len(self.links):  # no loops: what is not given is zero
+            speeds = {
+                j: speeds.get(j, np.zeros(joint.freedoms)) for j, joint in enumerate(self.joints)
+            }
+        poses = closed(self, start, q)
+        xi = velocity_with(self, small(poses.ravel()), speeds)
+        momentum = np.array(self.body.body.lagrangian.momentum(xi))
+        there = small(poses.ravel())
+        self._require_independent(there, "Linkage.state")
+        return super().state(self._projected(momentum, there), poses.ravel())
+
+    def _near(self, name: str, poses: Any) -> np.ndarray:
+        """Poses of all bodies, that are on the group."""
+        array = real_array(poses, f"Linkage.{name}")
+        if array.shape != (len(self.links), 4, 4):
+            raise InvalidInput(
+                f"Linkage.{name} has shape {array.shape}; {len(self.links)} bodies have "
+                f"{(len(self.links), 4, 4)}"
+            )
+        for b, pose in enumerate(array):
+            if not SE3().contains(pose):
+                raise InvalidInput(
+                    f"Linkage.{name}[{b}] is no pose, [[R, p], [0, 1]]; got {pose.tolist()}"
+                )
+        return array
+
+    def _by_number(self, what: str, given: Any) -> dict[int, np.ndarray]:
+        """Coordinates or rates by the numbers of joints."""
+        if given is not None and not isinstance(given, Mapping):
+            raise InvalidType(
+                f'Linkage.state: {what} are given by joint, such as {{"elbow": 0.3}}; got {given!r}'
+            )
+        found = {}
+        for joint, value in (given or {}).items():
+            number = self.number(joint)
+            x = np.atleast_1d(real_array(value, f"Linkage.state: {what}[{joint!r}]"))
+            check_finite(x, f"Linkage.state: {what}[{joint!r}]")
+            free = self.joints[number].freedoms
+            if x.shape != (free,):
+                raise InvalidInput(
+                    f"Linkage.state: {what}[{joint!r}] has shape {x.shape}; a "
+                    f"{type(self.joints[number]).__name__} leaves {free} free"
+                )
+            found[number] = x
+        return found
+
+    def independent(self, poses: Any) -> Linkage:
+        """This linkage without the conditions that follow from others at these poses, as they do in
+        loops of hinges; `dropped` names them.
+
+        poses : (N, 4, 4), at which loops are closed or nearly so.  The conditions of later joints
+        are left out.
+        Raises InvalidInput at a dead point, where conditions depend on each other for once only,
+        NoConvergence where the loops cannot be closed.
+        """
+        g = small(closed(self, self._near("independent: poses", poses), {}).ravel())
+        kept = independent_rows(self, g)
+        found = replace(self, kept=kept)
+        for seed in range(2):  # close by they have to follow too
+            near = closed(found, self._shaken(found, g, seed), {})
+            off = np.abs(np.array(Joints(self.joints).value(small(near.ravel())))).max()
+            if off > 1e-9 * max(1.0, np.abs(near).max()):
+                raise InvalidInput(
+                    "Linkage.independent: these poses are a dead point: of "
+                    f"{', '.join(found.dropped)}, some follow from others here, but not close by "
+                    f"(they miss by {off:.2g}); give other poses"
+                )
+        return found
+
+    def _shaken(self, found: Linkage, g: Any, seed: int) -> np.ndarray:
+        """Poses close by, displaced along what the joints allow."""
+        move = np.random.default_rng(seed).normal(size=self.configurations.dim)
+        xi = np.array(found.velocity(vec(*found._projected(move, g))))
+        xi = xi * (0.03 / np.abs(xi).max()) if xi.any() else xi
+        return np.array(self.configurations.compose_exp(g, vec(*xi.tolist()))).reshape(-1, 4, 4)
+
+    @property
+    def dropped(self) -> tuple[str, ...]:
+        """The conditions that are left out since they follow from others, such as "joint 'rocker':
+        condition 4".
+        """
+        return tuple(
+            f"{self.label(j)}: condition {i}"
+            for j, (joint, kept) in enumerate(self.constraint.counted)
+            for i in range(joint.conditions)
+            if i not in kept
+        )
+
+    def _named(self, conditions: Any) -> str:
+        """The joints of these conditions, in words."""
+        owner = [j for j, (_, kept) in enumerate(self.constraint.counted) for _ in kept]
+        names = [self.label(j) for j in sorted({owner[i] for i in conditions})]
+        return f"those of {', '.join(names)}"
+
+    def motion_at(self, run: Any, joint: str | int) -> JointMotion:
+        """A joint along a run; `run.joint(name)` asks for it."""
+        number = self.number(joint)
+        forces = tuple(force for force in self.forces if self.number(force.joint) == number)
+        return JointMotion(run, self, number, AtJoint(self.joints[number], forces))
+
     def poses(self, g: Any) -> np.ndarray:
         """The poses of the bodies.  g : (..., 16 N);  returns (..., N, 4, 4)."""
         array = real_array(g, "Linkage.poses: g")
@@ -176,6 +392,8 @@ class Linkage(ConstrainedBody):
         gravity.
         """
         kept = super().constants(states)
+        if self.load is not None:
+            return kept
         directions = self._symmetries(states["g"])
         if len(directions):
             kept["spatial momentum"] = self.total_momentum(states["mu"], states["g"]) @ directions.T
@@ -190,11 +408,40 @@ class Linkage(ConstrainedBody):
             turns = np.concatenate(
                 [np.array(SE3().Ad(SE3().inverse(pose), np.eye(6))).T for pose in self.poses(one)]
             )
-            for rows in self._matrix(self.rows(one)), np.array(self.force(one))[None]:
+            forced = [self.number(force.joint) for force in self.forces]
+            for rows in (
+                self._matrix(self.rows(one)),
+                np.array(self.force(one))[None],
+                rows_of_motions(self, small(one), forced),
+            ):
+                if not rows.shape[0]:
+                    continue
                 sizes = (abs(rows) @ np.abs(turns)).max(axis=1, keepdims=True)
                 changes.append(rows @ turns / np.where(sizes > 0.0, sizes, 1.0))
         _, sizes, directions = np.linalg.svd(np.concatenate(changes))
         return directions[np.r_[sizes, np.zeros(6)][:6] <= SURVIVES]
+
+
+def number_of(joints: tuple[Any, ...], joint: str | int) -> int:
+    """The number of a joint that is given by its name, or by its number."""
+    names = [one.name for one in joints]
+    if joint in names:
+        return names.index(joint)
+    if type(joint) is int and 0 <= joint < len(names):
+        return joint
+    known = ", ".join(repr(name) for name in names if name is not None)
+    raise InvalidInput(
+        f"Linkage: there is no joint {joint!r}; there are {len(names)}, numbered from 0"
+        + (f", with the names {known}" if known else "")
+    )
+
+
+def _require_unlike(what: str, items: tuple[Any, ...]) -> None:
+    """Refuse two of one name."""
+    names = [item.name for item in items if item.name is not None]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise InvalidInput(f"Linkage: two of the {what} have the name {name!r}")
 
 
 def _inertia(links: tuple[Link, ...]) -> np.ndarray:

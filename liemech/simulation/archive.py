@@ -16,6 +16,8 @@ from ..formulas.pytree import layout_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
 from ..systems.canonical import CanonicalState
+from ..systems.lie_poisson import BodyState
+from ..systems.poisson import PoissonState
 from ..systems.site_state import SiteState
 from ..systems.system import State, System, small_state
 from .arrival import FictiveMotion
@@ -133,7 +135,9 @@ def _carry_of(
     """The carry of which that was told.  origin : of a run in fictive time."""
     if "sites" in kept:
         parts = {part: arrays[f"{name}.state.{part}"] for part in kept["sites"]}
-        there = SiteState(**parts) if "mu" in parts else small_state(CanonicalState, parts)
+        kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
+        by_site = "mu" in parts and np.ndim(parts["mu"]) == 2  # else of several species, in a row
+        there = SiteState(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
         met = Met([(event, n) for event, n in kept.get("met", ())])
         rest = arrays[f"{name}.numbers"], there, met, arrays.get(f"{name}.clock")
         return SiteCarry(kept["t0"], kept["h"], kept["step"], *rest, kept.get("ended"))

@@ -33,8 +33,6 @@ from ..formulas.pytree import (
 )
 from ..formulas.signatures import spelt
 from ..integrators.method import Method
-from ..systems.canonical import CanonicalState
-from ..systems.site_state import StateOfSites
 from ..systems.system import State, System, member
 from . import arguments
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
@@ -256,7 +254,7 @@ class Plan:
     ) -> Trajectory | None:
         """A run of a system of many sites, site by site; None if it is to be written out."""
         sites: Any = self._sites
-        if isinstance(start, (StateOfSites, CanonicalState)):
+        if sites.knows(start):
             start, t0 = arguments.known(self._one, start), arguments.real(t0, "t0")
             start = by_site(self._one, start)
             first = first_of(start)

@@ -14,6 +14,7 @@ from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable, warn
 from ..formulas.pytree import layout_of
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import StateOfSites
+from ..systems.system import State
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
 from .sites_states import by_site, first_of
@@ -82,11 +83,18 @@ class SitesOfPlan:
             )
         return None
 
+    def knows(self, start: Any) -> bool:
+        """Is it a state of many sites, or one that has them in a row?"""
+        if isinstance(start, StateOfSites) or not isinstance(start, State):
+            return isinstance(start, StateOfSites)
+        given = start.arrays
+        return self.plan._one.by_site(given) is not given
+
     def takes(self, start: Any) -> bool:
         """Does a run from here go by sites?"""
         if isinstance(start, SiteCarry):
             return True
-        if not isinstance(start, StateOfSites):
+        if not self.knows(start):
             return False
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
         return numbers > self.plan._one.small or not self.as_one_body
@@ -98,7 +106,7 @@ class SitesOfPlan:
         one that is too large for that.
         """
         fresh = not isinstance(start, SiteCarry)
-        if fresh and not isinstance(start, StateOfSites):
+        if fresh and not self.knows(start):
             return None
         state = by_site(self.plan._one, start if fresh else start.state)
         numbers = state.width // (state.bodies or 1)

@@ -562,7 +562,9 @@ class SiteRun:
     def _ended(self, error: Any, at: str) -> Any:
         """The error of a run whose step failed, with what there is of it."""
         site = getattr(error, "site", None)
-        at = at if site is None else f"site {site}, {at}"
+        one = self.plan._one
+        named = getattr(getattr(one, "configurations", one.group), "named", str)
+        at = at if site is None else f"site {named(site)}, {at}"
         if is_mistake(error):
             error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
             made = error

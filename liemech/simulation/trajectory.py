@@ -175,6 +175,16 @@ class Trajectory:
         """
         return self._quantity("multipliers", "has no constraints")
 
+    def joint(self, name: str | int) -> Any:
+        """A joint of a linkage, by its name or number, along the run: its `angle`, `rate`, `torque`,
+        `reaction`, `moment`, `power` and `work`.
+        """
+        motion = getattr(self._laws, "motion_at", None)
+        if motion is None:
+            raise InvalidInput(f"Trajectory.joint: {self.system!r} has no joints")
+        self._recorded("joint", ["mu", "g"])
+        return motion(self, name)
+
     def _quantity(self, name: str, otherwise: str) -> np.ndarray:
         """What the system computes from parts of the state, or what was recorded of it."""
         if name in self.observed:
@@ -263,7 +273,7 @@ class Trajectory:
         """
         if self.ended is not None and self.bodies is None:
             states = self.events[self.ended][1]
-            return self._laws.reached(**{name: array[-1] for name, array in states.arrays.items()})
+            return self._laws._reached(**{name: array[-1] for name, array in states.arrays.items()})
         if self.observed or not len(self):
             if self.carry is None:
                 raise InvalidInput(
@@ -272,7 +282,7 @@ class Trajectory:
                     "and has not come to its end"
                 )
             return self.carry.state
-        return self._laws.reached(**{name: array[-1] for name, array in self.states.items()})
+        return self._laws._reached(**{name: array[-1] for name, array in self.states.items()})
 
     def at(self, t: Any) -> Any:
         """The state at any time of the run, or at many, (m,); between the steps too it is on the

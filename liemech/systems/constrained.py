@@ -289,7 +289,7 @@ class ConstrainedSystem(CanonicalSystem):
         return self._canonical_state(both, members)
 
     @final
-    def reached(self, **parts: Any) -> CanonicalState:
+    def _reached(self, **parts: Any) -> CanonicalState:
         """The state with these parts, on M or not."""
         both, members = self._points(**parts)
         return CanonicalState(*[frozen(a, (self.degrees,), members) for a in both])

@@ -231,7 +231,6 @@ class BoundBody(System):
 
     # ---------------------------------------------------------------- checked input
 
-    @final
     def state(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:
         """A start for `integrate`: body momentum mu, or body velocity xi, and configuration g, which
         obey the constraint.
@@ -252,7 +251,7 @@ class BoundBody(System):
         return self.vouched(state)
 
     @final
-    def reached(self, **parts: Any) -> BodyState:
+    def _reached(self, **parts: Any) -> BodyState:
         """The state with these parts, whether it obeys the constraint or not."""
         return self._given("state", parts.get("mu"), parts.get("g"), None)
 
@@ -378,22 +377,37 @@ class BoundBody(System):
         rank = int((np.abs(values) > INDEPENDENT * values[-1]).sum())
         if rank < self.conditions:
             together = np.abs(directions[:, : self.conditions - rank]).max(axis=1)
-            which = ", ".join(str(i) for i in np.flatnonzero(together > 1e-3))
             raise InvalidInput(
-                f"{name}: the {self.conditions} conditions have rank {rank} here; conditions "
-                f"{which} depend on each other. Leave out {self.conditions - rank} of them, or "
+                f"{name}: the {self.conditions} conditions have rank {rank} here; "
+                f"{self._named(np.flatnonzero(together > 1e-3))} depend on each other. "
+                f"Leave out {self.conditions - rank} of them{self._cure}, or "
                 "start elsewhere if it is a dead point"
             )
+
+    def _named(self, conditions: Any) -> str:
+        """Conditions in words, by their numbers."""
+        return f"conditions {', '.join(str(i) for i in conditions)}"
+
+    _cure: ClassVar[str] = ""
 
     def independence(self, g: Any) -> float:
         """The least singular value of J^-1/2 G*, its columns of length 1: 1 for unrelated
         conditions, 0 for dependent ones.
         """
+        return float(np.sqrt(np.abs(self._spectrum(g)[0])).min())
+
+    def weakest(self, g: Any) -> str:
+        """The conditions that are closest to depending on each other, in words."""
+        share = np.abs(self._spectrum(g)[1][:, 0])
+        return self._named(np.flatnonzero(share > 0.1 * share.max()))
+
+    def _spectrum(self, g: Any) -> Any:
+        """The eigenvalues of G J^-1 G* scaled to a diagonal of ones, rising, and its eigenvectors."""
         G = self._matrix(self.rows(g))
         gram = G @ self._inverse @ G.T
         gram = gram.toarray() if self._sparse else gram
         unit = np.sqrt(np.abs(np.diag(gram)))
-        return float(np.sqrt(np.abs(np.linalg.eigvalsh(gram / np.outer(unit, unit)))).min())
+        return np.linalg.eigh(gram / np.outer(unit, unit))
 
     # elements are those of the configurations
 

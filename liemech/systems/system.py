@@ -133,7 +133,7 @@ class System(Record):
         """The state after a displacement tau(omega)."""
         raise undefined(self, "displaced")
 
-    def reached(self, **parts: Any) -> Any:
+    def _reached(self, **parts: Any) -> Any:
         """The state with the parts to which a run has come: one to begin with, unless there are
         methods that leave where motions begin.
         """

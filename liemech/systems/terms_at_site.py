@@ -13,6 +13,8 @@ from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, inside, with_fields
 from ..formulas.sites import SiteArray, SiteTable, meet, own
 from ..groups.lie_group import LieGroup
+from ..groups.one_of import filled
+from .among import Among, Species, is_all_pairs, is_near
 from .bound_terms import BoundTerm
 from .graphs import Incidence, Lattice, Within
 from .hamiltonian import Hamiltonian
@@ -90,7 +92,8 @@ class RoleAtSite(Record):
     term : with `EachOfEdges` for parameters of edges.  others : for every other place of the energy
     the sites that stand there; none of them: it is tied to all others.  counts : how many edges each
     site has; None: as many as the tables have rows.  near : the graph of pairs within a cutoff, of
-    which a run may make lists.
+    which a run may make lists.  of : the species of the ends; (): there is one only.  reach : the
+    first of the sites of the other end and the one behind the last, where it is tied to all of these.
     """
 
     term: Term
@@ -99,15 +102,21 @@ class RoleAtSite(Record):
     alone: bool
     others: tuple[SiteTable, ...] = ()
     counts: SiteArray | None = None
-    near: Within | None = None
+    near: Within | Among | None = None
+    of: tuple[int, ...] = ()
+    reach: tuple[float, float] | None = None
 
     @classmethod
-    def of(cls, part: BoundTerm, role: int) -> RoleAtSite:
+    def made(cls, part: BoundTerm, role: int) -> RoleAtSite:
         """That of a term on a graph."""
         alone = part.graph.arity == 1
+        graph: Any = part.graph
         if part.in_rounds:
-            near = with_fields(part.graph, count=None) if isinstance(part.graph, Within) else None
-            return cls(part.term, role, True, False, near=near)
+            return cls(part.term, role, True, False, near=graph.open() if is_near(graph) else None)
+        several = part.merged or len({*part.of}) > 1
+        if part.of and is_all_pairs(graph) and several and not inside(part.term, Each):
+            near, reach = graph.open() if is_near(graph) else None, graph.range_of(1 - role)
+            return cls(part.term, role, part.merged, False, near=near, of=part.of, reach=reach)
         fixed = isinstance(part.graph, Lattice)
         return cls.of_incidence(part, role, part.incidence(role), alone, fixed)
 
@@ -130,7 +139,7 @@ class RoleAtSite(Record):
             )
 
         term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
-        made = cls(term, role, part.merged, alone)
+        made = cls(term, role, part.merged, alone, of=part.of)
         return made if alone else made.with_tables(incidence, fixed)
 
     def with_tables(self, incidence: Incidence, fixed: bool = False) -> RoleAtSite:
@@ -142,16 +151,31 @@ class RoleAtSite(Record):
         return with_fields(self, others=tables, counts=known)
 
     def added(
-        self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any, of_both: Any
+        self,
+        total: Any,
+        me: Any,
+        meeting: Any,
+        seen: Any,
+        formula: Any,
+        of_both: Any,
+        mine: Any = None,
     ) -> Any:
         """A number or a vector, and the values of a formula(term, sites) for all edges at this site.
 
         of_both : gives of a pair the values for both of its sites.  meeting : the others.  seen : makes
-        of what a site publishes what terms see of it.
+        of what a site publishes what terms see of it.  mine : the number of this site, if it is in the
+        reach.
         """
         if self.alone:
             return total + formula(self.at_edge(0), [me])
         if len(self.others) == 0:
+            if self.reach is not None:
+                return meeting.some(
+                    lambda b, j: formula(self.term, self.ends(me, [seen(b)])),
+                    total,
+                    self.reach,
+                    mine,
+                )
             return meeting.pairs(lambda a, b: of_both(self.term, [seen(a), seen(b)]), total)
         first, more = self.others[0], self.others[1:]
 
@@ -189,13 +213,15 @@ class TermsOfSite(Record):
     """Terms as one site has them, which asks the others for what it needs; abstract.
 
     roles : the terms, and the places in their energies.  names, own : parameters of the site.
-    moves : 1 for sites that move, 0 for those that are held; None: all move.
+    moves : 1 for sites that move, 0 for those that are held; None: all move.  species : those of the
+    sites, if there are several.
     """
 
     roles: tuple[RoleAtSite, ...]
     names: tuple[str, ...] = ()
     own: tuple[Any, ...] = ()
     moves: SiteArray | None = None
+    species: Species | None = None
 
     @cached_property
     def site(self) -> Any:
@@ -208,11 +234,10 @@ class TermsOfSite(Record):
         """This site, the meeting with the others (None if it is alone), and what makes of what a site
         publishes there what terms see of it.  roles : those that count; None: all.
         """
-        some = self.roles if roles is None else roles
-        own = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
-        me = type(self.site)(mu, g, xi, *own)
-        alone = all(role.alone for role in some)
-        varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(own, self.own)]
+        mine = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
+        me = type(self.site)(mu, g, xi, *mine)
+        alone = all(role.alone for role in (self.roles if roles is None else roles))
+        varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(mine, self.own)]
         meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
 
         def seen(published: Any) -> Any:
@@ -239,16 +264,30 @@ class TermsOfSite(Record):
         None: all.
         """
         me, meeting, seen = self.met(mu, g, xi, roles)
+        species = self.species
         for one in self.roles if roles is None else roles:
-            total = one.added(
-                total,
-                me,
-                meeting,
-                seen,
-                lambda term, sites, role=one: formula(role, term, sites),
-                of_both,
-            )
+            if species is None or own(species.which) == one.of[one.role]:
+                mine = own(species.numbers) if one.merged and species is not None else None
+                total = one.added(
+                    total, me, meeting, seen, self._formula(one, total, formula), of_both, mine
+                )
         return total
+
+    def _formula(self, role: RoleAtSite, total: Any, formula: Any) -> Any:
+        """A formula(role, term, sites) for terms that see sites of their species."""
+        species = self.species
+        if species is None:
+            return lambda term, sites: formula(role, term, sites)
+
+        def of_species(term: Any, sites: list[Any]) -> Any:
+            found = formula(role, term, [species.seen(k, x) for k, x in zip(role.of, sites)])
+            return filled(found, len(total)) if isinstance(total, vectors.Vec) else found
+
+        return of_species
+
+    def group_of(self, role: RoleAtSite, group: LieGroup) -> LieGroup:
+        """The group of the site that stands in a role."""
+        return group if self.species is None else self.species.groups[role.of[role.role]]
 
     def share(self, mu: Any, g: Any) -> float:
         """The part of this site in the energy, whose sum over all sites is the whole: of every edge
@@ -336,7 +375,7 @@ class PotentialOfSite(TermsOfSite, Potential):
             None,
             g,
             None,
-            lambda one, term, sites: term.force(group, one.role, *sites),
+            lambda one, term, sites: term.force(self.group_of(one, group), one.role, *sites),
             lambda term, sites: term.forces(group, *sites),
             roles,
         )

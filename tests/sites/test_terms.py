@@ -476,7 +476,7 @@ def test_water_attracts_as_its_authors_say() -> None:
 
 def test_forces_on_both_molecules_are_derivatives_of_the_energy_and_those_on_one() -> None:
     water, group = lm.models.SPC(), lm.SE3()
-    near = NearPairs(water, group, 4.0, 2.0, lm.vec(9.0, 9.0, 9.0))
+    near = NearPairs(water, group, group, 4.0, 2.0, lm.vec(9.0, 9.0, 9.0))
     g = group.random(RNG, 2)
     g[:, :3, 3] = [[0.2, 0.1, -0.3], [0.4, 8.6, 2.5]]  # across a face of the box
     sites = [Site(g=lm.formulas.mat(*one.tolist())) for one in g]

@@ -1,0 +1,366 @@
+"""Forces at joints: springs, stops, dampers, motors, dry friction, and formulas of one's own."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType, undefined
+from ..formulas import Element, Record, Vec, cross, derivative, dot, real_array, record, tanh, vec
+from ..formulas.derived import derived
+from ..groups.lie_group import LieGroup
+from ..groups.se3 import join
+from ..systems.potential import Force, Potential
+from ..systems.tabulated import PiecewisePolynomial
+from .joints import REST, REST6, Joint, both, turned
+
+
+@record
+class JointForce(Record):
+    """A torque about the axis of a hinge, or a force along that of a slider, as a formula; abstract.
+
+    joint : the name of a joint, or its number.  freedom : of joints that leave several motions free
+    the number of one of them; None: every one of them alike.
+    It acts on the first body of the joint, and with the opposite sign on the second.
+
+    1. A subclass writes `effort`, as a formula.  Its fields are the parameters.
+    2. It may say `about` which angle it looks: angles are then seen from half a turn below it to
+    half a turn above it.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5 (active joint forces).
+    """
+
+    joint: Any
+    freedom: int | None = field(default=None, kw_only=True, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        name = type(self).__name__
+        if type(self.joint) not in (str, int):
+            raise InvalidType(
+                f"{name}: joint is the name or the number of a joint; got {self.joint!r}"
+            )
+
+    def effort(self, t: float, q: float, rate: float) -> float:
+        """The torque in N m, or the force in N, at time t.  q : the angle in rad, or the shift in m;
+        rate : q'.
+        """
+        raise undefined(self, "effort")
+
+    def about(self, t: float) -> float:
+        """The angle in the middle of the turn in which angles are seen; 0 by default."""
+        return 0.0
+
+
+@record
+class JointPotential(JointForce):
+    """A torque or force at a joint that comes from an energy of its angle or shift; abstract.
+
+    1. A subclass writes `energy`, as a formula; `effort` is -dV/dq.
+
+    Source: Goldstein, Classical Mechanics, 3rd ed., section 1.5.
+    """
+
+    def energy(self, q: float) -> float:
+        """V(q), in J.  q : the angle in rad, or the shift in m."""
+        raise undefined(self, "energy")
+
+    @derived
+    def effort(self, t: float, q: float, rate: float) -> float:
+        """-dV/dq.  q : the angle in rad, or the shift in m."""
+        return -derivative(lambda x: self.energy(x), q)
+
+
+@record
+class Spring(JointPotential):
+    """A linear spring at a joint: V = k (q - rest)^2/2.
+
+    stiffness : k, in N m/rad or N/m.  rest : where it is at ease, in rad or m.  Angles are seen
+    within half a turn of the rest, where the torque jumps.  On a ball joint at rest 0 it is
+    isotropic, V = k |rotation vector|^2/2.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
+    """
+
+    stiffness: float
+    rest: float = 0.0
+
+    def energy(self, q: float) -> float:
+        """k (q - rest)^2/2."""
+        return 0.5 * self.stiffness * (q - self.rest) * (q - self.rest)
+
+    def about(self, t: float) -> float:
+        """The rest."""
+        return self.rest
+
+
+@record
+class Stops(JointPotential):
+    """Limits of a joint, as a smooth potential: V = k d^3/3, d the depth beyond a limit.
+
+    low, high : the limits, in rad or m.  stiffness : k, in N m/rad^2 or N/m^2; a deeper stop is a
+    softer one.  They lose no energy, and steps have to resolve the push.
+
+    Source: Hunt and Crossley, J. Appl. Mech. 42 (1975), 440 (power laws of contact).
+    """
+
+    low: float
+    high: float
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.low < self.high:
+            raise InvalidInput(f"Stops: low must be below high; got {self.low} and {self.high}")
+
+    def energy(self, q: float) -> float:
+        """k d^3/3."""
+        depth = max(q - self.high, 0.0) + max(self.low - q, 0.0)
+        return self.stiffness * depth * depth * depth / 3.0
+
+    def about(self, t: float) -> float:
+        """Half way between the limits."""
+        return 0.5 * (self.low + self.high)
+
+
+@record
+class Damper(JointForce):
+    """Viscous friction in a joint: -c q'.
+
+    damping : c, in N m s/rad or N s/m.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
+    """
+
+    damping: float
+
+    def effort(self, t: float, q: float, rate: float) -> float:
+        """-c q'."""
+        return -(self.damping * rate)
+
+
+@record
+class DryFriction(JointForce):
+    """Dry friction in a joint, regularised: -T tanh(q'/speed).
+
+    torque : T, in N m, or the force in N.  speed : in rad/s or m/s; far above it the friction is
+    Coulomb's, below it is viscous, so that nothing sticks: it creeps.
+
+    Source: Marques, Flores, Pimenta Claro and Lankarani, Nonlinear Dynamics 86 (2016), section 2.
+    """
+
+    torque: float
+    speed: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.speed > 0.0:
+            raise InvalidInput(f"DryFriction: speed must be positive; got {self.speed}")
+
+    def effort(self, t: float, q: float, rate: float) -> float:
+        """-T tanh(q'/speed)."""
+        return -(self.torque * tanh(rate / self.speed))
+
+
+@record
+class Motor(JointForce):
+    """A motor at a joint, with a torque that does not ask how the joint moves; a controller is a
+    JointForce of one's own.
+
+    torque : in N m, or the force in N: a number, or a PiecewisePolynomial of the time.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
+    """
+
+    torque: Any
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.torque, PiecewisePolynomial):
+            number = real_array(self.torque, "Motor: torque")
+            if number.ndim or not np.isfinite(number):
+                raise InvalidInput(
+                    "Motor: torque is a number or a PiecewisePolynomial of the time; got "
+                    f"{self.torque!r}"
+                )
+            object.__setattr__(self, "torque", float(number))
+        elif self.torque.size:
+            raise InvalidInput(f"Motor: the torque is one number at each time; got {self.torque!r}")
+        super().__post_init__()
+
+    def effort(self, t: float, q: float, rate: float) -> float:
+        """The torque at time t."""
+        return self.torque(t) if isinstance(self.torque, PiecewisePolynomial) else self.torque
+
+
+# ------------------------------------------------------------------ all of a linkage
+
+
+@record
+class AtJoint(Record):
+    """The forces at one joint.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
+    """
+
+    joint: Any
+    forces: tuple[Any, ...]
+
+    def coordinates(self, force: Any, t: float, g: Vec) -> Vec:
+        """The coordinates of the joint, in the turn about which a force looks."""
+        q = self.joint.coordinates(*both(self.joint, g))
+        angles = self.joint.turns and self.joint.freedoms < 3
+        return seen_about(q, force.about(t)) if angles else q
+
+    def angles(self, g: Vec) -> Vec:
+        """The coordinates, as the joint sees them."""
+        return self.joint.coordinates(*both(self.joint, g))
+
+    def rates(self, g: Vec, xi: Vec) -> Vec:
+        """The rates of the motions.  xi : of all bodies, (6 N,)."""
+        return rates_of(self.joint, g, xi)
+
+    def wrench(self, g: Vec, multipliers: Vec) -> Vec:
+        """The force of the conditions on the first body and their torque about its point, seen from
+        space, (6,).  multipliers : of all conditions of the joint.
+        """
+        first, second = both(self.joint, g)
+        total = REST6
+        for lam, (row, _) in zip(multipliers, self.joint.rows(first, second)):
+            total = total - lam * row
+        at = getattr(self.joint, "at_first", REST)
+        torque, force = total[:3], total[3:]
+        return join(turned(first, force), turned(first, torque - cross(at, force)))
+
+    def energy(self, g: Vec) -> float:
+        """The sum of V, of JointPotentials."""
+        total = 0.0
+        for force in self.forces:
+            q = self.coordinates(force, 0.0, g)
+            for i in acting(force, self.joint):
+                total = total + force.energy(q[i])
+        return total
+
+    def efforts(self, t: float, g: Vec, rates: Vec) -> Vec:
+        """The torques or forces along all motions of the joint.  rates : (freedoms,)."""
+        total = vec(*[0.0 for _ in range(self.joint.freedoms)])
+        for force in self.forces:
+            total = total + self.effort(force, t, g, rates)
+        return total
+
+    def effort(self, force: Any, t: float, g: Vec, rates: Vec) -> Vec:
+        """Those of one force."""
+        q, some = self.coordinates(force, t, g), acting(force, self.joint)
+        found = vec(
+            *[
+                force.effort(t, q[i], rates[i]) if i in some else 0.0
+                for i in range(self.joint.freedoms)
+            ]
+        )
+        return self.joint.slopes(q, found) if isinstance(force, JointPotential) else found
+
+    def push(self, t: float, g: Vec, rates: Vec) -> Any:
+        """The joint, the rows of its motions, and the efforts along them."""
+        return self.joint, self.joint.motions(*both(self.joint, g)), self.efforts(t, g, rates)
+
+
+def acting(force: Any, joint: Any) -> tuple[int, ...]:
+    """The motions of a joint along which a force acts."""
+    return tuple(range(joint.freedoms)) if force.freedom is None else (force.freedom,)
+
+
+def seen_about(q: Vec, middle: float) -> Vec:
+    """Angles, from half a turn below `middle` to half a turn above it."""
+    turns = [(x - middle + pi) // (2.0 * pi) for x in q]
+    return vec(*[x - 2.0 * pi * n for x, n in zip(q, turns)])
+
+
+def rates_of(joint: Joint, g: Vec, xi: Vec) -> Vec:
+    """The rates of a joint's motions.  xi : of all bodies, (6 N,)."""
+    return vec(
+        *[
+            dot(one, body(xi, joint.first))
+            if joint.second is None
+            else dot(one, body(xi, joint.first)) + dot(two, body(xi, joint.second))
+            for one, two in joint.motions(*both(joint, g))
+        ]
+    )
+
+
+def body(xi: Vec, number: int) -> Vec:
+    """The velocity of one body."""
+    return xi[6 * number : 6 * number + 6]
+
+
+def pushed(pushes: Any, dim: int) -> Vec:
+    """The forces on all bodies, (dim,), of torques or forces along the motions of joints.
+
+    pushes : of each the joint, the rows of its motions and the efforts.
+    """
+    parts = [REST6 for _ in range(dim // 6)]
+    for joint, rows, efforts in pushes:
+        for (one, two), effort in zip(rows, efforts):
+            parts[joint.first] = parts[joint.first] + effort * one
+            if joint.second is not None:
+                parts[joint.second] = parts[joint.second] + effort * two
+    return vec(*[x for part in parts for x in part])
+
+
+@record
+class LinkagePotential(Potential):
+    """The energy of a linkage: weights, potentials at joints, and perhaps one of the user's.
+
+    Source: Goldstein, Classical Mechanics, 3rd ed., section 1.3.
+    """
+
+    weights: Potential
+    at_joints: tuple[Any, ...]
+    other: Potential | None = None
+
+    def energy(self, g: Vec) -> float:
+        """The sum."""
+        total = self.weights.energy(g)
+        for one in self.at_joints:
+            total = total + one.energy(g)
+        return total if self.other is None else total + self.other.energy(g)
+
+    def force(self, group: LieGroup, g: Element) -> Vec:
+        """The sum of the forces."""
+        pushes = [one.push(0.0, g, REST) for one in self.at_joints]
+        total = self.weights.force(group, g) + pushed(pushes, group.dim)
+        return total if self.other is None else total + self.other.force(group, g)
+
+
+@record
+class LinkageForce(Force):
+    """Forces at joints that come from no energy, and perhaps a load of the user's.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
+    """
+
+    at_joints: tuple[Any, ...]
+    other: Force | None = None
+
+    def covector(self, t: float, xi: Vec, g: Any) -> Vec:
+        """The sum."""
+        return self.at_rates(t, self.rates(xi, g), g)
+
+    def rates(self, xi: Vec, g: Any) -> Vec:
+        """The rates of the joints; all velocities if there is a load of the user's."""
+        if self.other is not None:
+            return xi
+        return vec(*[rate for one in self.at_joints for rate in rates_of(one.joint, g, xi)])
+
+    def at_rates(self, t: float, rates: Vec, g: Any) -> Vec:
+        """The sum at these rates."""
+        pushes: list[Any] = []
+        begin = 0
+        for one in self.at_joints:
+            own = rates[begin : begin + one.joint.freedoms]
+            if self.other is not None:
+                own = rates_of(one.joint, g, rates)
+            pushes, begin = [*pushes, one.push(t, g, own)], begin + one.joint.freedoms
+        total = pushed(pushes, len(g) // 16 * 6)
+        return total if self.other is None else total + self.other.covector(t, rates, g)

@@ -1,0 +1,140 @@
+"""The motion of a joint along a run: angle, rate, torque, reaction, power and work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput
+from .joint_forces import AtJoint
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JointMotion:
+    """A joint of a linkage along a run; what is asked for is computed then.
+
+    All arrays are (n, ...) as the samples; of joints that leave several motions free, (n, freedoms).
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 3 and 4.
+    """
+
+    run: Any
+    linkage: Any
+    number: int
+    at: AtJoint
+
+    def __repr__(self) -> str:
+        return f"JointMotion({self.linkage.label(self.number)}, {len(self.run)} samples)"
+
+    def only(self, force: Any) -> JointMotion:
+        """The same with the torque, power and work of one force alone, or of those of a class such
+        as Motor.
+        """
+        some = [
+            one
+            for one in self.at.forces
+            if one == force or (isinstance(force, type) and isinstance(one, force))
+        ]
+        return replace(self, at=AtJoint(self.at.joint, tuple(some)))
+
+    @cached_property
+    def angle(self) -> np.ndarray:
+        """The angle in rad, of a slider the shift in m.  Angles of hinges and Cardan joints go on
+        over whole turns: from sample to sample by the turn that is nearest to what the rates say.
+        """
+        q, joint = self.at.angles(self.run.g), self.at.joint
+        if joint.turns and joint.freedoms < 3:
+            rate = self._rates
+            lead = (len(q), *[1] * (q.ndim - 1))
+            steps = np.diff(np.broadcast_to(self._t.reshape(*self._t.shape, 1), q.shape), axis=0)
+            told = 0.5 * steps * (rate[1:] + rate[:-1])
+            whole = np.round((told - np.diff(q, axis=0)) / (2.0 * np.pi))
+            turns = np.concatenate([np.zeros((1, *q.shape[1:])), np.cumsum(whole, axis=0)])
+            q = q + 2.0 * np.pi * turns.reshape(lead[0], *q.shape[1:])
+        return self._alone(q)
+
+    @cached_property
+    def rate(self) -> np.ndarray:
+        """Its rate in rad/s or m/s; of a ball joint the angular velocity of the first body against
+        the second, in the axes of the first.
+        """
+        return self._alone(self._rates)
+
+    @cached_property
+    def torque(self) -> np.ndarray:
+        """The torque in N m, of a slider the force in N, of all forces at the joint together: on
+        the first body, and the opposite one on the second.
+        """
+        return self._alone(self._efforts)
+
+    @cached_property
+    def power(self) -> np.ndarray:
+        """Torque times rate, in W.  (n,)"""
+        return np.asarray((self._efforts * self._rates).sum(axis=-1))
+
+    @cached_property
+    def work(self) -> np.ndarray:
+        """The work of these forces from the first sample on, in J, by a cubic spline through the
+        power: of order 4 in the time between samples, of order 1 where the torque jumps.  (n,)
+        """
+        from scipy.interpolate import CubicSpline
+
+        if len(self.run) < 4:
+            change = 0.5 * (self.power[1:] + self.power[:-1]).T * np.diff(self.run.t)
+            sums = np.cumsum(change.T, axis=0)
+            return np.concatenate([np.zeros((1, *self.power.shape[1:])), sums])
+        if self.run.t[-1] < self.run.t[0]:  # a run backwards in time
+            spline = CubicSpline(self.run.t[::-1], self.power[::-1]).antiderivative()
+            return np.asarray(spline(self.run.t) - spline(self.run.t[0]))
+        return np.asarray(CubicSpline(self.run.t, self.power).antiderivative()(self.run.t))
+
+    @cached_property
+    def reaction(self) -> np.ndarray:
+        """The force of the joint's conditions on the first body, seen from space, in N.  (n, 3)"""
+        return self._wrench[..., :3]
+
+    @cached_property
+    def moment(self) -> np.ndarray:
+        """Their torque on the first body about its point of the joint, seen from space, in N m.
+        (n, 3)
+        """
+        return self._wrench[..., 3:]
+
+    # ---------------------------------------------------------------- parts
+
+    @property
+    def _t(self) -> Any:
+        """The times, for each body of an ensemble."""
+        t, bodies = self.run.t, self.run.bodies
+        return t if bodies is None or t.ndim == 2 else t[:, None]
+
+    @cached_property
+    def _rates(self) -> np.ndarray:
+        return np.asarray(self.at.rates(self.run.g, self.linkage.velocity(self.run.mu)))
+
+    @cached_property
+    def _efforts(self) -> np.ndarray:
+        if not self.at.forces:
+            return np.zeros_like(self._rates)
+        return np.asarray(self.at.efforts(self._t, self.run.g, self._rates))
+
+    @cached_property
+    def _wrench(self) -> np.ndarray:
+        counted = self.linkage.constraint.counted
+        begin = sum(len(kept) for _, kept in counted[: self.number])
+        kept = counted[self.number][1]
+        own = np.asarray(self.run.multipliers)[..., begin : begin + len(kept)]
+        whole = np.zeros((*own.shape[:-1], self.at.joint.conditions))
+        whole[..., list(kept)] = own
+        return np.asarray(self.at.wrench(self.run.g, whole))
+
+    def _alone(self, x: np.ndarray) -> np.ndarray:
+        """Of one freedom without its axis."""
+        if not self.at.joint.freedoms:
+            raise InvalidInput(
+                f"a {type(self.at.joint).__name__} has no coordinates: it has a reaction only"
+            )
+        return x[..., 0] if self.at.joint.freedoms == 1 else x

@@ -1,0 +1,142 @@
+"""Poses and velocities of bodies from the coordinates and rates of their joints; conditions that
+follow from others.
+
+Source: Featherstone, Rigid Body Dynamics Algorithms (2008), sections 4.1 and 8.1 (spanning trees,
+loops); Golub and Van Loan, Matrix Computations, 4th ed., section 5.4 (rank).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, NoConvergence
+from ..formulas import vec
+from ..formulas.vectors import small
+from .joints import GROUND, both
+
+PATIENCE = 50
+"""Corrections after which the poses of a loop are not looked for any more."""
+
+CLOSED = 1e-12
+"""A correction below this part of the sizes is rounding."""
+
+DEPENDENT = 1e-9
+"""Rows of which no more than this part is their own follow from the rows before them."""
+
+
+def hung_from_each_other(linkage: Any, coordinates: dict[int, np.ndarray]) -> np.ndarray:
+    """Poses along the tree of joints, each body from one that has its pose, (N, 4, 4); joints that
+    are left over close loops.
+
+    Bodies without a way to the ground begin with one in the origin.
+    coordinates : by the numbers of joints; others are zero.
+    """
+    poses: dict[int | None, Any] = {None: GROUND}
+    group = linkage.configurations.factors[0]
+    while len(poses) <= len(linkage.links):
+        for number, joint in enumerate(linkage.joints):
+            known = joint.first in poses, joint.second in poses
+            if joint.freedoms and sum(known) == 1:
+                q = vec(*coordinates.get(number, np.zeros(joint.freedoms)).tolist())
+                relative = joint.relative(q)
+                if known[1]:
+                    poses[joint.first] = poses[joint.second] @ relative
+                else:
+                    poses[joint.second] = poses[joint.first] @ group.inverse(relative)
+                break
+        else:
+            poses[next(b for b in range(len(linkage.links)) if b not in poses)] = GROUND
+    return np.array([poses[b] for b in range(len(linkage.links))])
+
+
+def rows_of_motions(linkage: Any, g: Any, numbers: list[int]) -> np.ndarray:
+    """The rows of the motions of joints, one after another, (k, 6 N)."""
+    found = []
+    for number in numbers:
+        joint = linkage.joints[number]
+        for one, two in joint.motions(*both(joint, g)):
+            row = np.zeros(6 * len(linkage.links))
+            row[6 * joint.first : 6 * joint.first + 6] += np.array(one)
+            if joint.second is not None:
+                row[6 * joint.second : 6 * joint.second + 6] += np.array(two)
+            found.append(row)
+    return np.array(found).reshape(len(found), 6 * len(linkage.links))
+
+
+def closed(linkage: Any, poses: np.ndarray, wanted: dict[int, np.ndarray]) -> np.ndarray:
+    """The poses nearest to these, by small corrections, at which loops are closed and joints have
+    the coordinates that are wanted, (N, 4, 4).
+    """
+    group, g = linkage.configurations, small(poses.ravel())
+    root = np.sqrt(np.abs(linkage._inverse.diagonal()))
+    numbers, before = sorted(wanted), np.inf
+    for _ in range(PATIENCE):
+        off = [*np.array(linkage.constraint.value(g))]
+        for number in numbers:
+            joint = linkage.joints[number]
+            apart = np.array(joint.coordinates(*both(joint, g))) - wanted[number]
+            turning = joint.turns and joint.freedoms < 3
+            off += [*(np.remainder(apart + np.pi, 2 * np.pi) - np.pi if turning else apart)]
+        rows = np.concatenate([np.array(linkage.jacobian(g)), rows_of_motions(linkage, g, numbers)])
+        x = -root * np.linalg.lstsq(rows * root, np.array(off), rcond=DEPENDENT)[0]
+        change = float(np.abs(x).max())
+        g = group.compose_exp(g, vec(*x.tolist()))
+        if change <= CLOSED * max(1.0, np.abs(np.array(g)).max()) or not change < np.inf:
+            break
+        if change >= before and before < 1e-6:
+            break
+        before = change
+    missed = float(np.abs(off).max())
+    if not missed <= 1e-9 * max(1.0, np.abs(np.array(g)).max()):
+        raise NoConvergence(
+            "Linkage: no poses found close by at which the loops are closed and the joints have "
+            f"these coordinates (they miss by {missed:.2g}); give poses that are closer, near=poses"
+        )
+    return np.array(g).reshape(-1, 4, 4)
+
+
+def velocity_with(linkage: Any, g: Any, wanted: dict[int, np.ndarray]) -> np.ndarray:
+    """Of the velocities that the joints allow and that have these rates, that of the least kinetic
+    energy, (6 N,).
+    """
+    numbers = sorted(wanted)
+    G, D = np.array(linkage.jacobian(g)), rows_of_motions(linkage, g, numbers)
+    rates = np.concatenate([np.zeros(len(G)), *[wanted[number] for number in numbers]])
+    inverse = np.asarray(linkage._inverse.todense() if linkage._sparse else linkage._inverse)
+    root = np.linalg.cholesky(inverse)
+    xi = root @ np.linalg.lstsq(np.concatenate([G, D]) @ root, rates, rcond=DEPENDENT)[0]
+    missed = np.abs(np.concatenate([G, D]) @ xi - rates)
+    if missed.max() > 1e-9 * max(np.abs(rates).max(), np.abs(xi).max()):
+        raise InvalidInput(
+            "Linkage.state: the joints do not allow these rates together (they miss by "
+            f"{missed.max():.2g}); leave out those that follow from others"
+        )
+    return np.asarray(xi)
+
+
+def independent_rows(linkage: Any, g: Any) -> tuple[tuple[int, ...], ...]:
+    """For each joint the conditions that do not follow from those of the joints before it, beside
+    each other measured by G J^-1 G*.
+    """
+    inverse = np.asarray(linkage._inverse.todense() if linkage._sparse else linkage._inverse)
+    rows = np.array(linkage.jacobian(g)) @ np.linalg.cholesky(inverse)
+    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    found: list[tuple[int, ...]] = []
+    basis = np.zeros((0, rows.shape[1]))
+    begin = 0
+    for _, counted in linkage.constraint.counted:
+        own, left = [], {i: rows[begin + place] for place, i in enumerate(counted)}
+        begin += len(left)
+        while left:
+            for _ in range(2):  # the second time for rounding
+                left = {i: row - basis.T @ (basis @ row) for i, row in left.items()}
+            best = max(left, key=lambda i: float(np.linalg.norm(left[i])))
+            length = float(np.linalg.norm(left[best]))
+            if length <= DEPENDENT:
+                break
+            own.append(best)
+            basis = np.concatenate([basis, left.pop(best)[None] / length])
+        found.append(tuple(sorted(own)))
+    return tuple(found)

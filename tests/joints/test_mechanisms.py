@@ -1,0 +1,444 @@
+"""Arms with motors, springs and dampers against minimal coordinates, and what joints tell of runs."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import liemech as lm
+from liemech.joints import (
+    BallJoint,
+    Damper,
+    DryFriction,
+    JointForce,
+    JointPotential,
+    Link,
+    Linkage,
+    Motor,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidRod,
+    Spring,
+    Stops,
+    UniversalJoint,
+)
+
+GRAVITY, TURN = 9.80665, [0.0, 1.0, 0.0]
+
+
+@lm.record
+class PD(JointForce):
+    """A controller that follows a table, with friction of its own."""
+
+    stiffness: float
+    damping: float
+    target: lm.PiecewisePolynomial
+
+    def effort(self, t: float, q: float, rate: float) -> float:
+        return self.stiffness * (self.target(t) - q) - self.damping * rate
+
+    def about(self, t: float) -> float:
+        return self.target(t)
+
+
+TABLE = lm.PiecewisePolynomial.cubic([0.0, 0.5, 1.0, 2.0], [0.1, 0.7, -0.4, 0.3])
+
+
+class Arm:
+    """A planar arm of rods, each on a hinge at the end of the one before, in minimal coordinates.
+
+    The absolute angles phi obey sum_j a_ij (cos(phi_i - phi_j) phi_j'' + sin(phi_i - phi_j) phi_j'^2)
+    = tau_i - tau_i+1 - g_i sin phi_i.
+    """
+
+    def __init__(self, masses: Any, lengths: Any, forces: list[Any], radius: float = 0.05) -> None:
+        self.masses, self.lengths, self.forces = np.array(masses), np.array(lengths), forces
+        n = len(masses)
+        reach = np.tril(np.tile(self.lengths, (n, 1)), -1) + np.diag(0.5 * self.lengths)
+        about = self.masses * (3.0 * radius**2 + self.lengths**2) / 12.0
+        self.a = reach.T @ (self.masses[:, None] * reach) + np.diag(about)
+        self.weights = GRAVITY * self.masses @ reach
+        links = [Link.rod(m, x, radius) for m, x in zip(masses, lengths, strict=True)]
+        top, low = [[0.0, 0.0, 0.5 * x] for x in lengths], [[0.0, 0.0, -0.5 * x] for x in lengths]
+        joints = [
+            RevoluteJoint(k, k - 1 if k else None, top[k], low[k - 1] if k else [0.0] * 3, TURN, TURN,
+                name=f"hinge {k}")
+            for k in range(n)
+        ]  # fmt: skip
+        self.linkage = Linkage(links, joints, GRAVITY, forces)
+
+    def rate(self, t: float, y: np.ndarray) -> np.ndarray:
+        n = len(self.a)
+        q, v = y[:n], y[n:]
+        phi, w = np.cumsum(q), np.cumsum(v)
+        tau = np.zeros(n + 1)
+        for force in self.forces:
+            k = self.linkage.number(force.joint)
+            tau[k] += force.effort(t, float(q[k]), float(v[k]))
+        apart = phi[:, None] - phi
+        push = tau[:n] - tau[1:] - self.weights * np.sin(phi) - (self.a * np.sin(apart)) @ w**2
+        alpha = np.linalg.solve(self.a * np.cos(apart), push)
+        return np.concatenate([v, np.diff(alpha, prepend=0.0)])
+
+    def at(self, t: float, q: Any, v: Any) -> np.ndarray:
+        found = solve_ivp(
+            self.rate, (0.0, t), np.concatenate([q, v]), "DOP853", rtol=1e-13, atol=1e-13
+        )
+        return found.y[:, -1]
+
+    def start(self, q: Any, v: Any) -> Any:
+        names = [joint.name for joint in self.linkage.joints]
+        return self.linkage.state(
+            angles=dict(zip(names, q, strict=True)), rates=dict(zip(names, v, strict=True))
+        )
+
+
+@functools.cache
+def arm(links: int = 2) -> Arm:
+    """Two or three links with a force of every kind."""
+    forces = [
+        Spring("hinge 0", 2.0, 0.3),
+        Damper("hinge 0", 0.2),
+        Motor("hinge 1", 0.7),
+        Motor(0, TABLE),
+        DryFriction("hinge 1", 0.1, 0.5),
+        PD("hinge 1", 1.0, 0.1, TABLE),
+        Stops("hinge 0", -2.0, 0.1, 30.0),
+    ]
+    more = [Damper("hinge 2", 0.05), Spring(2, 1.0, -0.2)] if links == 3 else []
+    return Arm([1.0, 0.6, 0.4][:links], [1.0, 0.7, 0.5][:links], forces + more)
+
+
+START = {2: ([0.4, -0.3], [1.0, 0.5]), 3: ([0.4, -0.3, 0.2], [1.0, 0.5, -0.7])}
+
+
+def run(system: Any, method: Any, start: Any, h: float, steps: int, **more: Any) -> Any:
+    return lm.integrate(
+        system, method, start, h=h, steps=steps, compiled=False, progress=False, **more
+    )
+
+
+def coordinates(moved: Any) -> np.ndarray:
+    """The angles and rates of all joints at the last sample."""
+    joints = [moved.joint(k) for k in range(len(moved.system.joints))]
+    return np.array([x[-1] for x in [j.angle for j in joints] + [j.rate for j in joints]])
+
+
+# ------------------------------------------------------------------ against minimal coordinates
+
+
+@pytest.mark.parametrize("links", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_the_reduced_equation_is_that_of_minimal_coordinates(links: int) -> None:
+    it = arm(links)
+    moved = run(it.linkage, lm.RKMK(order=6), it.start(*START[links]), 0.0025, 20)
+    assert coordinates(moved) == pytest.approx(it.at(0.05, *START[links]), rel=0.0, abs=1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("links", [2, 3])
+def test_the_variational_motion_is_that_of_minimal_coordinates(links: int) -> None:
+    it = arm(links)
+    moved = run(
+        it.linkage, lm.Composition(lm.LieRATTLE(), order=6), it.start(*START[links]), 0.0025, 60
+    )
+    assert coordinates(moved) == pytest.approx(it.at(0.15, *START[links]), rel=0.0, abs=1e-10)
+
+
+@pytest.mark.parametrize("order", [2, pytest.param(4, marks=pytest.mark.slow)])
+def test_orders_with_forces_at_joints(order: int) -> None:
+    it = arm()
+    method = lm.LieRATTLE() if order == 2 else lm.Composition(lm.LieRATTLE(), order=4)
+    exact, start, errors = it.at(0.3, *START[2]), it.start(*START[2]), []
+    for n in (10, 20) if order == 2 else (20, 40):
+        errors.append(np.abs(coordinates(run(it.linkage, method, start, 0.3 / n, n)) - exact).max())
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.15)
+
+
+def test_energy_is_the_work_of_motors_and_dampers() -> None:
+    """What springs and stops do is in the energy; the balance is of the order of the method."""
+    it, missed = arm(), []
+    for n in (10, 20):
+        moved = run(it.linkage, lm.LieRATTLE(), it.start(*START[2]), 0.3 / n, n)
+        work = sum(moved.joint(k).work - moved.joint(k).only(JointPotential).work for k in range(2))
+        assert np.abs(work).max() > 0.1
+        missed.append(np.abs(moved.energy - moved.energy[0] - work).max())
+    assert missed[1] < 5e-3 and np.log2(missed[0] / missed[1]) == pytest.approx(2.0, abs=0.3)
+    stored = [f for f in it.forces if isinstance(f, JointPotential)]
+    spring = moved.joint(0).only(Spring)
+    taken = 0.5 * 2.0 * (np.array(moved.joint(0).angle) - 0.3) ** 2
+    # the rate at a node is q' up to O(h^2)
+    assert len(stored) == 2 and np.allclose(spring.work, taken[0] - taken, rtol=0.0, atol=1e-3)
+
+
+def test_springs_alone_keep_the_energy() -> None:
+    it = Arm(
+        [1.0, 0.6], [1.0, 0.7], [Spring("hinge 0", 20.0, 0.3), Stops("hinge 1", -0.1, 0.1, 50.0)]
+    )
+    moved = run(it.linkage, lm.LieRATTLE(), it.start(*START[2]), 0.02, 40)
+    assert moved.drift()["energy"].largest < 4e-3
+    assert it.linkage.body.load is None
+
+
+# ------------------------------------------------------------------ what joints tell
+
+
+@lm.record
+class Constant(JointForce):
+    torque: float
+
+    def effort(self, t: float, q: float, rate: float) -> float:
+        return self.torque
+
+
+def test_angles_go_on_over_several_turns_in_long_steps() -> None:
+    """A disk that is driven from rest: angle = torque t^2/(2 J), 14 rad between samples at the end."""
+    disk = Linkage(
+        [Link(1.0, [0.1, 0.1, 0.2])],
+        [RevoluteJoint(0, None, name="shaft")],
+        0.0,
+        [Constant("shaft", 0.8)],
+    )
+    moved = run(disk, lm.LieRATTLE(), disk.state(angles={}), 0.02, 500, every=50)
+    assert np.allclose(moved.joint("shaft").angle, 2.0 * moved.t**2, rtol=1e-12, atol=1e-12)
+    assert moved.joint("shaft").angle[-1] > 30.0 * 2.0 * np.pi
+    assert np.allclose(moved.joint("shaft").work, 0.8 * moved.joint("shaft").angle, rtol=1e-12)
+    assert np.allclose(moved.energy, moved.joint("shaft").work, rtol=1e-12)
+
+
+def test_a_joint_carries_what_hangs_on_it() -> None:
+    still = lm.joints.chain(3, mass=0.5, length=0.4, axis=TURN)
+    moved = run(still, lm.LieRATTLE(), still.state(angles={}), 0.1, 2)
+    for k in range(3):
+        assert moved.joint(k).reaction[-1] == pytest.approx([0.0, 0.0, (3 - k) * 0.5 * GRAVITY])
+        assert moved.joint(k).moment[-1] == pytest.approx([0.0] * 3)
+    held = Linkage(
+        [Link(2.0, [0.1, 0.1, 0.1])],
+        [PrismaticJoint(0, None, axis=[1.0, 0.0, 0.0], at_first=[-0.5, 0.0, 0.0], name="rail")],
+        forces=[Motor("rail", 3.0)],
+    )
+    pushed = run(held, lm.LieRATTLE(), held.state(rates={"rail": 0.5}), 0.1, 4)
+    rail = pushed.joint("rail")
+    assert rail.angle == pytest.approx(0.5 * pushed.t + 0.75 * pushed.t**2)
+    assert np.allclose(rail.reaction, [0.0, 0.0, 2.0 * GRAVITY], rtol=1e-12, atol=1e-12)
+    assert np.allclose(rail.moment, [0.0, -0.5 * 2.0 * GRAVITY, 0.0], rtol=1e-12, atol=1e-12)
+
+
+def test_members_of_an_ensemble_have_joints_too() -> None:
+    it = arm()
+    one, other = it.start(*START[2]), it.start([0.1, 0.2], [0.0, 0.0])
+    both = it.linkage.state(np.stack([one.mu, other.mu]), np.stack([one.g, other.g]))
+    moved, alone = (run(it.linkage, lm.LieRATTLE(), s, 0.02, 5) for s in (both, one))
+    for name in ("angle", "rate", "torque", "power", "work", "reaction"):
+        assert np.allclose(
+            getattr(moved.joint(1), name)[:, 0],
+            getattr(alone.joint(1), name),
+            rtol=1e-13,
+            atol=1e-13,
+        )
+
+
+A, B = [0.1, 0.2, 0.3], [0.3, -0.1, 0.2]
+JOINTS = {
+    "ball": BallJoint(0, 1, A, B),
+    "revolute": RevoluteJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]),
+    "universal": UniversalJoint(1, 0, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, 0.2]),
+    "prismatic": PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])),
+    "ground": UniversalJoint(1, None, A, B),
+}
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_states_have_the_coordinates_and_rates_that_were_asked_for(name: str) -> None:
+    joint = JOINTS[name]
+    both = Linkage([Link(1.0, [0.1, 0.2, 0.15]), Link(2.0, [0.3, 0.2, 0.25])], [joint])
+    q, v = np.random.default_rng(4).normal(size=(2, joint.freedoms)) * 0.7
+    start = both.state(angles={0: q}, rates={0: v})
+    at = both.motion_at(None, 0).at
+    assert np.array(at.angles(start.g)) == pytest.approx(q, abs=1e-14)
+    assert np.array(at.rates(start.g, both.velocity(start.mu))) == pytest.approx(v, abs=1e-13)
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_springs_and_dampers_fit_every_joint(name: str) -> None:
+    """Forces are gradients of energies, power is what load does; between two bodies momenta are
+    kept.
+    """
+    joint = JOINTS[name]
+    forces = [Spring(0, 2.0), Damper(0, 0.3)]
+    both = Linkage([Link(1.0, [0.1, 0.2, 0.15]), Link(2.0, [0.3, 0.2, 0.25])], [joint], 0.0, forces)
+    q, v = 0.5 * np.random.default_rng(4).normal(size=(2, joint.freedoms))
+    start = both.state(angles={0: q}, rates={0: v})
+    laws = lm.check_system(both, start)
+    assert {laws[law].verdict for law in ("force", "load", "constraints stay")} == {"holds"}
+    moved = run(both, lm.LieRATTLE(), start, 0.02, 5)
+    if joint.second is not None:
+        assert moved.drift()["spatial momentum"].largest < 1e-13
+    assert moved.energy[-1] < moved.energy[0]
+    assert (moved.joint(0).only(Damper).power <= 0.0).all()
+
+
+# ------------------------------------------------------------------ loops
+
+
+LENGTHS = np.array([0.3, 0.9, 0.7])
+ENDS = np.array([[0.0, 0.0, 0.0], [0.15, 0.0, 0.26], [0.94, 0.0, 0.70], [1.0, 0.0, 0.0]])
+
+
+def four_bar(normal: Any = None, ground: float = 1.0) -> tuple[Linkage, np.ndarray]:
+    """Crank, coupler and rocker, with hinges in space at all four joints; the plane may be turned."""
+    low, high = np.outer(LENGTHS, [0.0, 0.0, -0.5]), np.outer(LENGTHS, [0.0, 0.0, 0.5])
+    R = np.array(lm.SO3().exp([0.0, 0.0, 0.0] if normal is None else normal))
+    ends = ENDS * [ground, 1.0, 1.0] @ R.T
+    turn = R @ TURN
+    linkage = Linkage(
+        [Link.rod(x, x, 0.02) for x in LENGTHS],
+        [
+            RevoluteJoint(0, None, low[0], ends[0], TURN, turn, name="crank"),
+            RevoluteJoint(1, 0, low[1], high[0], TURN, TURN, name="pin"),
+            RevoluteJoint(2, 1, high[2], high[1], TURN, TURN, name="rocker pin"),
+            RevoluteJoint(2, None, low[2], ends[3], TURN, turn, name="rocker"),
+        ],
+        forces=[Motor("crank", 0.5), Damper("rocker", 0.1)],
+    )
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, :3, 3] = (ends[1:] + ends[:-1]) / 2
+    for k, pose in enumerate(poses):
+        d = (ends[k + 1] - ends[k]) * (-1.0 if k == 2 else 1.0)
+        d /= np.linalg.norm(d)
+        pose[:3, :3] = np.transpose([np.cross(turn, d), turn, d])
+    return linkage, poses
+
+
+@pytest.mark.parametrize("normal", [None, [0.7, -0.4, 0.2]])
+def test_a_four_bar_of_spatial_hinges_runs(normal: Any) -> None:
+    whole, poses = four_bar(normal)
+    with pytest.raises(lm.errors.InvalidInput, match="rank 17 here; those of joint 'crank', joint"):
+        whole.assembled(poses)
+    linkage = whole.independent(poses)
+    assert len(linkage.dropped) == 3
+    assert all(name.startswith("joint 'rocker': condition ") for name in linkage.dropped)
+    start = linkage.state(angles={"crank": 0.5}, rates={"crank": 2.0}, near=poses)
+    assert np.array(linkage.motion_at(None, "crank").at.angles(start.g)) == pytest.approx(
+        [np.remainder(0.5 + np.pi, 2 * np.pi) - np.pi]
+    )
+    moved = run(linkage, lm.LieRATTLE(), start, 0.01, 20)
+    missed = [np.array(whole.constraint.value(lm.vec(*g.tolist()))) for g in moved.g]
+    assert np.abs(missed).max() < 1e-14  # those that were left out hold too
+    work = moved.joint("crank").work + moved.joint("rocker").work
+    # O(h^2) of a crank that turns at 7 rad/s
+    assert np.abs(moved.energy - moved.energy[0] - work).max() < 5e-3
+    # the loop: the angles of a closed chain add up
+    q = {j: moved.joint(j).angle for j in ("crank", "pin", "rocker pin", "rocker")}
+    around = q["crank"] + q["pin"] + q["rocker pin"] - q["rocker"]
+    assert np.allclose(around, around[0], rtol=0.0, atol=1e-13)
+
+
+def test_a_dead_point_is_told_by_its_joints() -> None:
+    """A parallelogram can fold flat, where it may go on in two ways."""
+    low, high = [0.0, 0.0, -0.5], [0.0, 0.0, 0.5]
+    links = [Link.rod(1.0, 1.0, 0.02)] * 3
+    joints = [
+        RevoluteJoint(0, None, low, [0.0, 0.0, 0.0], TURN, TURN, name="left"),
+        RevoluteJoint(1, 0, low, high, TURN, TURN, name="top left"),
+        RevoluteJoint(2, 1, high, high, TURN, TURN, name="top right"),
+        RevoluteJoint(2, None, low, [1.0, 0.0, 0.0], TURN, TURN, name="right"),
+    ]
+    flat = Linkage(links, joints, 0.0)
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    along = np.transpose([[0.0, 0.0, -1.0], TURN, [1.0, 0.0, 0.0]])
+    poses[:, :3, :3] = along
+    poses[:, 0, 3] = [0.5, 1.5, 1.5]
+    with pytest.raises(lm.errors.InvalidInput, match="dead point"):
+        flat.independent(poses)
+    # a little before, on the way to it
+    angle = 0.3
+    d = np.array([np.sin(angle), 0.0, np.cos(angle)])
+    poses[0, :3, :3] = poses[2, :3, :3] = np.transpose([np.cross(TURN, d), TURN, d])
+    poses[:, :3, 3] = [0.5 * d, d + [0.5, 0.0, 0.0], 0.5 * d + [1.0, 0.0, 0.0]]
+    linkage = flat.independent(poses)
+    start = linkage.state(angles={"left": angle}, rates={"left": 1.0}, near=poses)
+    with pytest.raises(
+        lm.errors.IntegrationFailure, match=r"joint '.*depend on each other"
+    ) as told:
+        run(linkage, lm.LieRATTLE(), start, (np.pi / 2 - angle) / 12.5, 25)
+    assert 10 <= len(told.value.trajectory.t) <= 14
+
+
+# ------------------------------------------------------------------ borders
+
+
+def test_what_does_not_fit_a_joint_is_refused() -> None:
+    links, joints = [Link(1.0, [0.1, 0.1, 0.1])], [RevoluteJoint(0, None, name="door")]
+    for force, message in (
+        (Damper("gate", 0.1), "there is no joint 'gate'; there are 1, numbered from 0, with the names 'door'"),
+        (Damper("door", 0.1, freedom=1), "freedom 1 of joint 'door'; a RevoluteJoint has 1"),
+    ):  # fmt: skip
+        with pytest.raises(lm.errors.InvalidInput, match=message):
+            Linkage(links, joints, forces=[force])
+    with pytest.raises(lm.errors.InvalidInput, match="RigidRod, which has no coordinates"):
+        Linkage(links, [RigidRod(0, None)], forces=[Spring(0, 1.0)])
+    with pytest.raises(lm.errors.InvalidType, match="a Force on the bodies is load="):
+        Linkage(links, joints, forces=[lm.Force()])
+    with pytest.raises(lm.errors.InvalidType, match="load must be a Force"):
+        Linkage(links, joints, load=3.0)
+    with pytest.raises(lm.errors.InvalidInput, match="two of the joints have the name 'door'"):
+        Linkage(links, joints * 2)
+    with pytest.raises(lm.errors.InvalidInput, match="low must be below high"):
+        Stops("door", 1.0, 0.5, 1.0)
+    with pytest.raises(lm.errors.InvalidInput, match="speed must be positive"):
+        DryFriction("door", 1.0, 0.0)
+    with pytest.raises(lm.errors.InvalidInput, match="torque is a number or a PiecewisePolynomial"):
+        Motor("door", np.inf)
+    door = Linkage(links, joints)
+    with pytest.raises(lm.errors.InvalidInput, match=r"angles\['door'\] has shape \(2,\); a Rev"):
+        door.state(angles={"door": [1.0, 2.0]})
+    with pytest.raises(lm.errors.InvalidInput, match="not both"):
+        door.state(np.zeros(6), np.eye(4).ravel(), angles={"door": 1.0})
+    moved = run(door, lm.LieRATTLE(), door.state(angles={"door": 1.0}), 0.1, 2)
+    with pytest.raises(lm.errors.InvalidInput, match="there is no joint 'gate'"):
+        moved.joint("gate")
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    free = lm.integrate(
+        body, lm.RKMK(order=4), body.state([0.1, 0.2, 0.3], np.eye(3)), h=0.1, steps=2
+    )
+    with pytest.raises(lm.errors.InvalidInput, match="has no joints"):
+        free.joint("door")
+
+
+@lm.record
+class Wind(lm.Force):
+    """A push on the first body that grows with time, with drag on both."""
+
+    push: float
+
+    def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
+        return lm.vec(0.0, 0.0, 0.0, self.push * t, *[0.0 for _ in range(8)]) - 0.1 * xi
+
+
+def test_loads_on_bodies_and_forces_at_joints_together() -> None:
+    it = arm()
+    windy = Linkage(it.linkage.links, it.linkage.joints, GRAVITY, it.forces, load=Wind(2.0))
+    start = it.start(*START[2])
+    exact = run(windy, lm.RKMK(order=6), start, 0.02, 5).g[-1]
+    errors = [
+        np.abs(run(windy, lm.LieRATTLE(), start, 0.1 / n, n).g[-1] - exact).max() for n in (4, 8)
+    ]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_forces_at_joints_compile() -> None:
+    it = arm()
+    start = it.start(*START[2])
+    plain, native = (
+        lm.integrate(
+            it.linkage, lm.LieRATTLE(), start, h=0.02, steps=10, compiled=c, progress=False
+        )
+        for c in (False, True)
+    )
+    assert np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)
