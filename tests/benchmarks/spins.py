@@ -3,13 +3,14 @@
     python tests/benchmarks/spins.py [--quick] [--large] [--out FILE]
 
 Figures are nanoseconds of processor time per site and step of whole runs that keep the last state, the
-least of several rounds in turn.  Ours is compensated, as runs are by default, and not ("plain").  C++
+least of several rounds in turn.  Ours is compensated, and not ("plain"), as runs are by default.  C++
 is built with and without contraction of products and sums.
 """
 
 import argparse
 import ctypes
 import functools
+import itertools
 import subprocess
 import tempfile
 import time
@@ -39,19 +40,20 @@ def build(contract: str) -> Any:
     path = Path(tempfile.mkdtemp()) / f"spins-{contract}.so"
     command = ["g++", *FLAGS, f"-ffp-contract={contract}", str(SOURCE), "-o", str(path)]
     subprocess.run(command, check=True)
-    return ctypes.CDLL(str(path)).spins
+    return ctypes.CDLL(str(path))
 
 
 def stepped(
     loop: Any, n: int, cubic: bool, s: np.ndarray, h: float, steps: int, method: Any
 ) -> np.ndarray:
     """The spins after so many steps in C++."""
-    found = s.copy()
-    shares = np.array([share for _, share in method.tableau.sequence(2)])
-    pointer = [ctypes.c_void_p(x.ctypes.data) for x in (found, shares)]
-    loop(
+    found, bonds = s.copy(), isinstance(method, lm.BondSplitting)
+    turns = method.tableau.sequence(6 if bonds and cubic else 2)
+    shares, colours = np.array([share for _, share in turns]), np.array([k for k, _ in turns])
+    pointer = [ctypes.c_void_p(x.ctypes.data) for x in (found, shares, colours)]
+    (loop.bonds if bonds else loop.spins)(
         ctypes.c_long(n), ctypes.c_int(cubic), pointer[0], ctypes.c_double(h), ctypes.c_long(steps),
-        pointer[1], ctypes.c_long(len(shares) - 1),
+        pointer[1], *pointer[2:] * bonds, ctypes.c_long(len(shares) - 1),
     )  # fmt: skip
     return found
 
@@ -92,12 +94,12 @@ def pace(chosen: Any) -> dict[str, Any]:
     for name, lattice, n, cubic in cases:
         system, s = spins_of(lattice)
         start = system.state(mu=s)
-        for order in (2, 4):
-            method, h = lm.SublatticeSplitting(order), 0.05
+        for kind, order in itertools.product((lm.SublatticeSplitting, lm.BondSplitting), (2, 4)):
+            method, h = kind(order), 0.05
             steps = max(50, (1_000_000 if chosen.quick else 4_000_000) // lattice.sites)
             plans = {
                 key: lm.Plan(system, method, h=h, every=steps, compensated=c, progress=False)
-                for key, c in (("ours", None), ("plain", False))
+                for key, c in (("ours", True), ("plain", None))
             }
             ours = plans["plain"].run(start, steps=20).mu[-1]
             theirs = stepped(loops["C++, off"], n, cubic, s, h, 20, method)
@@ -113,10 +115,10 @@ def pace(chosen: Any) -> dict[str, Any]:
                 run()
             times = least(runs, 3 if chosen.quick else 7)
             ns = {key: 1e9 * t / lattice.sites / steps for key, t in times.items()}
-            kept[f"{name}, order {order}"] = ns
-            lines.append([f"{name}, order {order}", *ns.values(), ns["plain"] / ns["C++, off"]])
+            kept[f"{name}, {method!r}"] = ns
+            lines.append([f"{name}, {method!r}", *ns.values(), ns["plain"] / ns["C++, off"]])
     columns = ["", "liemech", "plain", "C++", "contracted", "plain / C++"]
-    table("nanoseconds per site and step of SublatticeSplitting", columns, lines)
+    table("nanoseconds per site and step of splittings", columns, lines)
     return kept
 
 
