@@ -60,6 +60,7 @@ from .groups.se23 import SE23 as SE23
 from .groups.semidirect import SemidirectProduct as SemidirectProduct
 from .groups.sgal3 import SGal3 as SGal3
 from .groups.so3 import SO3 as SO3
+from .groups.species import SpeciesGroup as SpeciesGroup
 from .groups.unit_quaternions import UnitQuaternions as UnitQuaternions
 from .groups.vector_space import VectorSpace as VectorSpace
 from .integrators.adaptive_verlet import AdaptiveVerlet as AdaptiveVerlet

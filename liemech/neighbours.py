@@ -3,6 +3,7 @@
 """
 
 from .systems.graphs import all_pairs as all_pairs
+from .systems.graphs import between as between
 from .systems.graphs import chain as chain
 from .systems.graphs import cubic as cubic
 from .systems.graphs import edges as edges

@@ -9,10 +9,24 @@ from collections.abc import Callable
 from typing import Any
 
 from .errors import NoConvergence
-from .formulas import Mat, Record, Vec, cross, dot, mat, record, solve, solve3, sum, vec, where
+from .formulas import (
+    Mat,
+    Record,
+    Vec,
+    cross,
+    dot,
+    mat,
+    record,
+    solve,
+    solve3,
+    sqrt,
+    sum,
+    vec,
+    where,
+)
 from .formulas.double_double import is_long
 from .formulas.pytree import double_double, layout_of, rounded
-from .formulas.sites import repeated
+from .formulas.sites import repeated, total
 from .formulas.sizes import EPSILON
 from .formulas.vectors import Vec as SmallVec
 
@@ -39,6 +53,9 @@ what cancelled there.
 LIMIT = 50
 """Iterations after which a step is declared unsolvable; a good step needs two or three."""
 
+SWEEPS = 100
+"""Sweeps over all sites after which a step is declared unsolvable: each gains as much as the last."""
+
 
 def newton(
     equation: Callable[[Vec], tuple[Vec, Mat, float]],
@@ -48,6 +65,7 @@ def newton(
     tolerance: float = TOLERANCE,
     solved: Callable[[Mat, Vec], Vec] | None = None,
     weights: Vec | None = None,
+    coupled: bool = False,
 ) -> tuple[Vec, float, float, bool]:
     """The root of an equation: its residual is tested against the data, and the correction that it
     asks for applied once more.
@@ -58,11 +76,14 @@ def newton(
     fewer digits.
     solved : the solution of a linear system, if `correction` is not the best way to it.
     weights : of the residuals where they are tested; None: all are one.
+    coupled : is it the equation of one of many sites, which asks the others?  Then all are `swept`.
     In numbers of two doubles it is found to 16 digits first, and then `refined`, by a derivative
     that is not exact `iterated`.
     Returns x, |r|^2 at the last test, what it had to reach (w tolerance^2 data, else x is no root),
     and whether x is `beyond_fold`.
     """
+    if coupled:
+        return swept(equation, guess, data, solved)
     x, goal = guess, tolerance * tolerance * data
     long = is_long(guess[0])
     if long:
@@ -86,6 +107,37 @@ def newton(
             else iterated(equation, x, EPSILON * EPSILON * goal, solved)
         )
     return x, size, enough, folded
+
+
+def swept(
+    equation: Callable[[Vec], tuple[Vec, Mat, float]],
+    guess: Vec,
+    data: float,
+    solved: Callable[[Mat, Vec], Vec] | None = None,
+) -> tuple[Vec, float, float, bool]:
+    """The roots of the equations of all sites: again and again each takes the correction that its
+    own derivative asks for, with the others where they are, until the residuals do no more than
+    rounding does.
+
+    The arguments and results are those of `newton`; residuals are relative to the data of each
+    site, and the mean of their squares over all sites is tested.
+    """
+
+    count = total(1.0)
+
+    def sweep(x: Vec) -> tuple[Vec, float]:
+        r, jacobian, weight = equation(x)
+        scale = weight * data
+        off = where(scale > 0.0, dot(r, r) / where(scale > 0.0, scale, 1.0), 0.0)
+        return x - _asked(solved, jacobian, r), off
+
+    def judge(before: Settling, off: float) -> tuple[Settling, bool]:
+        now = before.after(sqrt(off / count), 1.0, EPSILON, NOISE)
+        return now, now.done or not now.change < math.inf
+
+    x, end = repeated(sweep, guess, judge, Settling(), SWEEPS)
+    size = end.change * end.change
+    return x, size, where(end.done, size, 4096.0 * EPSILON * EPSILON), False
 
 
 def refined(

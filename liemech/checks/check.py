@@ -33,7 +33,7 @@ from .method_claims import Trial, claims
 from .places import Place
 from .report import Finding, Observation, Report, finished, require
 from .sample_points import At, sample_points
-from .sample_states import members, pace, sample_states
+from .sample_states import at_times, members, pace, sample_states
 from .special_points import SPECIAL
 from .system_laws import RUNS, laws_of
 
@@ -184,7 +184,9 @@ def check_method(
     rho : a function of a state that turns the motion back, rho f(y) = -f(rho y), such as
     `lambda s: system.state(s.q, -s.p)`; left out, momenta are reversed, where that is one.
     h : a large step, in s; the order is observed over the time h, in more and more steps.  Left
-    out, it is 3/2 of the time in which the start changes by its own size or turns by a radian.
+    out, it is 3/2 of the time in which the start changes by its own size or turns by a radian, or
+    half of it and so on where the motion ends before.
+    The start is at t = 0, or where a table has no value then, within it.
     keeps : names of constants that the method claims to keep to rounding, such as "spatial
     momentum"; beginnings of names will do.
     native : make three steps in native code too, and compare them bit by bit with plain Python.
@@ -212,7 +214,8 @@ def check_method(
     place = Place("the start", method, system, start, 0.0, compiled)
     method.require(place.whole)
     base = place.base
-    speed = pace(base, 0.0, start)
+    place = dataclasses.replace(place, t0=at_times("", base, start, (0.0,))[0].t)
+    speed = pace(base, place.t0, start)
     if not math.isfinite(speed) or (speed == 0.0 and h is None):
         raise InvalidInput(
             "check_method: the start is at rest, which tells "
@@ -252,7 +255,8 @@ def _claims(
             )
         if not math.isfinite(time) or time == 0.0:
             raise InvalidInput(f"check_method: h must be finite and not zero; got {time:g}")
-        given = [*claims(Trial(method, system, start, time, place.compiled), keeps, native)]
+        trial = Trial(method, system, start, time, place.compiled, place.t0)
+        given = [*claims(trial if h is not None else trial.within, keeps, native)]
     around = {seen.law: seen for seen in look_around(place, keeps, rho)}
     for seen in given:
         other = around.pop(seen.law, seen)

@@ -7,6 +7,7 @@ method errs visibly.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import warnings
 from collections.abc import Iterator
@@ -66,10 +67,13 @@ SOONER = 16.0
 WAY = 12
 """Steps there, and back again."""
 
+HALVINGS = 12
+"""How often a time is halved beyond which the motion does not go."""
+
 
 @dataclass(frozen=True)
 class Trial:
-    """A method on a system from a start, over a time."""
+    """A method on a system from a start at t0, over a time."""
 
     weights: ClassVar[tuple[float, ...]] = CENTRAL
 
@@ -78,6 +82,7 @@ class Trial:
     start: Any
     time: float
     compiled: bool | None
+    t0: float = 0.0
 
     def run(
         self,
@@ -85,7 +90,7 @@ class Trial:
         h: float,
         start: Any = None,
         method: Any = None,
-        t0: float = 0.0,
+        elapsed: float = 0.0,
         compensated: bool = False,
     ) -> Any:
         """The trajectory of some steps; raises what `integrate` raises."""
@@ -97,7 +102,7 @@ class Trial:
                 self.start if start is None else start,
                 h=h,
                 steps=steps,
-                t0=t0,
+                t0=self.t0 + elapsed,
                 compiled=self.compiled,
                 compensated=compensated,
                 progress=False,
@@ -128,6 +133,17 @@ class Trial:
             lambda n: self.end(n, RKMK(order=8)), 32, self.distances, 64.0 * ROUNDING
         )
         return found, max(*doubts.values(), 16.0 * ROUNDING)
+
+    @property
+    def within(self) -> Trial:
+        """The trial over a time in which the motion does not end, at a singularity or with a table."""
+        trial = self
+        for _ in range(HALVINGS):
+            with contextlib.suppress(IntegrationFailure):
+                trial.exact  # noqa: B018
+                return trial
+            trial = replace(trial, time=0.5 * trial.time)
+        return self
 
     @cached_property
     def sizes(self) -> dict[str, float]:
@@ -209,15 +225,14 @@ class Trial:
         """The largest step with an error that is no nonsense, a run with it, and one back from its
         end.
         """
-        for n, error in self.errors:
+        least = self.errors[-1][0] if self.errors else COUNTS[-1]
+        sensible = [n for n, e in self.errors if max(e.values()) <= VISIBLE or n == least]
+        for n in [*sensible, *(n for n in COUNTS if n > least)]:
             h = self.time / n
-            if max(error.values()) <= VISIBLE or n == self.errors[-1][0]:
-                try:
-                    there = self.run(WAY, h)
-                    return h, there, self.run(WAY, -h, self.at(ended(there)), t0=WAY * h)
-                # the step left where the system is defined
-                except (IntegrationFailure, InvalidInput):
-                    continue
+            # the steps may leave where the system is defined
+            with contextlib.suppress(IntegrationFailure, InvalidInput):
+                there = self.run(WAY, h)
+                return h, there, self.run(WAY, -h, self.at(ended(there)), elapsed=WAY * h)
         raise InvalidInput(
             f"check_method: {self.method!r} made no sensible step "
             f"on {self.system!r}; give a smaller h"
@@ -294,7 +309,7 @@ def way_back(trial: Trial) -> Observation:
     if claimed and defect > EXACT * ROUNDING:
         try:
             there = trial.run(WAY, h, compensated=True)
-            back = trial.run(WAY, -h, trial.at(ended(there)), t0=WAY * h, compensated=True)
+            back = trial.run(WAY, -h, trial.at(ended(there)), elapsed=WAY * h, compensated=True)
             if defect <= GROWN * max(trial.distances(ended(back), home).values()):
                 defect = 0.0
         except (IntegrationFailure, InvalidInput):
@@ -365,10 +380,7 @@ def native_code(trial: Trial) -> Observation:
     formula = "the same bits as plain Python"
     if reason:
         return Observation("native code", formula, "not there", remark=reason)
-    runs = [
-        Trial(trial.method, trial.system, trial.start, trial.time, compiled).run(3, trial.h)
-        for compiled in (True, False)
-    ]
+    runs = [replace(trial, compiled=compiled).run(3, trial.h) for compiled in (True, False)]
     a, b = (ended(run) for run in runs)
     same = all(np.array_equal(a[name], b[name]) for name in a)
     observed = "the same" if same else f"different by {max(trial.distances(a, b).values()):.1e}"

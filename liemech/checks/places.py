@@ -8,6 +8,7 @@ where steps are those of a fictive time.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -240,12 +241,12 @@ def places(first: Place) -> Iterator[Place]:
     yield first
     base = first.base
     if knows_time(base):
-        yield replace(first, name="the start, late", t0=LATE[1])
+        yield from filter(_serves, [replace(first, name="the start, late", t0=first.t0 + LATE[1])])
     starts = [*_others(base, first.start)]
     for i, (name, state) in enumerate(starts):
-        place = replace(first, name=name, start=state, t0=LATE[(i + 1) % len(LATE)])
-        if _serves(place):
-            yield place
+        late = first.t0 + LATE[(i + 1) % len(LATE)]
+        there = (replace(first, name=name, start=state, t0=t) for t in (late, first.t0))
+        yield from itertools.islice(filter(_serves, there), 1)
 
 
 def _serves(place: Place) -> bool:
@@ -262,7 +263,13 @@ def _serves(place: Place) -> bool:
         return False
 
 
-FACTORS = ("turned back", -1.0), ("larger", 5.0), ("smaller", 0.2), ("much larger", 40.0)
+FACTORS = (
+    ("turned back", -1.0),
+    ("larger", 5.0),
+    ("smaller", 0.2),
+    ("much larger", 40.0),
+    ("much larger, turned", -40.0),
+)
 """Names of other starts, and the factors of the components of the start."""
 
 

@@ -147,7 +147,7 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
         return [
             place
             for i, state in enumerate(members(states))
-            for place in _at_times(f"state {i}", system, state, times)
+            for place in at_times(f"state {i}", system, state, times)
         ]
     rng, reason = generator("check_system", seed), ""
     drawn = rng.bit_generator.state
@@ -157,7 +157,7 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
             if large < 0.0:
                 rng.bit_generator.state = drawn
             name, drawn = named(large), rng.bit_generator.state
-            at = _at_times(name, system, random_state(system, rng, large), (t,))[0]
+            at = at_times(name, system, random_state(system, rng, large), (t,))[0]
             undefined = why_undefined(at)
             found += [] if undefined else [at]
             reason = undefined or reason
@@ -169,7 +169,7 @@ def sample_states(system: System, states: State | None, seed: int) -> list[AtSta
     return found
 
 
-def _at_times(name: str, system: Any, state: Any, times: tuple[float, ...]) -> list[AtState]:
+def at_times(name: str, system: Any, state: Any, times: tuple[float, ...]) -> list[AtState]:
     """A given state at the times at which the system is defined, those of its tables too; where it
     never is, for the laws to tell, at the first one.
     """

@@ -29,6 +29,7 @@ import numpy as np
 from ..errors import InvalidInput, NotCompilable, NotCompiledWarning, warn
 from ..formulas.batches import MEMBERSHIP, Batch, row_of
 from ..formulas.complex_numbers import Complex
+from ..formulas.frozen import frozen
 from ..formulas.pytree import NUMBER, Layout, is_any_number, layout_of, leaves, vector_layout
 from ..formulas.sums import total as total_of
 from ..formulas.vectors import Mat, Vec, vec
@@ -206,7 +207,7 @@ class Values:
 # ------------------------------------------------------------------ native code for a batch
 
 
-@dataclasses.dataclass(frozen=True)
+@frozen
 class Job:
     """The key and the arguments of native code for a batch: the driver's arguments that are no arrays, and the
     parts of a result.

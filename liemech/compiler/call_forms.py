@@ -85,7 +85,7 @@ class CallForms:
             places[id(x)] = len(parts)
             parts.append(x)
             inside = inside or isinstance(x, (Vec, Mat, *PAIRS))
-            kind = layout_of(x, is_any_number).detail if isinstance(x, PAIRS) else type(x)
+            kind = x.form if isinstance(x, PAIRS) else type(x)
             return kind, tuple([form(y, inside, general) for y in _parts(x)])
 
         try:

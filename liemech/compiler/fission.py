@@ -25,13 +25,15 @@ class Pass:
     """One loop over sites.
 
     index : of the first site at hand.  body : the block with which a turn begins.  left : the one to
-    which control goes behind it if the step is given up.
+    which control goes behind it if the step is given up.  paired : do sites meet others in it?
     """
 
     left: ir.Block | None = None
 
-    def __init__(self, b: ir.IRBuilder, begin: ir.Value, end: ir.Value) -> None:
-        self.function, self.before = b.function, b.block
+    def __init__(
+        self, b: ir.IRBuilder, begin: ir.Value, end: ir.Value, paired: bool = False
+    ) -> None:
+        self.function, self.before, self.paired = b.function, b.block, paired
         self.start = len(b.function.blocks)
         self.head = b.append_basic_block()
         b.branch(self.head)
@@ -85,6 +87,7 @@ class Fission:
         self.fixed: set[ir.Value] = set()
         self.derived: set[ir.Value] = set()
         self.row: dict[ir.Value, int] = {}
+        self.places: dict[int, ir.Value] = {}
         self.made: dict[tuple[ir.Value, int], ir.Value] = {}
 
     def divide(self) -> int:
@@ -156,6 +159,8 @@ class Fission:
         for i, q in self.at.items():
             for x in used(i):
                 if self.at.get(x, q) < q:
+                    if self.passes[q].paired:
+                        raise NotCompilable("a formula of pairs asks for numbers of one site alone")
                     uses.setdefault(x, set()).add(q)
         return uses
 
@@ -217,16 +222,20 @@ class Fission:
         b = self.b
         if x.type not in (F64, self.e.type("f", self.e.lanes > 1)):
             return self._other(q, x, value)
-        self.scratch.body = self.passes[q].index
-        at = b.add(
-            b.mul(ir.Constant(I64, self.first + self.row[x]), self.scratch.step),
-            self.passes[q].index,
-        )
-        place = self.scratch.after(self.scratch.pointer, at)
+        place = self.scratch.after(self._begins(self.row[x]), self.passes[q].index)
         place = b.bitcast(place, x.type.as_pointer())
         if value is not None:
             return b.store(value, place, align=8)
         return b.load(place, align=8, typ=x.type)
+
+    def _begins(self, row: int) -> ir.Value:
+        """Where a row begins, found once, before the first pass."""
+        if row not in self.places:
+            b, here = self.b, (self.b._block, self.b._anchor)
+            b.position_before(self.passes[0].before.terminator)
+            self.places[row] = self.scratch.at(self.e.num([ir.Constant(I64, self.first + row)]))
+            b._block, b._anchor = here
+        return self.places[row]
 
     def _other(self, q: int, x: ir.Value, value: ir.Value | None) -> ir.Value:
         raise NotCompilable(

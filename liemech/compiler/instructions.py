@@ -13,7 +13,7 @@ from llvmlite import ir
 
 from ..errors import NotCompilable
 
-LIMIT = 100_000
+LIMIT = 80_000
 """Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
 
 SIDE_BY_SIDE = 9000

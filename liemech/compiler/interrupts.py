@@ -13,7 +13,6 @@ import functools
 import os
 import threading
 from collections.abc import Callable, Sequence
-from concurrent import futures
 from typing import Any
 
 THREAD = f"i{8 * ctypes.sizeof(ctypes.c_ulong)}"
@@ -129,6 +128,8 @@ def in_threads(works: Sequence[Callable[[], Any]], pool: Any) -> None:
         for other in others:
             other.result()
     except BaseException:
+        from concurrent import futures
+
         give_up(event)
         futures.wait(others)
         raise

@@ -12,9 +12,7 @@ from __future__ import annotations
 import collections
 import contextlib
 import ctypes
-import dataclasses
 import functools
-import hashlib
 import os
 import struct
 import sys
@@ -26,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
+from ..formulas.frozen import frozen
 from ..formulas.pytree import Layout, gatherer, layout_of, leaves
 from . import driver, guard_words, interrupts
 from .gc_pause import gc_paused
@@ -45,21 +44,21 @@ VARIANTS = 8
 """Kernels kept for one driver and layout while globals, helpers, ... change."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Columns:
     """An array of numbers, (..., bodies): each body has a column.  So is an array that says nothing."""
 
     array: np.ndarray
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Shared:
     """An array of numbers that all bodies share."""
 
     array: np.ndarray
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Rows:
     """An array, real or complex, of which each body has a row: they need not be next to each other,
     and may be all the same.
@@ -73,7 +72,7 @@ class Rows:
         return self.array.strides[0] // 8
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Several:
     """An argument of which every body has its own value.
 
@@ -358,6 +357,8 @@ def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str 
     """Where a kernel lies on disk: for what it is made, by which compiler and Python, for which
     processor.
     """
+    import hashlib
+
     from . import cache, content_hashes, llvm
 
     own = cache.own_source()

@@ -128,9 +128,18 @@ def _optimised(text: str) -> Any:
     passes = llvm.create_pass_builder(_target(), tuning)
     copying = llvm.create_new_module_pass_manager()
     copying.add_always_inliner_pass()
-    copying.run(module, passes)
-    passes.getModulePassManager().run(module, passes)
+    for manager in (copying, passes.getModulePassManager()):
+        manager.run(module, passes)
+        _released(manager)
     return module
+
+
+def _released(manager: Any) -> None:
+    """Free the passes of a manager, and the tables of what they have seen: of llvmlite's classes the
+    one whose `_dispose` does nothing comes first, so that nobody else does.
+    """
+    llvm.newpassmanagers.NewPassManager._dispose(manager)
+    manager.detach()
 
 
 def size(text: str) -> int:

@@ -4,18 +4,18 @@ one system has a place in every row of numbers.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from ..formulas.frozen import frozen
 from ..formulas.pytree import Layout
 from ..formulas.sites import each_site, padded, present_site, some_sites
 from .driver import read, write
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Planes:
     """Numbers of all sites of one system: number k of site i is array[k, i].
 

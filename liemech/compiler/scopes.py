@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from ..errors import NotCompilable
+from ..formulas.frozen import frozen
 from .source import Source
 
 if TYPE_CHECKING:
@@ -86,7 +87,7 @@ class Frame:
         return {name: env[name] for name in (*names, *map(has, names)) if name in env}
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+@frozen(eq=False, repr=False)
 class Closure:
     """A function inside a formula: a `lambda` or a `def`, and the frame whose variables it sees."""
 

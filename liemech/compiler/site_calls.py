@@ -68,8 +68,8 @@ class SiteCalls:
             interrupts.in_threads(works, pool)
 
 
-SHARE = 2**11
-"""Sites that are worth a thread."""
+SHARE = 2**14
+"""Sites that are worth a thread: some 20 us of a pass, where threads wait for each other for one or two."""
 
 WORDS = 8
 """Integers that threads share at their barriers; the last one says how many rows of scratch memory

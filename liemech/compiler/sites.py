@@ -17,16 +17,26 @@ from llvmlite import ir
 
 from ..errors import NotCompilable
 from ..formulas import sites as words
-from ..formulas.pytree import Layout, build, carried_layout, is_any_number, layout_of, leaves
-from ..formulas.sites import TOGETHER, Meeting, SiteArray, SiteTable
+from ..formulas.pytree import (
+    Layout,
+    as_others_see,
+    build,
+    carried_layout,
+    is_any_number,
+    layout_of,
+    leaves,
+)
+from ..formulas.sites import EIGHT, TOGETHER, Meeting, SiteArray, SiteTable
 from ..formulas.vectors import Vec
 from . import planes as driver
+from . import rounds
 from .arrays import vector
 from .barriers import GIVEN_UP, barrier
 from .buffers import SiteRows, unchanged
-from .fission import Pass, divided
+from .fission import CHEAP, Pass, divided
 from .ir_numbers import F64, I32, I64, Num
 from .joins import Open, come_from
+from .rounds import Rounds
 
 ROWS = 7
 """The place among the words of a crew where the number of rows of scratch memory is."""
@@ -39,9 +49,10 @@ class Over:
     passes : the loops that it has become so far.  sites : the rows of the driver.  region : the
     branches and loops around it.  again : instructions that load what does not change, and may do
     so in any pass.  came : by the registers of a number, the row of the sites that it was loaded
-    from.  published : numbers of the largest value published.  attempts : around it.  where :
+    from.  published : numbers of the largest value published.  met : the last of these values.  attempts : around it.  where :
     a place for the first site that has failed.  range : of the sites that move while others rest;
-    None: all of them move.  loops : the first and the last pass of loops around passes.
+    None: all of them move.  loops : the first and the last pass of loops around passes.  meetings :
+    how many there have been.
     """
 
     sites: SiteRows
@@ -53,20 +64,60 @@ class Over:
     again: set[ir.Value] = dataclasses.field(default_factory=set)
     came: dict[Any, Any] = dataclasses.field(default_factory=dict)
     published: int = 0
+    met: Published | None = None
     where: Any = None
     saved: bool = False
+    meetings: int = 0
 
 
 @dataclasses.dataclass(eq=False)
 class Published:
     """The rows where the numbers of a published value lie.
 
-    meeting : how many passes there were then; None if the rows stay as they are.
+    meeting : its number; None if the rows stay as they are.  passes : how many there were then.
+    numbers : what was published.  gathered : what this site has found already, by the table and the
+    entry.
     """
 
     layout: Layout
     rows: list[tuple[SiteRows, Any]]
     meeting: int | None
+    passes: int = 0
+    numbers: list[Any] = dataclasses.field(default_factory=list)
+    gathered: dict[Any, Any] = dataclasses.field(default_factory=dict)
+
+
+def alike(some: list[Any], others: list[Any]) -> bool:
+    """Do numbers come from the same instructions?"""
+    known: set[tuple[ir.Value, ir.Value]] = set()
+    return all(
+        x is y
+        or (
+            isinstance(x, Num)
+            and isinstance(y, Num)
+            and len(x.values) == len(y.values)
+            and all(_alike(a, b, known) for a, b in zip(x.values, y.values))
+        )
+        for x, y in zip(some, others, strict=True)
+    )
+
+
+def _alike(x: ir.Value, y: ir.Value, known: set[tuple[ir.Value, ir.Value]]) -> bool:
+    if x is y or (x, y) in known:
+        return True
+    if not isinstance(x, ir.Instruction) or type(x) is not type(y):
+        return isinstance(x, ir.Constant) and str(x) == str(y)
+    pure = x.opname in (*CHEAP, "fdiv", "fcmp", "select") or (
+        x.opname == "call" and x.callee is y.callee and x.callee.name.startswith("llvm.")
+    )
+    if not pure or any(
+        getattr(x, n, None) != getattr(y, n, None) for n in ("opname", "op", "flags")
+    ):
+        return False
+    if not all(_alike(a, b, known) for a, b in zip(x.operands, y.operands, strict=True)):
+        return False
+    known.add((x, y))
+    return True
 
 
 class SiteLoops:
@@ -83,6 +134,7 @@ class SiteLoops:
     def __init__(self, translator: Any, lanes: int, width: int) -> None:
         self.t, self.e, self.b = translator, translator.emitter, translator.builder
         self.lanes, self.width, self.rows, self.lasting = lanes, width, 0, 0
+        self.paired: dict[int, int] = {}
         self.kernel = self.b.function
         self.intrinsics: dict[Any, Callable[..., Any]] = {
             driver.each: self.each,
@@ -92,12 +144,17 @@ class SiteLoops:
             words.meet: self.meet,
             words.own: self.own,
             words.total: self.total,
+            words.mean: self.mean,
             words.repeated: self.repeated,
             words.rows_in: self.rows_in,
-            words.together: self.together,
-            words.is_site: self.is_site,
+            rounds.seen: self.seen,
+            rounds.apart: self.apart,
+            rounds.turned: self.turned,
+            rounds.sums: self.sums,
+            rounds.keep: self.keep,
             Meeting.of: self.of,
             Meeting.at: self.at,
+            Meeting.pairs: self.pairs,
         }
 
     # -------------------------------------------------------------- the loop
@@ -137,16 +194,20 @@ class SiteLoops:
         t.fail_if(failed)
 
     def _open(self) -> None:
-        """Begin a pass over the sites of this thread."""
+        """Begin a pass over the sites of this thread: of a range the same share as of all."""
         b, over = self.b, self.t.state.over
         begin, end = b.function.args[4:6]
         if over.range is not None:
-            first, last = over.range
-            begin = b.select(b.icmp_signed(">", first, begin), first, begin)
-            end = b.select(b.icmp_signed("<", last, end), last, end)
+            (first, last), count = over.range, over.sites.count.value
+            groups = b.sdiv(b.sub(last, first), I64(TOGETHER))
+
+            def share(place: ir.Value) -> ir.Value:
+                return b.add(first, b.mul(b.sdiv(b.mul(groups, place), count), I64(TOGETHER)))
+
+            begin, end = share(begin), share(end)
         over.passes.append(Pass(b, begin, end))
 
-    def _close(self) -> None:
+    def _close(self, lanes: int | None = None) -> None:
         """End a pass; where the first site has failed is written down."""
         b, state = self.b, self.t.state
         over, here = state.over, state.over.passes[-1]
@@ -156,7 +217,7 @@ class SiteLoops:
                 self.e.any(self.e.load(state.failed)).value, b.icmp_signed("<", before, I64(0))
             )
             b.store(b.select(failed, here.index, before), over.where)
-        here.close(b, self.lanes)
+        here.close(b, lanes or self.lanes)
 
     def _wait(self, flags: ir.Value) -> ir.Value:
         """Wait for the other threads; what all of them say."""
@@ -218,11 +279,11 @@ class SiteLoops:
         """Value number k of a site."""
         over, start = self._over("load"), sites.start(k, layout)
         sites.body = over.passes[-1].index
-        first, numbers = sites.first(start), []
+        first, row, numbers = sites.first(start), self.e.cast(start, "i", False)[0], []
         for i, kind in enumerate(layout.kinds):
             x = sites.load(first, i)
             over.again |= {*x.values}
-            over.came[x.values] = sites, start + i
+            over.came[x.values] = sites, self.e.num([self.b.add(row, I64(i))])
             numbers.append(sites._found(x, kind))
         return build(layout, iter(numbers))
 
@@ -235,10 +296,19 @@ class SiteLoops:
     # -------------------------------------------------------------- the words of formulas
 
     def meet(self, value: Any) -> Meeting:
-        """Publish a value: in rows of its own, unless it lies in rows that stay as they are."""
-        over, value = self._meeting("meet"), vector(value)
+        """Publish a value: in rows of its own, unless it lies in rows that stay as they are, or was
+        published last.
+        """
+        over, value = self._meeting("meet"), vector(as_others_see(value))
         layout = carried_layout(value)
         numbers = leaves(value, layout)
+        last = over.met
+        if (
+            last is not None
+            and (last.passes, last.layout) == (len(over.passes), layout)
+            and alike(last.numbers, numbers)
+        ):
+            return Meeting(last, None)
         came: list[Any] = [over.came.get(x.values) if isinstance(x, Num) else None for x in numbers]
         if numbers and all(came):
             return Meeting(Published(layout, came, None), None)
@@ -249,20 +319,30 @@ class SiteLoops:
         )
         self._pass_on()
         self._open()
-        return Meeting(Published(layout, rows, len(over.passes)), None)
+        over.met = Published(layout, rows, over.meetings, len(over.passes), numbers)
+        return Meeting(over.met, None)
 
     def _publish(self, over: Over, numbers: list[Any]) -> list[tuple[SiteRows, Any]]:
         """Store numbers where others find them; the rows of two meetings in turn are others."""
-        turn, self.scratch.body = len(over.passes) % 2, over.passes[-1].index
+        over.meetings += 1
+        turn, self.scratch.body = over.meetings % 2, over.passes[-1].index
         over.published = max(over.published, len(numbers))
         for k, x in enumerate(numbers):
             self.scratch.store(self.scratch.first(2 * k + turn), 0, x)
         return [(self.scratch, 2 * k + turn) for k in range(len(numbers))]
 
     def of(self, meeting: Meeting, table: SiteTable, d: Any) -> Any:
-        """What a neighbour has published, gathered lane by lane."""
-        which = self._entries(table, d, "i")
-        return self._published(meeting, lambda rows: self._gathered(rows, which))
+        """What a neighbour has published, gathered lane by lane, once."""
+        gathered, t = meeting.published.gathered, self.t
+        lasts = type(d) is int and t.state.region == self._over("Meeting").region
+        key = t.emitter.cast(table.entries.place, "f", False)[0], d
+        if not (lasts and key in gathered):
+            which = self._entries(table, d, "i")
+            found = self._published(meeting, lambda rows: self._gathered(rows, which))
+            if not lasts:
+                return found
+            gathered[key] = found
+        return gathered[key]
 
     def at(self, meeting: Meeting, j: Any) -> Any:
         """What one site has published, for all that ask."""
@@ -277,12 +357,121 @@ class SiteLoops:
 
     def _published(self, meeting: Meeting, numbers_of: Callable[..., list[Num]]) -> Any:
         """A published value, its numbers from their rows."""
-        over, published = self._over("Meeting"), meeting.published
-        if published.meeting not in (None, len(over.passes)):
+        over, published = self.t.state.over, meeting.published
+        if published.meeting not in (None, over.meetings):
             raise NotCompilable("what sites have published is asked for before they meet again")
         numbers = numbers_of(published.rows)
         found = (self.scratch._found(x, k) for x, k in zip(numbers, published.layout.kinds))
         return build(published.layout, found)
+
+    # -------------------------------------------------------------- all pairs
+
+    def pairs(self, meeting: Meeting, formula: Any, start: Any) -> Any:
+        """Sums over all pairs, each of which is taken once: a pass of its own over eights of sites, of
+        which each meets itself and those behind it.  The sums lie in memory.
+
+        A thread takes the pairs of its sites, those with sites of others as well, and keeps what its own
+        get.
+        """
+        t, e, b, state = self.t, self.e, self.b, self.t.state
+        over, start = self._meeting("pairs"), vector(start)
+        layout = carried_layout(start)
+        if over.range is not None or {*layout.kinds} - {"number"}:
+            raise NotCompilable("sums over all pairs of what is no float, or of some sites only")
+        first = self.paired.setdefault(layout.width, self.lasting)
+        self.lasting = max(self.lasting, first + layout.width)
+        self._keep(self._last(first, layout.width), leaves(start, layout))
+        self._close()
+        begin, end = b.function.args[4:6]
+        failed, raises = state.failed, state.raises
+        with e.side_by_side(EIGHT, self.width):
+            state.failed, state.raises = e.slot(), 0
+            e.store(False, state.failed)
+            over.passes.append(Pass(b, I64(0), end, paired=True))
+            i = over.passes[-1].index
+            own = b.icmp_signed("<=", begin, i)
+            from_, to = b.select(own, i, begin), b.select(own, over.sites.count.value, end)
+            given = [e.num([v]) for v in (i, from_, to, begin, end, I64(EIGHT))]
+            sums = Rounds(meeting, self._last(first, layout.width), layout)
+            t.inline(rounds.of_eight, (sums, formula, *given), {})
+            self._close(EIGHT)
+            found, more = e.any(e.load(state.failed)), state.raises
+            state.failed, state.raises = failed, raises + more
+        if more:
+            e.store(e.logic("or_", e.load(failed), found), failed)
+        self._open()
+        return build(layout, iter(self._kept(self._last(first, layout.width))))
+
+    def seen(self, pairs: Rounds, j: Any) -> Any:
+        """What eight sites have published, from site j on."""
+        place = self.e.cast(j, "i", False)[0]
+        return self._published(
+            pairs.meeting,
+            lambda rows: [self.e.num(self._eight(r.after(r.at(k), place))) for r, k in rows],
+        )
+
+    def sums(self, pairs: Rounds, j: Any) -> Any:
+        """What eight sites have got so far."""
+        numbers = [self.e.num(self._eight(place)) for place in self._sums(pairs, j)]
+        return build(pairs.layout, iter(numbers))
+
+    def keep(self, pairs: Rounds, j: Any, value: Any) -> None:
+        """Set what eight sites have got."""
+        for place, x in zip(self._sums(pairs, j), leaves(value, pairs.layout), strict=True):
+            self._eight(place, self.e.cast(x, "f", True))
+
+    def _sums(self, pairs: Rounds, j: Any) -> list[ir.Value]:
+        """Where the sums of a site lie."""
+        at = self.e.cast(j, "i", False)[0]
+        return [self.scratch.after(self.scratch.at(row), at) for row in pairs.rows]
+
+    def _eight(self, place: ir.Value, values: Any = None) -> list[ir.Value]:
+        """Eight numbers from this place on, which are loaded or set."""
+        e, b = self.e, self.b
+        type_, found = e.type("f", True), []
+        for r in range(e.registers(True)):
+            at = b.bitcast(self.scratch.after(place, r * e.width), type_.as_pointer())
+            if values is None:
+                found.append(b.load(at, align=8, typ=type_))
+            else:
+                b.store(values[r], at, align=8)
+        return found
+
+    def turned(self, value: Any) -> Any:
+        """Numbers of eight sites, each in the place before its own, the first one in the last."""
+        e, b = self.e, self.b
+        layout = carried_layout(value)
+
+        def turn(x: Num) -> Num:
+            v, n, width = x.values, len(x.values), e.width
+            places = ir.Constant(ir.VectorType(I32, width), [*range(1, width + 1)])
+            return e.num([b.shuffle_vector(v[r], v[(r + 1) % n], places) for r in range(n)])
+
+        numbers = [
+            turn(x) if isinstance(x, Num) and x.varying else x for x in leaves(value, layout)
+        ]
+        return build(layout, iter(numbers))
+
+    def apart(self, i: Any, j: Any, turn: Any) -> Num:
+        """Which of eight sites from i on meet another one, of eight from j on that have been turned so
+        often?
+        """
+        e, b, count = self.e, self.b, self.t.state.over.sites.count.value
+        first, second, turns = (e.cast(x, "i", False)[0] for x in (i, j, turn))
+        other = b.icmp_signed("!=", b.or_(b.xor(first, second), turns), I64(0))
+        found = []
+        for r in range(0, EIGHT, e.width):
+            type_ = ir.VectorType(I64, e.width)
+            lanes = ir.Constant(type_, [*range(r, r + e.width)])
+            place = b.and_(
+                b.add(lanes, e.spread(turns, e.width)), ir.Constant(type_, [EIGHT - 1] * e.width)
+            )
+            there = [
+                b.icmp_signed("<", x, e.spread(b.sub(count, y), e.width))
+                for x, y in ((lanes, first), (place, second))
+            ]
+            found.append(b.and_(b.and_(*there), e.spread(other, e.width)))
+        return e.num(found)
 
     def rows_in(self, table: SiteTable) -> Any:
         """How many entries a site has in a table."""
@@ -292,31 +481,6 @@ class SiteLoops:
         """A whole number that came as a float."""
         e = self.e
         return e.each(lambda v: self.b.fptosi(v, I64), e.cast(x, "f", False))
-
-    def together(self) -> tuple[Num, Num, Num]:
-        """The first of the sites at hand, the one after the last, and how many there are."""
-        e, over, b = self.e, self._over("together"), self.b
-        count, first = over.sites.count.value, over.passes[-1].index
-        last = b.add(first, I64(self.lanes))
-        end = b.select(b.icmp_signed("<", last, count), last, count)
-        alone = b.icmp_signed("==", count, I64(1))
-        places = [e.num([b.select(alone, I64(0), v)]) for v in (first, end, count)]
-        return places[0], places[1], places[2]
-
-    def is_site(self, j: Any) -> Num:
-        """Which of the lanes are site j?  Those behind the last site are that one."""
-        e, b, over = self.e, self.b, self._over("is_site")
-        place, first = e.cast(j, "i", False)[0], over.passes[-1].index
-        last = b.sub(over.sites.count.value, I64(1))
-        if e.lanes == 1:
-            return e.num([b.icmp_signed("==", first, place)])
-        found = []
-        for r in range(0, e.lanes, e.width):
-            lanes = ir.Constant(ir.VectorType(I64, e.width), [*range(r, r + e.width)])
-            own, end = b.add(e.spread(first, e.width), lanes), e.spread(last, e.width)
-            own = b.select(b.icmp_signed("<", own, end), own, end)
-            found.append(b.icmp_signed("==", own, e.spread(place, e.width)))
-        return e.num(found)
 
     def _gathered(self, rows: list[tuple[SiteRows, Any]], which: Num) -> list[Num]:
         """The numbers of rows at the places of the lanes: side by side, as neighbours on a lattice
@@ -354,13 +518,16 @@ class SiteLoops:
         b.branch(done)
         b.position_at_end(apart)
 
-        def register(k: int, places: ir.Value) -> ir.Value:
+        lanes = [ir.Constant(I32, i) for i in range(e.width)]
+        singly = [[b.extract_element(places, lane) for lane in lanes] for places in which.values]
+
+        def register(k: int, places: list[ir.Value]) -> ir.Value:
             found: ir.Value = ir.Constant(type_, ir.Undefined)
-            for lane in (ir.Constant(I32, i) for i in range(e.width)):
-                found = b.insert_element(found, one(k, b.extract_element(places, lane)), lane)
+            for lane, place in zip(lanes, places, strict=True):
+                found = b.insert_element(found, one(k, place), lane)
             return found
 
-        gathered = [[register(k, places) for places in which.values] for k in range(len(rows))]
+        gathered = [[register(k, places) for places in singly] for k in range(len(rows))]
         apart_end = b.block
         b.branch(done)
         b.position_at_end(done)
@@ -403,6 +570,8 @@ class SiteLoops:
         over = self.t.state.over
         if over is None:
             raise NotCompilable(f"`{word}` outside of a loop over sites")
+        if over.passes[-1].paired:
+            raise NotCompilable(f"`{word}` in a formula of pairs: it is for one site")
         return over
 
     # -------------------------------------------------------------- sweeps
@@ -418,7 +587,8 @@ class SiteLoops:
         layout, form = carried_layout(unknown), layout_of(state, is_any_number)
         if {*layout.kinds} - {"number"}:
             raise NotCompilable("an unknown that is not made of floats")
-        rows = self._lasting(layout.width)
+        rows = self._last(self.lasting, layout.width)
+        self.lasting += layout.width
         self._keep(rows, leaves(unknown, layout))
         self._close()
         before, head, end = b.block, b.append_basic_block(), b.append_basic_block()
@@ -454,14 +624,13 @@ class SiteLoops:
         self._open()
         return build(layout, iter(self._kept(rows))), now
 
-    def _lasting(self, count: int) -> list[Num]:
-        """Rows of scratch memory that keep what is in them, from the last one backwards."""
-        b, before = self.b, self.lasting
-        self.lasting += count
+    def _last(self, first: int, count: int) -> list[Num]:
+        """Rows of scratch memory that keep what is in them, counted from the last one backwards."""
+        b = self.b
         place = b.gep(self.crew, [I64(ROWS)], source_etype=I64)
         last = b.load(place, typ=I64)
         self.t.state.over.again.add(last)
-        return [self.e.num([b.sub(last, I64(1 + k))]) for k in range(before, self.lasting)]
+        return [self.e.num([b.sub(last, I64(1 + k))]) for k in range(first, first + count)]
 
     def _keep(self, rows: list[Num], numbers: list[Any]) -> None:
         """Store numbers of the sites at hand."""
@@ -490,6 +659,13 @@ class SiteLoops:
         if again:
             self._open()
         return build(layout, iter(sums))
+
+    def mean(self, value: Any) -> Any:
+        """The sum over all sites over their number; of one body the value itself."""
+        over = self.t.state.over
+        if over is None:
+            return value
+        return self.total(value) / self.e.num(self.e.cast(over.sites.count, "f", False))
 
     def _sum(self, over: Over, rows: SiteRows, row: Any) -> Num:
         """The sum of a row: sixteen sums side by side, of every sixteenth site, then by halves."""

@@ -19,7 +19,7 @@ from typing import Any
 from ..errors import NotCompilable
 from . import content_hashes
 from .content_hashes import ATOMS, Known, digest, is_mutable, same
-from .words import Word, Words, word_of
+from .words import Word, Words, words_of
 
 Step = tuple[int, str, Any]
 """The number of the read that leads to the holder (-1: none), how it is asked, and for what."""
@@ -28,8 +28,8 @@ MISSING = object()
 
 
 LOOKS = 8
-"""How often words may have changed for other reasons before they are given up: where a formula counts in
-its class how often it is asked, they always do.
+"""How often words of a read may have changed for other reasons before they are given up: where a class counts
+its objects, or a loop sets names of its module, they always do.
 """
 
 _settling = threading.Lock()
@@ -87,20 +87,20 @@ class Guard:
                 self.mutable.append(i)
         # words, and expressions of the reads that these do not show
         self.glance: tuple[Words, list[Callable[[Sequence[Any], list[Any]], bool]]] | None = None
-        self.shown: set[int] = set()
+        self.words: dict[int, list[Word]] = {}
+        self.restless: collections.Counter[int] = collections.Counter()
         self.others: list[Any] = []  # what the expressions need beside the values
-        self.looks = 0
 
-    def _words(self) -> dict[int, Word]:
-        """The words that change with reads, as they are now; none if they often change otherwise."""
-        self.looks += 1
-        words = {}
-        for i in self.compared if self.looks <= LOOKS else ():
+    def _words(self) -> dict[int, list[Word]]:
+        """The words that change with reads, as they are now; none of those that often change otherwise."""
+        found = {}
+        for i in self.compared:
             parent, how, name = self.steps[i]
-            word = None if parent < 0 else word_of(self.values[parent], how, name, self.values[i])
-            if word is not None:
-                words[i] = word
-        return words
+            if parent >= 0 and self.restless[i] <= LOOKS:
+                words = words_of(self.values[parent], how, name, self.values[i])
+                if words:
+                    found[i] = words
+        return found
 
     def _expressions(
         self, shown: Collection[int]
@@ -198,15 +198,17 @@ class Guard:
             self._settle(words)
         return verdict
 
-    def _settle(self, words: dict[int, Word]) -> None:
+    def _settle(self, words: dict[int, list[Word]]) -> None:
         """Look at these words from now on, and at what they do not show."""
         with _settling:
-            if self.glance is None or self.shown != words.keys():
-                self.shown, self.others = {*words}, []
-                expressions = self._expressions(self.shown)
+            before, self.words = self.words, words
+            self.restless.update([i for i in before if before[i] != words.get(i)])
+            if self.glance is None or before.keys() != words.keys():
+                self.others = []
+                expressions = self._expressions(words)
             else:
                 expressions = self.glance[1]
-            self.glance = Words(words.values()), expressions
+            self.glance = Words([x for own in words.values() for x in own]), expressions
 
     def _content(self) -> bool:
         """Is what can change in place as it was?"""

@@ -1,9 +1,9 @@
-"""Words of memory in which CPython shows that a function has other code now, or a class other members:
-native code looks at hundreds of them in the time in which Python compares one.
+"""Words of memory in which CPython shows that a function has other code now, a class other members, or a
+module other names: native code looks at hundreds of them in the time in which Python compares one.
 
 A function keeps the addresses of its code and its defaults.  A class keeps the number of its version:
-whatever is set in it or in one of its bases, it gets another, which no class ever had.  Where these words
-lie is found by trying; an interpreter in which it is not found has none, and Python compares everything.
+whatever is set in it or in one of its bases, it gets another, which no class ever had; so does a dict, up to
+Python 3.13.  Where these words lie is found by trying; what an interpreter does not show, Python compares.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ CLASSES = type, abc.ABCMeta
 """Classes of classes that leave the search for members to Python."""
 
 ADDRESS, VERSION = struct.Struct("Q"), struct.Struct("I")
+WHOLE = 2**64 - 1
 
 
 Word = tuple[Any, int, int, int]
@@ -44,62 +45,72 @@ class Words:
         return self.look is None or not self.look(self.block)
 
 
-def word_of(holder: Any, how: str, name: Any, value: Any) -> Word | None:
-    """The word that changes when a read of a holder gives another value than this one; None if there is
-    none.
+def words_of(holder: Any, how: str, name: Any, value: Any) -> list[Word]:
+    """Words of which one changes when a read of a holder gives another value than this one; none if it is not
+    known which.
     """
-    places = _places()
-    if not places:
-        return None
-    if type(holder) is types.FunctionType and how == "attribute" and name in places:
-        return holder, id(holder) + places[name], 2**64 - 1, id(value)
-    if type(holder) not in CLASSES:
-        return None
+    places, function = _places(), type(holder) is types.FunctionType
+    if function and how == "attribute" and name in places:
+        return [(holder, id(holder) + places[name], WHOLE, id(value))]
+    if function and how == "global" and "names" in places:
+        spaces = [holder.__globals__, holder.__builtins__]
+        asked = spaces[:1] if name in spaces[0] else spaces
+        return [_version(space, places["names"], ADDRESS) for space in asked]
+    if type(holder) not in CLASSES or "members" not in places:
+        return []
     of_members = how.startswith("member") or how in ("defines", "plain")
     if not of_members and (how != "attribute" or hasattr(type(vars(type).get(name)), "__set__")):
-        return None
-    at = places["version"]
+        return []
     holder.__sizeof__  # noqa: B018 - it has no version until something is looked up
-    (version,) = VERSION.unpack(ctypes.string_at(id(holder) + at, VERSION.size))
-    return (holder, id(holder) + at, 2**32 - 1, version) if version else None
+    word = _version(holder, places["members"], VERSION)
+    return [word] if word[3] else []
+
+
+def _version(holder: Any, at: int, size: struct.Struct) -> Word:
+    """The word with the version of a class, or of a dict."""
+    (now,) = size.unpack(ctypes.string_at(id(holder) + at, size.size))
+    return holder, id(holder) + at, WHOLE >> (64 - 8 * size.size), now
 
 
 @functools.cache
 def _places() -> dict[str, int]:
-    """How many bytes after the beginning of a function its parts lie, and of a class its version; empty
-    if it cannot be told.
+    """How many bytes after the beginning of a function its parts lie, and of a class and a dict the version:
+    what can be told.
     """
     known = sys.implementation.name == "cpython" and sys.byteorder == "little"
     if not known or sysconfig.get_config_var("Py_GIL_DISABLED") or ADDRESS.size != 8:
         return {}
     one, other = _example(), _example()
-    changed = [getattr(other, name) for name in SLOTS]
     found = {}
-    for name, after in zip(SLOTS, changed, strict=True):
-        places = []
+    for name, after in [(name, getattr(other, name)) for name in SLOTS]:
+        here: list[set[int]] = []
         for value in (getattr(one, name), after):
             setattr(one, name, value)
-            content = ctypes.string_at(id(one), one.__sizeof__())
-            places.append(
-                [i for i, (x,) in enumerate(ADDRESS.iter_unpack(content)) if x == id(value)]
-            )
-        if len(places[0]) != 1 or places[0] != places[1]:
-            return {}
-        found[name] = ADDRESS.size * places[0][0]
-    base: type = type("Base", (), {"member": 0})
+            words = enumerate(_words(one, one.__sizeof__(), ADDRESS))
+            here.append({i for i, word in words if word == id(value)})
+        if len(here[0]) == 1 and here[0] == here[1]:
+            found[name] = ADDRESS.size * here[0].pop()
+    base: Any = type("Base", (), {"member": 0})
     derived: Any = type("Derived", (base,), {})
-    contents = []
+    names: dict[str, Any] = {"member": 0}
+    of_class, of_dict = [], []
     for k in range(8):
-        base.member = k  # type: ignore[attr-defined]
+        base.member = names["member"] = object()
         if k < 7:  # without a look the version is none, not the one before
             derived.member  # noqa: B018
-        contents.append(
-            [*VERSION.iter_unpack(ctypes.string_at(id(derived), type(derived).__basicsize__))]
-        )
-    moving = [i for i, seen in enumerate(zip(*contents)) if len({*seen}) == len(contents)]
-    if len(moving) != 1 or contents[-1][moving[0]] != (0,):
-        return {}
-    return found | {"version": VERSION.size * moving[0]}
+        of_class.append(_words(derived, type(derived).__basicsize__, VERSION))
+        of_dict.append(_words(names, dict.__basicsize__, ADDRESS))
+    for what, seen, size in (("members", of_class, VERSION), ("names", of_dict, ADDRESS)):
+        moving = [i for i, words in enumerate(zip(*seen)) if len({*words}) == len(seen)]
+        if len(moving) == 1 and (what == "names" or seen[-1][moving[0]] == 0):
+            found[what] = size.size * moving[0]
+    return found
+
+
+def _words(thing: Any, size: int, word: struct.Struct) -> list[int]:
+    """The words of an object of so many bytes."""
+    content = ctypes.string_at(id(thing), size // word.size * word.size)
+    return [number for (number,) in word.iter_unpack(content)]
 
 
 def _example() -> Any:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import InvalidType
 from .complex_numbers import Complex
-from .dual import DEPTH, Dual, value_of
+from .dual import ALONE, DEPTH, Dual, value_of
 from .numbers import Pair, StandIn
 from .of_math import run
 from .pytree import fields_of, fill
@@ -48,24 +48,34 @@ def gradient(formula: Callable[[Any], Any], x: Any) -> Vec:
 
 
 def jacobian(formula: Callable[[Any], Any], x: Any) -> Mat:
-    """The matrix df_i/dx_j of a formula from vectors to vectors.  x : (n,)."""
-    return transpose(mat(*[derivative(formula, x, unit) for unit in axes(x)]))
+    """The matrix df_i/dx_j of a formula from vectors to vectors.  x : (n,).
+
+    Of a formula of one of many sites, x is that of this site, and those of the others rest.
+    """
+    slopes = [tangent(formula, x, unit, False, True)[1] for unit in axes(x)]
+    return transpose(mat(*slopes))
 
 
 def tangent(
-    formula: Callable[[Any], Any], x: Any, direction: Any, signed: bool = False
+    formula: Callable[[Any], Any],
+    x: Any,
+    direction: Any,
+    signed: bool = False,
+    alone: bool = False,
 ) -> tuple[Any, Any]:
     """f(x) and f'(x) d.  Inside, the depth of derivatives is one more; the compiler runs this as it
     stands, as of `formula`.
 
     signed : keep the sign of slopes that are zero, which saves an addition for each number.
+    alone : do other sites rest, where the formula is one of a site?
     """
     level = DEPTH.get() + 1
-    before = DEPTH.set(level)
+    before, others = DEPTH.set(level), ALONE.set((*ALONE.get(), level) if alone else ALONE.get())
     try:
         result = run(formula, _moving(x, direction, level))
     finally:
         DEPTH.reset(before)
+        ALONE.reset(others)
     return _split(result, level, signed)
 
 

@@ -39,6 +39,10 @@ DEPTH: ContextVar[int] = ContextVar(
     "how many derivatives are being taken, one inside the other", default=0
 )
 
+ALONE: ContextVar[tuple[int, ...]] = ContextVar(
+    "the levels of derivatives along which one site moves and all others rest", default=()
+)
+
 
 class Dual(ByValue):
     """value + e slope, e^2 = 0.  Comparisons look at the value.

@@ -263,7 +263,7 @@ def _single(kind: Any, places: Places) -> Convert | None:
 
 def _number(owner: Any, name: str, value: Any) -> Any:
     if isinstance(value, OfEach):
-        return value
+        return _of_each(owner, name, value, {0}, "a number")
     if type(value) is float or isinstance(value, (StandIn, Pair)):
         return of_an_int(value)
     if isinstance(value, (bool, np.bool_, complex, str, bytes)) or (
@@ -312,11 +312,23 @@ _EASY: dict[Convert, frozenset[type]] = {
 _FLOAT = frozenset([float])
 
 
+def _of_each(owner: Any, name: str, value: Any, axes: set[int], what: str) -> Any:
+    """`each(values)`, whose values have so many axes."""
+    shape = getattr(value, "shape", None)
+    if shape is not None and len(shape) not in axes:
+        raise InvalidInput(
+            f"{type(owner).__name__}.{name} is {what} for each; got {value!r}, whose values have shape "
+            f"{shape}"
+        )
+    return value
+
+
 def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
     if type(value) is Vec and Vec in allowed and _FLOAT.issuperset(map(type, value)):
         return value
     if isinstance(value, OfEach):
-        return value
+        what = " or ".join({"Vec": "a vector", "Mat": "a matrix"}[k.__name__] for k in allowed)
+        return _of_each(owner, name, value, {AXES[k.__name__] for k in allowed}, what)
     if isinstance(value, allowed):
         rows: Any = value.rows if isinstance(value, Mat) else (value,)
         if all(_FLOAT.issuperset(map(type, row)) for row in rows):

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
+import functools
 import inspect
 import operator
 import reprlib
@@ -18,7 +19,7 @@ import sys
 import types
 from collections.abc import Callable
 from dataclasses import KW_ONLY, InitVar  # noqa: F401 (found here by annotations of classes without a module)
-from typing import Any, ClassVar, TypeVar, dataclass_transform
+from typing import Any, ClassVar, TypeVar, dataclass_transform, overload
 
 from .annotations import own_annotations
 
@@ -39,10 +40,20 @@ _FIELDS, _PARAMS = "__dataclass_fields__", "__dataclass_params__"
 _FIELD, _NO_FIELD = [f._field_type for f in vars(_Example)[_FIELDS].values()]
 
 
+@overload
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
-def frozen(cls: T) -> T:
-    """Make a class a frozen dataclass."""
-    made: Any = cls
+def frozen(cls: T) -> T: ...
+@overload
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+def frozen(*, eq: bool = ..., repr: bool = ...) -> Callable[[T], T]: ...
+def frozen(cls: Any = None, *, eq: bool = True, repr: bool = True) -> Any:
+    """Make a class a frozen dataclass.
+
+    eq, repr : as for `dataclasses.dataclass`.
+    """
+    if cls is None:
+        return functools.partial(frozen, eq=eq, repr=repr)
+    made = cls
     fields: dict[str, Any] = {}
     for base in cls.__mro__[:0:-1]:
         fields |= getattr(base, _FIELDS, {})
@@ -57,8 +68,11 @@ def frozen(cls: T) -> T:
     needed = [f.default is MISSING and f.default_factory is MISSING for f in in_order]
     if needed != sorted(needed, reverse=True):
         _initialiser(made)  # which says what is wrong
-    own = {*vars(made)}
-    if vars(made).get("__hash__") is None and "__eq__" in own:  # which Python puts beside `__eq__`
+    unwanted = {"__eq__": eq, "__hash__": eq, "__repr__": repr}
+    own = {*vars(made), *[name for name, wanted in unwanted.items() if not wanted]}
+    if (
+        eq and vars(made).get("__hash__") is None and "__eq__" in own
+    ):  # which Python puts beside `__eq__`
         own.discard("__hash__")
     methods = _methods(made, [f for f in fields.values() if f._field_type is _FIELD])
     for name, value in methods.items():

@@ -21,8 +21,9 @@ import numpy as np
 from .compensated import Compensated, value_of
 from .complex_numbers import Complex
 from .double_double import DoubleDouble, rounded_number
-from .dual import Dual
+from .dual import ALONE, Dual
 from .fields import FrozenDict
+from .frozen import frozen
 from .numbers import StandIn
 from .records import Record
 from .tables import Table
@@ -34,7 +35,7 @@ PAIRS = (Complex, Dual, Compensated, DoubleDouble)
 _COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of such numbers
 
 
-@dataclasses.dataclass(frozen=True)
+@frozen
 class Layout:
     """The structure of a value: `kind` is number, integer, truth, pair, vec, mat, tuple, list,
     record, table or static.
@@ -543,6 +544,19 @@ def with_slopes(value: Any, level: float) -> Any:
     none.
     """
     return _mapped(value, lambda x: x if isinstance(x, Dual) else Dual(x, 0.0, level), (Dual,))
+
+
+def as_others_see(value: Any) -> Any:
+    """The value of a site without the slopes along which it moves alone."""
+    alone = ALONE.get()
+    return _mapped(value, lambda x: _at_rest(x, alone), (Dual,)) if alone else value
+
+
+def _at_rest(x: Any, alone: tuple[int, ...]) -> Any:
+    if not isinstance(x, Dual):
+        return x
+    value = _at_rest(x.value, alone)
+    return value if x.level in alone else Dual(value, _at_rest(x.slope, alone), x.level)
 
 
 def rounded(value: Any) -> Any:

@@ -9,14 +9,15 @@ sites there.  Both give the same bits.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextvars import copy_context
 from typing import Any
 
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from .functions import where
-from .pytree import build, carried_layout, leaves
+from .pytree import as_others_see, build, carried_layout, leaves
 from .records import Record, record
 from .tables import Table
 from .vectors import Vec
@@ -25,6 +26,10 @@ TOGETHER = 16
 """Sites that may run side by side: sums over all sites are so many sums, each of every sixteenth
 site.
 """
+
+
+EIGHT = 8
+"""Sites that meet eight others side by side, where all pairs are taken."""
 
 
 def padded(count: int) -> int:
@@ -128,9 +133,11 @@ class SiteArray(Record):
 def meet(value: Any) -> Meeting:
     """Publish a value of this site, a number, a vector, a record of numbers; the meeting gives what
     other sites have published in the same place of the formula.
+
+    Numbers that carry a derivative along are published with it, unless this site moves alone.
     """
     visit = _visit("meet")
-    return Meeting(visit.ask("meet", value), visit.site)
+    return Meeting(visit.ask("meet", as_others_see(value)), visit.site)
 
 
 class Meeting:
@@ -158,45 +165,60 @@ class Meeting:
             found = found + formula(self.of(table, d), d)
         return found
 
-    def all(self, formula: Callable[[Any, int], Any], start: Any) -> Any:
-        """start + formula(b, j) + ... over all other sites j, in their order; b is what site j has
+    def some(
+        self,
+        formula: Callable[[Any, int], Any],
+        start: Any,
+        reach: tuple[float, float],
+        mine: float | None = None,
+    ) -> Any:
+        """start + formula(b, j) + ... over the sites j of a range, in their order; b is what site j has
         published.
+
+        reach : the first of them and the one behind the last.  mine : the number of this site, if it is
+        one of them, which is left out.
+        """
+        found, begin = start, int(reach[0])
+        for j in range(begin, int(reach[1])):
+            if mine is None:
+                found = found + formula(self.at(j), j)
+            else:
+                here = mine == j
+                other = where(here, self.at(j - 1 if j > begin else begin + 1), self.at(j))
+                found = where(here, found, found + formula(other, j))
+        return found
+
+    def pairs(self, formula: Callable[[Any, Any], tuple[Any, Any]], start: Any) -> Any:
+        """start + ... over all pairs of this site with another one; formula(a, b) gives what the first
+        and what the second of two sites get, of what they have published.
+
+        Sites go by eights, so that native code can take each pair once, for both of its sites, side by
+        side: the sums here are in that order (`partners`).
         """
         found = start
-        first, end, count = together()
-        for j in range(first):
-            found = found + formula(self.at(j), j)
-        for j in range(first, end):
-            here = is_site(j)
-            other = where(here, self.at(other_than(j)), self.at(j))
-            found = where(here, found, found + formula(other, j))
-        for j in range(end, count):
-            found = found + formula(self.at(j), j)
+        for j, first in partners(self.site, _visit("pairs").count):
+            ends = (self.site, j) if first else (j, self.site)
+            found = found + formula(self.at(ends[0]), self.at(ends[1]))[0 if first else 1]
         return found
+
+
+def partners(i: int, count: int) -> Iterator[tuple[int, bool]]:
+    """All other sites in the order in which site i meets them, and whether it is the first of the two.
+
+    Eight sites meet eight others in a ring, which is turned by one place after each meeting.
+    """
+    group, place = divmod(i, EIGHT)
+    for other in range(0, count, EIGHT):
+        first = other >= group * EIGHT
+        for turn in range(EIGHT):
+            j = other + (place + turn if first else place - turn) % EIGHT
+            if j != i and j < count:
+                yield j, first
 
 
 def rows_in(table: SiteTable) -> int:
     """How many entries a site has in a table."""
     return int(table.rows) if table.degree is None else table.degree
-
-
-def together() -> tuple[int, int, int]:
-    """The first of the sites that run together, the one after the last, and how many sites there
-    are; if there is one only, all three are the same.
-    """
-    visit = _visit("together")
-    count = visit.count
-    return (visit.site, min(visit.site + 1, count), count) if count > 1 else (0, 0, 0)
-
-
-def is_site(j: int) -> bool:
-    """Is this site j?"""
-    return _visit("is_site").site == j
-
-
-def other_than(j: int) -> int:
-    """A site that is not j."""
-    return j - 1 if j > 0 else 1
 
 
 def own(array: Any, d: int | None = None) -> Any:
@@ -223,6 +245,14 @@ def total(value: Any) -> Any:
     return value if visit is None else visit.ask("total", value)
 
 
+def mean(value: Any) -> Any:
+    """The mean over all sites of a number or a vector: `total` over their number; of one body alone
+    the value itself.
+    """
+    visit = _present.visit
+    return value if visit is None else total(value) / float(visit.count)
+
+
 def repeated(
     sweep: Callable[[Any], tuple[Any, Any]],
     unknown: Any,
@@ -237,7 +267,7 @@ def repeated(
     state, and whether it is enough.  turns : the most there may be.
     """
     visit = _present.visit
-    if visit is not None and visit.of_all:
+    if visit is not None:
         return visit.ask("repeated", (sweep, unknown, judge, state, turns))[visit.site]
     for _ in range(turns):
         unknown, told = sweep(unknown)
@@ -261,10 +291,8 @@ class _Asked(BaseException):
 class Visit:
     """One run of a formula for one of so many sites, with the answers that are known so far.
 
-    answers : to the first questions, by the kind of each.  of_all : do all sites run side by side?
+    answers : to the first questions, by the kind of each.
     """
-
-    of_all = True
 
     def __init__(self, site: int, count: int, answers: list[tuple[str, Any]]) -> None:
         self.site, self.count, self.answers, self.asked = site, count, answers, 0
@@ -362,7 +390,7 @@ FEW = 2000
 
 
 class TooManySites(Exception):
-    """One site asks for a total over more than a few."""
+    """One site asks for a total over more than a few, or for sweeps over all."""
 
 
 class _Early(Visit):
@@ -371,8 +399,6 @@ class _Early(Visit):
     until : the question after which it may end.  visit : lets another site come as far as to one.
     """
 
-    of_all = False
-
     def __init__(
         self, site: int, count: int, answers: list[tuple[str, Any]], until: int, visit: Any
     ) -> None:
@@ -380,6 +406,8 @@ class _Early(Visit):
         self.until, self.visit = until, visit
 
     def ask(self, kind: str, value: Any) -> Any:
+        if kind == "repeated":
+            raise TooManySites
         if self.asked == len(self.answers):
             self.answers.append((kind, _Some(self.asked, self.visit)))
         published = self.answers[self.asked][1]
@@ -395,11 +423,12 @@ class _Early(Visit):
 def one_site(count: int, site: int, formula: Callable[..., Any], *args: Any) -> Any:
     """The value of a formula for one of the sites: of the others what it asks of them, no more."""
     answers: list[tuple[str, Any]] = []
+    outside = copy_context()  # of the derivatives that one site is taking another knows nothing
 
     def visited(i: int, until: int) -> Any:
         before, _present.visit = _present.visit, _Early(i, count, answers, until, visited)
         try:
-            return formula(*args)
+            return outside.copy().run(formula, *args)
         except _Asked:
             return None
         except Exception as error:

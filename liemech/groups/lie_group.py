@@ -282,6 +282,16 @@ class LieGroup(Record):
         return power.PowerGroup(self, copies)
 
     @final
+    def __mul__(self, other: Any) -> Any:
+        """The direct product; of powers, `SO3() ** 100 * SE3() ** 8`, the configurations of sites of
+        two species.
+        """
+        if not isinstance(other, LieGroup):
+            return NotImplemented
+        species: Any = import_module(".species", __package__)
+        return species.times(self, other)
+
+    @final
     def ad(self, xi: Vec, eta: Vec) -> Vec:
         """ad_xi eta = [xi, eta].  xi, eta : (dim,)."""
         return self.algebra.bracket(xi, eta)

@@ -4,7 +4,6 @@ constants.
 
 from __future__ import annotations
 
-import hashlib
 from functools import cached_property
 from typing import Any
 
@@ -98,6 +97,25 @@ class MatrixBasis:
             return self
         scaled = self.generators / units[:, None, None] / rows[:, None] * rows
         return MatrixBasis(scaled, self.name, balanced=True)
+
+    @cached_property
+    def shifts(self) -> tuple[tuple[tuple[int, tuple[int, ...]], ...], ...]:
+        """For every generator the columns and rows of the blocks in which it has entries; none for
+        one that turns, shears or stretches coordinates of one unit.
+
+        Rows share a unit where elements mix them to and fro: R in (R, x; 0, 1), and not x and 1.
+        """
+        from scipy.sparse.csgraph import connected_components
+
+        there = np.abs(self.core.generators) > 2.0**-40 * np.abs(self.core.generators).max()
+        _, block = connected_components(there.any(axis=0), connection="strong")
+        found = []
+        for entries in there:
+            blocks = {(int(j), int(block[i])) for i, j in np.argwhere(entries)}
+            within = any(block[j] == b for j, b in blocks)
+            rows = [(j, tuple(np.flatnonzero(block == b).tolist())) for j, b in sorted(blocks)]
+            found.append(() if within else tuple(rows))
+        return tuple(found)
 
     def to_core(self, g: np.ndarray) -> np.ndarray:
         """A matrix in the units of `core`.  g : (..., n, n)."""
@@ -382,6 +400,8 @@ def basis_of(generators: Any, name: str) -> MatrixBasis:
         ) from None
     if array.dtype == object or array.nbytes > 2**22:
         return MatrixBasis(array, name)
+    import hashlib
+
     key = name, array.dtype.str, array.shape, hashlib.sha256(array.tobytes()).digest()
     if key not in _known:
         _known[key] = MatrixBasis(array, name)

@@ -4,7 +4,6 @@ NumPy for large ones.
 
 from __future__ import annotations
 
-import hashlib
 from functools import cached_property
 from typing import Any
 
@@ -277,6 +276,26 @@ class MatrixLieGroup(LieGroup):
             "from_form": _constant(from_form / np.outer(u, u) if len(from_form) else from_form),
         }
 
+    # ---------------------------------------------------------------- adaptive steps
+
+    def scale(self, g: Element | None) -> Vec:
+        """For a generator E that shifts coordinates by others of another unit the size of what g has
+        there, |g - 1| over |g E|, as the distance from the origin; 1 for other ones.
+        """
+        if g is None or not any(self.generated.shifts):
+            return super().scale(None)
+        here, found = self._in_core(g), []
+        for unit, blocks in zip(identity_matrix(self.dim), self.generated.shifts):
+            if not blocks:
+                found.append(1.0)
+                continue
+            moved = self._in_core(g @ self.algebra.hat(unit))
+            away, by = (
+                total([abs2(x[i, j]) for j, rows in blocks for i in rows]) for x in (here, moved)
+            )
+            found.append(sqrt(away / by))
+        return vec(*found)
+
     # ---------------------------------------------------------------- membership
 
     def defect(self, g: Ambient) -> float:
@@ -303,18 +322,37 @@ class MatrixLieGroup(LieGroup):
         of_matrices = (
             max([0.0, 0.0] + [abs2(x) for m in commutators for row in m for x in row]) / spread
         )
-        others = max(self._determinant_defect(g), self._normaliser_defect(given))
+        others = max(
+            self._determinant_defect(g), self._normaliser_defect(given), self._further_defect(g)
+        )
         return max(sqrt(max(of_forms, of_vectors, of_matrices)), others)
 
     def _determinant_defect(self, g: Mat) -> float:
         det, kind = determinant(g), self.invariants.determinant
-        if kind == "any":
-            return 0.0 if abs2(det) > 0.0 else 1.0
+        if kind in ("any", "positive"):
+            return 0.0 if abs2(det) > 0.0 and (kind == "any" or det > 0.0) else 1.0
         scale = 1.0
         for row in g:
             scale = scale * sqrt(total([abs2(x) for x in row]))
         off = sqrt(abs2(det - 1.0)) if kind == "1" else abs(sqrt(abs2(det)) - 1.0)
         return off / max(1.0, scale)
+
+    def _further_defect(self, g: Mat) -> float:
+        """That of cubic forms and of directions that are stretched."""
+        worst, spread, columns = 0.0, max(1.0, frobenius2(g) / len(g)), g.T
+        for v in self._laws["rays"]:
+            there = g @ v
+            off = there - max(dot(v, there), 0.0) * v
+            worst = max(worst, dot(off, off) / spread)
+        for form in self._laws["cubic"]:
+            # T(g x, ., .) first, then the others
+            once = [total([scaled(a, t) for a, t in zip(x, form)]) for x in columns]
+            for i, one in enumerate(once):
+                there = columns @ (one @ g) - form[i]
+                worst = max(
+                    worst, *[abs2(x) / (spread * spread * spread) for row in there for x in row]
+                )
+        return sqrt(worst)
 
     def _normaliser_defect(self, g: Mat) -> float:
         if self.invariants.enough:
@@ -338,13 +376,15 @@ class MatrixLieGroup(LieGroup):
             "hermitian",
             "coforms",
             "cohermitian",
+            "rays",
         )
+        cubic = [t / np.abs(t).max() for t in self.invariants.cubic]
         return {
             name: tuple(
                 _constant(np.asarray(x, dtype=kind)) for x in getattr(self.invariants, name)
             )
             for name in names
-        }
+        } | {"cubic": tuple(tuple(_constant(np.asarray(m, dtype=kind)) for m in t) for t in cubic)}
 
     def objection(self, g: np.ndarray) -> str | None:
         """The first of the invariants that it breaks, and by how much."""
@@ -376,6 +416,8 @@ class Matrices:
     """Generators as one constant of native code: two of them are the same if all their entries are."""
 
     def __init__(self, array: np.ndarray) -> None:
+        import hashlib
+
         self.array = array
         self.digest = hashlib.sha256(array.tobytes()).hexdigest()
 

@@ -4,19 +4,26 @@ elements from other matrices.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
+from itertools import combinations_with_replacement, permutations
 from typing import Any
 
 import numpy as np
 
+from ..formulas.frozen import frozen
 from .matrix_basis import MatrixBasis, clean, real_parts
 
+CUBIC = 8
+"""Up to so many rows invariant cubic forms are looked for."""
 
-@dataclass(frozen=True)
+
+@frozen
 class Invariants:
     """The laws g v = v, w^T g = w^T, g A = A g, g^T B g = B, g^H B g = B, g C g^T = C, g C g^H = C,
-    det g = 1 or |det g| = 1.
+    T(g x, g y, g z) = T(x, y, z), det g = 1, |det g| = 1 or det g > 0, and g v = s v, s > 0.
 
+    cubic : T, symmetric, (n, n, n), one combination of all there are; only where the other laws
+    leave too much freedom.  rays : v, the real directions that every element stretches.
     enough : do they leave no more freedom than the group has, so that g E_i g^-1 need not be looked
     at?
     """
@@ -28,7 +35,9 @@ class Invariants:
     hermitian: tuple[np.ndarray, ...] = ()
     coforms: tuple[np.ndarray, ...] = ()
     cohermitian: tuple[np.ndarray, ...] = ()
-    determinant: str = "any"  # "1", "unit" or "any"
+    determinant: str = "any"  # "1", "unit", "positive" or "any"
+    cubic: tuple[np.ndarray, ...] = ()
+    rays: tuple[np.ndarray, ...] = ()
     enough: bool = True
 
 
@@ -66,10 +75,48 @@ def invariants_of(basis: MatrixBasis) -> Invariants:
         hermitian,
         _not_inverse(coforms, forms),
         _not_inverse(cohermitian, hermitian),
-        "1" if free else "unit" if unit else "any",
+        "1" if free else "unit" if unit else "any" if basis.complex else "positive",
+        rays=() if free and n < 2 else _rays(e),
     )
     enough = basis.dim == _freedom(found, n, basis.complex)
-    return Invariants(**{**found.__dict__, "enough": enough})
+    if not enough and n <= CUBIC:
+        found = replace(found, cubic=_cubic_forms(e))
+        enough = basis.dim == _freedom(found, n, basis.complex)
+    return replace(found, enough=enough)
+
+
+def _rays(e: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The real vectors that every generator stretches or leaves alone: eigenvectors of a generic one
+    of the algebra, with simple eigenvalues.  e : (dim, n, n).
+    """
+    if np.iscomplexobj(e):
+        return ()
+    values, vectors = np.linalg.eig(np.einsum("k,kij->ij", np.cos(np.arange(1.0, len(e) + 1.0)), e))
+    found = []
+    for k, (value, v) in enumerate(zip(values, vectors.T, strict=True)):
+        apart = np.abs(np.delete(values, k) - value).min(initial=np.inf)
+        if abs(value.imag) == 0.0 and apart > 1e-6 * np.abs(values).max():
+            v = v.real / np.linalg.norm(v.real)
+            moved = e @ v
+            if np.abs(moved - np.outer(moved @ v, v)).max() <= 1e-10 * np.abs(e).max():
+                found.append(v)
+    return tuple(found)
+
+
+def _cubic_forms(e: np.ndarray) -> tuple[np.ndarray, ...]:
+    """One generic combination of the symmetric T with T(E x, y, z) + T(x, E y, z) + T(x, y, E z) = 0
+    for all generators; none if there is no such form.  e : (dim, n, n).
+    """
+    n = e.shape[1]
+    places = [*combinations_with_replacement(range(n), 3)]
+    spread = np.zeros((n, n, n, len(places)))
+    for k, place in enumerate(places):
+        for i, j, l in permutations(place):
+            spread[i, j, l, k] = 1.0
+    rows = _moved_cubic(e, spread)[(slice(None), *np.transpose(places))]
+    found = null_space(rows.reshape(-1, len(places)))
+    mixed = spread @ (np.cos(np.arange(len(found))) @ found)
+    return (mixed,) if len(found) else ()
 
 
 def _not_inverse(
@@ -132,12 +179,22 @@ def _freedom(laws: Invariants, n: int, complex_: bool) -> int:
         ask(space @ c + c @ flip)
     for c in laws.cohermitian:
         ask(space @ c + c @ star)
+    for t in laws.cubic:
+        ask(_moved_cubic(space, t))
     trace = np.einsum("iaa->i", space)
     if laws.determinant == "1":
         ask(trace)
     elif laws.determinant == "unit":
         ask(trace.real)
     return len(space) - int(np.linalg.matrix_rank(np.concatenate(conditions, axis=1), tol=1e-9))
+
+
+def _moved_cubic(x: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """T(x ., ., .) + T(., x ., .) + T(., ., x .) for matrices x, (m, n, n), and one T or many, (n, n,
+    n, ...).  (m, n, n, n, ...)
+    """
+    turned = np.einsum("xai,ajl...->xijl...", x, t)
+    return np.asarray(turned + turned.swapaxes(1, 2) + turned.swapaxes(1, 3))
 
 
 def objections(
@@ -188,7 +245,19 @@ def objections(
         )
     for a in laws.commuting:
         law(g @ a - a @ g, size, f"it does not commute with {_shown(a)}, off by {{:.1e}}")
-    if laws.determinant != "any":
+    for t in laws.cubic:
+        moved = np.einsum("abc,ai,bj,ck->ijk", t, g, g, g, optimize=True)
+        law(
+            (moved - t) / np.abs(t).max(), size**3, "it changes a cubic form of the group by {:.1e}"
+        )
+    for v in laws.rays:
+        along = float(v @ g @ v)
+        words = f"it does not stretch {_shown(v)} by a positive factor, as every element does"
+        law(g @ v - max(along, 0.0) * v, size, words + ", but is off by {:.1e}")
+    if laws.determinant == "positive":
+        if np.linalg.det(g) < 0.0:
+            found.append((1.0, "its determinant is negative"))
+    elif laws.determinant != "any":
         det = np.linalg.det(g)
         scale = max(1.0, float(np.prod(np.linalg.norm(g, axis=1))))
         value = f"{det.real:.6g}" if abs(det.imag) < 1e-9 * abs(det) else f"{det:.6g}"
@@ -200,7 +269,7 @@ def objections(
         if abs(det + 1.0) < 1e-6 and laws.forms and not np.iscomplexobj(g):
             words = "its determinant is -1, it is a reflection"
         law(np.array([det - 1.0 if laws.determinant == "1" else abs(det) - 1.0]), scale, words)
-    elif np.linalg.det(g) == 0.0:
+    if np.linalg.det(g) == 0.0:
         found.append((1.0, "it is singular"))
     if not laws.enough and basis is not None and np.linalg.det(g) != 0.0:
         moved = g @ basis.generators @ np.linalg.inv(g)

@@ -78,6 +78,10 @@ class PowerGroup(DirectProduct):
         if not isinstance(base, LieGroup):
             cure = "; write it with brackets" if isinstance(self.base, type) else ""
             raise InvalidType(f"PowerGroup: base must be a LieGroup; got {self.base!r}{cure}")
+        if hasattr(base, "copies"):
+            raise InvalidInput(
+                f"PowerGroup: base is the group of one site, and {base!r} is one of {base.copies}"
+            )
         if isinstance(self.copies, bool) or self.copies < 1:
             raise InvalidInput(
                 f"{self.base!r} ** {self.copies!r}: the exponent is how many sites there are, a "
@@ -134,6 +138,24 @@ class PowerGroup(DirectProduct):
         """Complex entries are two real ones."""
         return False
 
+    @property
+    def examples(self) -> tuple[int, ...]:
+        """A site of every species, of which there is one."""
+        return (0,)
+
+    def named(self, i: int) -> str:
+        """How a site is called."""
+        return str(i)
+
+    def base_of(self, i: int) -> LieGroup:
+        """The group of one copy."""
+        return self.base
+
+    def momentum_of(self, mu: Vec, i: int) -> Vec:
+        """The momentum of one copy, or its velocity.  mu : (dim,)."""
+        n = self.base.dim
+        return mu[n * i : n * (i + 1)]
+
     def site(self, g: Element, i: int) -> Any:
         """The element of one copy.  g : an element."""
         return shaped(self.base, g[self.width * i : self.width * (i + 1)])
@@ -169,6 +191,10 @@ class PowerGroup(DirectProduct):
         if self.base.is_complex:
             array = np.ascontiguousarray(array).view(complex)
         return array.reshape(*lead, self.copies, *self.base.element_shape)
+
+    def without_sites(self, array: Any, kind: str) -> Any:
+        """The inverse of `by_site`."""
+        return self.in_a_row(array, kind)
 
     # ---------------------------------------------------------------- many sites, on arrays
 

@@ -14,7 +14,7 @@ from ..formulas import Ambient, Element, Mat, Vec, identity_matrix, mat, record,
 from .ad_series import mean_slope
 from .lie_algebra import LieAlgebra
 from .lie_group import LieGroup
-from .product import ProductGroup
+from .product import DirectProduct
 from .representations import (
     LinearAction,
     Representation,
@@ -175,6 +175,22 @@ class SemidirectAlgebra(LieAlgebra):
 
 
 @record
+class Pairs(DirectProduct):
+    """Elements of a group beside vectors.
+
+    Source: Hall, Lie Groups, Lie Algebras, and Representations, 2nd ed., definition 1.12.
+    """
+
+    first: LieGroup
+    second: VectorSpace
+
+    @property
+    def factors(self) -> tuple[Any, ...]:
+        """The group and the vectors."""
+        return self.first, self.second
+
+
+@record
 class SemidirectProduct(LieGroup):
     """Pairs (g, x) of a group element and a vector that it acts on,
     (g, x)(h, y) = (g h, x + g . y): `SemidirectProduct(SO3())`.
@@ -230,9 +246,9 @@ class SemidirectProduct(LieGroup):
         return SemidirectAlgebra(self.action)
 
     @cached_property
-    def _pairs(self) -> ProductGroup:
+    def _pairs(self) -> Pairs:
         """The pairs (g, x), before they are multiplied."""
-        return ProductGroup(self.acting, VectorSpace(self.action.space_dim))
+        return Pairs(self.acting, VectorSpace(self.action.space_dim))
 
     def join(self, g: Any, x: Any) -> Any:
         """The element (g, x), as a formula or for arrays with leading axes.  g : an element of the

@@ -48,9 +48,11 @@ from ..groups.product import ProductGroup, entries
 from ..groups.rotation_coefficients import LIMIT, SINC, VERSINE, polynomial
 from ..groups.se3 import SE3, join
 from ..groups.so3 import SO3, plus
+from ..groups.species import SpeciesGroup
 from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley, Exponential
+from ..systems.energy_of_species import EnergyOfSpecies
 from ..systems.kinetic_energy import KineticEnergy, times, trace
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
@@ -127,8 +129,10 @@ class ExactFreeBody(Method):
         """Move along the orbit in equal parts short enough for the formula; mostly one part is
         enough.
         """
-        if isinstance(system.group, PowerGroup):
+        if isinstance(system.group, (PowerGroup, SpeciesGroup)):
             return self._site_by_site(system, t, state, h)
+        if isinstance(system.hamiltonian, EnergyOfSpecies):
+            return self._of_species(system, t, state, h)
         if isinstance(system.group, VectorSpace):
             moved = system.displaced(Exponential(), state, h * system.velocity(state.mu))
             return fitted(moved, layout_of(state))
@@ -144,21 +148,31 @@ class ExactFreeBody(Method):
 
     def _site_by_site(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
         """The step of many sites, each of them a free body, in a row."""
-        group, n = system.group, system.group.base.dim
+        group = system.group
         mu: list[Any] = []
         g: list[Any] = []
         for i in range(group.copies):
             one = with_fields(
                 system,
-                group=group.base,
+                group=group.base_of(i),
                 hamiltonian=system.hamiltonian.of_one_at(i),
                 lagrangian=None,
             )
             there = None if state.g is None else group.site(state.g, i)
-            after = self.step(one, t, BodyState(state.mu[n * i : n * (i + 1)], there), h)
+            after = self.step(one, t, BodyState(group.momentum_of(state.mu, i), there), h)
             mu = [*mu, *after.mu]
             g = g if after.g is None else [*g, *entries(after.g)]
         return BodyState(vec(*mu), None if state.g is None else vec(*g))
+
+    def _of_species(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
+        """The step of a site that is of one of several species."""
+
+        def step(group: Any, energy: Any, mu: Any, g: Any) -> tuple[Any, Any]:
+            one = with_fields(system, group=group, hamiltonian=energy, lagrangian=None)
+            after = self.step(one, t, BodyState(mu, g), h)
+            return after.mu, after.g
+
+        return BodyState(*system.hamiltonian.moved(state.mu, state.g, step))
 
     def _cut(self, inverse: Vec | Mat, mu: Vec, h: float) -> tuple[Orbit, float, float]:
         """The orbit through mu for parts of a step, how many parts make the step, and the factor
@@ -324,7 +338,14 @@ def _why_not(system: Any) -> str:
         return "it is in a field"
     if isinstance(system, LiePoissonSystem):
         system = system.site_form or system
-    group, energy = getattr(system, "group", None), getattr(system, "hamiltonian", None)
+    if isinstance(getattr(system, "hamiltonian", None), EnergyOfSpecies):
+        species = zip(system.hamiltonian.species.groups, system.hamiltonian.energies)
+        return next((why for one in species if (why := _why_no_body(*one))), "")
+    return _why_no_body(getattr(system, "group", None), getattr(system, "hamiltonian", None))
+
+
+def _why_no_body(group: Any, energy: Any) -> str:
+    """Why an energy on a group is not that of a free rigid body."""
     if isinstance(group, VectorSpace) and isinstance(energy, KineticEnergy):
         return ""
     in_space = isinstance(group, SE3) or group == ProductGroup(SO3(), VectorSpace(3))

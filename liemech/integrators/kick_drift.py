@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NoConvergence
 from ..formulas import Mat, Vec, dot, identity_matrix, jacobian, record, vec
 from ..solvers import newton
+from ..systems.energy_of_species import energies_of
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
 from ..systems.mechanical import MechanicalSystem
@@ -246,7 +247,8 @@ class KickDrift(FieldSplitting):
         """A body in a field that the free motion accepts, with an energy that the tableau accepts."""
         super().require(system)
         one = system.body.site_form or system.body
-        if self.tableau.quadratic and not isinstance(one.hamiltonian, KineticEnergy):
+        energies = energies_of(one.hamiltonian)
+        if self.tableau.quadratic and not all(isinstance(x, KineticEnergy) for x in energies):
             raise IncompatibleSystem(
                 f"{self!r} is for energies quadratic in the momentum; {system.body!r} has another "
                 f"one. Composition(KickDrift({self.free!r}), "

@@ -113,6 +113,7 @@ class LiePoissonHamiltonJacobi(Implicit):
             guess,
             dot(mu, mu),
             tolerance=tolerance,
+            coupled=system.hamiltonian.coupled,
         )
         x = self.displacement(system, h, p, middle)
         if not size <= enough:
@@ -124,13 +125,15 @@ class LiePoissonHamiltonJacobi(Implicit):
     def equation(
         self, system: Any, h: float, mu: Vec, p: Vec, middle: float = 0.0
     ) -> tuple[Vec, Mat, float]:
-        """The mismatch of p and mu, its derivative (in orders 6 and 8 that of order 4), and the
-        factor of its square.
+        """The mismatch of p and mu, its derivative (in orders 6 and 8 that of order 4; of sites
+        that are coupled that of order 2), and the factor of its square.
         """
+        order = 2 if system.hamiltonian.coupled else min(self.order, 4)
+        slope = self.slope(system, h, p, order, middle)
         x = self.displacement(system, h, p, middle)
         r, by_p, by_x = self.retraction.residual(system.group, x, p, mu)
         own = by_p if isinstance(by_p, vectors.Mat) else by_p * identity_matrix(len(p))
-        return r, by_x @ self.slope(system, h, p, min(self.order, 4), middle) + own, weight(by_p)
+        return r, by_x @ slope + own, weight(by_p)
 
     # ---------------------------------------------------------------- the generating function
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidType, undefined
-from ..formulas import Record, record
+from ..formulas import Record, Vec, record, sqrt, vec
 from ..formulas.pytree import fields_of
+from ..formulas.sites import mean
 from ..retractions import Retraction
 from ..systems.system import State, System
 
@@ -34,6 +35,8 @@ class Method(Record):
     shortens: ClassVar[bool] = False
     # is a step a power series in time, so that it sees an input from where it begins only?
     analytic: ClassVar[bool] = False
+    # does a step add to the state, so that it is worth to remember what rounding takes from the sum?
+    adds: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -65,6 +68,23 @@ class Method(Record):
     def step(self, system: Any, t: float, state: Any, h: float) -> Any:
         """The state after one step of length h from time t: a formula, without side effects."""
         raise undefined(self, "step")
+
+    def first_velocity(
+        self, system: Any, t: float, state: Any, rtol: float, atol: float
+    ) -> tuple[Vec, float, float]:
+        """The velocity at a state, and the sizes over the tolerance of what it changes in a second and
+        of what is there: what the first adaptive step is found from.
+        """
+        xi = system.rate(t, system.essential_part(state))
+        return xi, *sizes(system, state, xi, rtol, atol)
+
+    def change_of_velocity(
+        self, system: Any, t: float, state: Any, xi: Vec, h: float, rtol: float, atol: float
+    ) -> float:
+        """The size, over the tolerance, of the change of the velocity in an Euler step."""
+        start = system.essential_part(state)
+        later = system.rate(t + h, system.displaced(self.retraction, start, h * xi))  # type: ignore[attr-defined]
+        return sizes(system, state, later - xi, rtol, atol)[0]
 
     def start(self, system: Any, state: Any, h: float) -> Any:
         """The first memory of a run, from a state; the state itself unless the method has a memory."""
@@ -145,6 +165,11 @@ class Wrapping(Method):
         """Is the method symplectic?"""
         return self.method.symplectic
 
+    @property
+    def adds(self) -> bool:  # type: ignore[override]
+        """Does a step of it add to the state?"""
+        return self.method.adds
+
     def start(self, system: Any, state: Any, h: float) -> Any:
         """The first memory of the method."""
         return self.method.start(system, state, h)
@@ -168,3 +193,18 @@ def alternatives(system: Any, otherwise: str = System.alternatives) -> str:
     """
     own = system.alternatives if isinstance(system, System) else otherwise
     return otherwise if own == System.alternatives else own
+
+
+def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tuple[float, float]:
+    """The root mean squares of what a displacement changes, and of what is there, over the
+    tolerances; of many sites those of all.
+    """
+    change, scale = system.variation(state, omega)
+    total = vec(0.0, 0.0)
+    for c, s in zip(change, scale):
+        weight = 0.0
+        if atol + rtol * s > 0.0:
+            weight = 1.0 / (atol + rtol * s)
+        total = total + vec((weight * c) * (weight * c), (weight * s) * (weight * s))
+    total = mean(total / len(change))
+    return sqrt(total[0]), sqrt(total[1])

@@ -8,7 +8,7 @@ import functools
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..formulas import Mat, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose
+from ..formulas import Mat, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose, where
 from ..groups.so3 import SO3, plus
 from ..groups.unit_quaternions import UnitQuaternions
 from ..retractions import Cayley
@@ -72,7 +72,12 @@ class ImplicitMidpoint(Implicit):
 
     def mean(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The m with m - m x x(m)/2 = mu."""
-        m, size, enough, _ = newton(lambda m: self.equation(system, h, mu, m), guess, dot(mu, mu))
+        m, size, enough, _ = newton(
+            lambda m: self.equation(system, h, mu, m),
+            guess,
+            dot(mu, mu),
+            coupled=system.hamiltonian.coupled,
+        )
         if not size <= enough:
             raise self._unsolved(h, size, enough)
         return m
@@ -92,10 +97,11 @@ class SphericalMidpoint(ImplicitMidpoint):
         mu_n+1 = mu_n + h M x xi(M),   M = |mu_n| m/|m|,   m = (mu_n + mu_n+1)/2
 
     It turns by cay(h |mu_n|/|m| xi(M)), and so does g.  Order 2, symmetric, and a Poisson map of
-    so(3)*; |mu|, spatial momentum and a quadratic energy are kept to rounding.  A method for
-    momenta: together with the attitude it is not symplectic on T*SO(3).
+    so(3)*; |mu|, spatial momentum and the quadratic energy of one body are kept to rounding.  A
+    method for momenta: together with the attitude it is not symplectic on T*SO(3).
 
-    Rotations only, with any Hamiltonian.  Raises NoConvergence.
+    Rotations only, with any Hamiltonian; many coupled ones are swept together.  Raises
+    NoConvergence.
     Source: McLachlan, Modin, Verdier, Phys. Rev. E 89 (2014) and Math. Comp. 86 (2017).
     """
 
@@ -108,10 +114,8 @@ class SphericalMidpoint(ImplicitMidpoint):
 
     def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
         """h s xi(s m), s = |mu|/|m|."""
-        r = norm(mu)
-        if r == 0.0:  # the sphere is a point
-            return h * system.velocity(m)
-        s = r / norm(m)
+        point = dot(mu, mu) == 0.0  # the sphere is one
+        s = where(point, 1.0, norm(mu) / sqrt(where(point, 1.0, dot(m, m))))
         return (h * s) * system.velocity(s * m)
 
 

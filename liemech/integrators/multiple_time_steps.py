@@ -9,10 +9,16 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Vec, gradient, jacobian, plain, record
+from ..formulas.pytree import with_fields
 from ..formulas.vectors import small
 from ..systems.canonical import CanonicalState
+from ..systems.lie_poisson import BodyState
+from ..systems.mechanical import MechanicalSystem
 from ..systems.multirate import MultirateSystem
+from ..systems.one_term import OneTerm
+from ..systems.sums_of_terms import PlaceTerms
 from ..systems.vector_field import SplitField, has_flow, recognised_field
+from .kick_drift import KickDrift
 from .memory import Memory, Remembering
 from .method import Method, alternatives
 
@@ -23,6 +29,10 @@ LOOKED_AT = 8
 """Members of an ensemble that are looked at for a warning, the first ones."""
 
 
+FAST = KickDrift()
+"""The fastest steps of bodies in a field."""
+
+
 @record
 class MultipleTimeSteps(Remembering):
     """The impulse method (Verlet-I, r-RESPA): half a kick by the slow force, fast steps without it,
@@ -30,6 +40,8 @@ class MultipleTimeSteps(Remembering):
 
         Phi_h = slow(h/2) o (fast(h/N))^N o slow(h/2),   fast(h) = the method of Stormer and Verlet, or again of this kind
 
+    Of a MechanicalSystem whose potential is `Terms`, such as many bodies, the parts are its terms,
+    the fastest first; fast(h) is KickDrift.
     Of a SplitField, y' = f_1(y) + ... + f_m(y), fastest part first, slow(h) and fast(h) are the
     motions of its parts, or steps of any symmetric `methods`.
 
@@ -114,6 +126,9 @@ class MultipleTimeSteps(Remembering):
         if isinstance(system, SplitField):
             self._require_fields(system)
             return
+        if isinstance(system, MechanicalSystem) and isinstance(system.potential, PlaceTerms):
+            self._require_terms(system)
+            return
         if self.methods is not None:
             raise IncompatibleSystem(
                 f"{self!r}: methods are for the parts of a SplitField; got {system!r}. Leave them "
@@ -122,7 +137,8 @@ class MultipleTimeSteps(Remembering):
         if not isinstance(system, MultirateSystem):
             raise IncompatibleSystem(
                 f"{self!r} needs a MultirateSystem, whose potential is a sum of fast and slow "
-                f"parts, or a SplitField; got {system!r}. {alternatives(system)}"
+                f"parts, bodies in a field of Terms, or a SplitField; got {system!r}. "
+                f"{alternatives(system)}"
             )
         if len(system.parts) != len(self.ratios) + 1:
             raise IncompatibleSystem(
@@ -130,6 +146,20 @@ class MultipleTimeSteps(Remembering):
                 f"{system!r} has {system.parts}"
             )
         super().require(system)
+
+    def _require_terms(self, system: MechanicalSystem) -> None:
+        """A term for each rate, and no load."""
+        if self.methods is not None or self.mollified or system.load is not None:
+            raise IncompatibleSystem(
+                f"{self!r}: bodies in a field take ratios alone, and no load; got {system!r}"
+            )
+        parts: Any = system.potential
+        if len(parts.parts) != len(self.ratios) + 1:
+            raise IncompatibleSystem(
+                f"{self!r} has {len(self.ratios)} ratios, for {len(self.ratios) + 1} terms, the fastest "
+                f"first; {system!r} has {len(parts.parts)}"
+            )
+        FAST.require(system)
 
     def _require_fields(self, system: SplitField) -> None:
         """A sum of as many fields, each with a motion or a method."""
@@ -161,7 +191,7 @@ class MultipleTimeSteps(Remembering):
         """A warning of resonance or of unstable fast steps, by the frequencies at the start of all
         parts but the slowest.
         """
-        if isinstance(system, SplitField):
+        if isinstance(system, (SplitField, MechanicalSystem)):
             return None
         if start.bodies is None:
             return self._caution(system, start.q, start.p, h)
@@ -211,15 +241,32 @@ class MultipleTimeSteps(Remembering):
         """The force of each part, None for a mollified one; nothing of fields."""
         if isinstance(system, SplitField):
             return None
+        if isinstance(system, MechanicalSystem):
+            fastest, *slower = self._parts(system)
+            forces = [part.force(state.g) for part in slower]
+            return FAST.at_node(fastest, state, h), tuple(forces)
         q, parts = plain(state.q), len(self.ratios)
         slowest = None if self.mollified else system.part_force(parts, q)
         return (*[system.part_force(k, q) for k in range(parts)], slowest)
+
+    def beginning(self, system: Any, state: Any, h: float) -> Any:
+        """That of the fastest steps of bodies; nothing else."""
+        if not isinstance(system, MechanicalSystem):
+            return ()
+        for ratio in self.ratios:
+            h = h / ratio
+        return FAST.beginning(self._parts(system)[0], state, h)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Kicks at all rates, each half before and half after those that are faster."""
         state, forces = memory.state, memory.node
         if isinstance(system, SplitField):
             return Memory(self._of_fields(system, len(self.ratios), state, h), None, ())
+        if isinstance(system, MechanicalSystem):
+            begun = Memory(state, forces[0], memory.past)
+            parts = self._parts(system)
+            after, slow = self._of_terms(parts, len(self.ratios), t, begun, forces[1], h)
+            return Memory(after.state, (after.node, slow), after.past)
         if not self.mollified:
             return Memory(*self._advanced(system, len(self.ratios), state, forces, h), ())
         fast = (forces[0],)
@@ -246,6 +293,28 @@ class MultipleTimeSteps(Remembering):
                 state, faster = self._advanced(system, k - 1, state, faster, h / self.ratios[k - 1])
         force = system.part_force(k, plain(state.q))
         return CanonicalState(state.q, state.p + (0.5 * h) * force), (*faster, force)
+
+    def _parts(self, system: Any) -> list[Any]:
+        """The bodies in the field of each term alone."""
+        return [
+            with_fields(system, potential=OneTerm(system.potential, k))
+            for k in range(len(self.ratios) + 1)
+        ]
+
+    def _of_terms(
+        self, parts: list[Any], k: int, t: float, memory: Memory, forces: Any, h: float
+    ) -> tuple[Memory, Any]:
+        """A step of length h with the terms 0 to k: the memory of the fastest steps, and the forces of
+        the others.
+        """
+        if k == 0:
+            return FAST.step(parts[0], t, memory, h), ()
+        memory, faster = _kicked(memory, (0.5 * h) * forces[k - 1]), forces[: k - 1]
+        s = h / self.ratios[k - 1]
+        for i in range(self.ratios[k - 1]):
+            memory, faster = self._of_terms(parts, k - 1, t + i * s, memory, faster, s)
+        force = parts[k].force(memory.state.g)
+        return _kicked(memory, (0.5 * h) * force), (*faster, force)
 
     def _of_fields(self, system: Any, k: int, state: Any, h: float) -> Any:
         """A step of length h of the fields 0 to k."""
@@ -282,6 +351,12 @@ class MultipleTimeSteps(Remembering):
             x = x + s * system.velocity(x, p)
             total = total + (0.5 if i == n - 1 else 1.0) * x
         return (1.0 / n) * total
+
+
+def _kicked(memory: Memory, kick: Vec) -> Memory:
+    """What a method remembers, with another momentum."""
+    state = memory.state
+    return Memory(BodyState(state.mu + kick, state.g), memory.node, memory.past)
 
 
 def sum_of(vectors: list[Vec]) -> Vec:

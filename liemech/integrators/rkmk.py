@@ -6,6 +6,7 @@ from typing import Any
 
 from ..errors import InvalidInput, InvalidType, OrderWarning, warn
 from ..formulas import Record, Vec, plain, record, sqrt, vec, where
+from ..formulas.sites import mean
 from ..formulas.sizes import one_norms
 from ..groups.bernoulli import BERNOULLI, TERMS
 from ..groups.lie_algebra import sided
@@ -305,10 +306,10 @@ LEAST = 2.0**-1000
 
 
 def mean_square(system: System, state: Any, new: Any, off: Vec, rtol: float, atol: float) -> float:
-    """The mean square of what a displacement changes, over the tolerance."""
+    """The mean square of what a displacement changes, over the tolerance; of many sites of all."""
     (change, before), (_, after) = system.variation(state, off), system.variation(new, off)
     total = 0.0
     for c, a, b in zip(change, before, after):
         ratio = c / (atol + rtol * max(a, b) + LEAST)
         total = total + ratio * ratio
-    return total / len(change)
+    return mean(total / len(change))

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import record
+from ..groups.species import SpeciesGroup
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.sublattices import Bonds, MotionsOfTerms, Sublattices
 from ..systems.sums_of_terms import MomentumTerms
@@ -47,6 +48,7 @@ class TermSplitting(Remembering):
     }
     _motions: ClassVar[type[MotionsOfTerms]]
     symmetric: ClassVar[bool] = True
+    adds: ClassVar[bool] = False  # it turns
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -83,12 +85,14 @@ class TermSplitting(Remembering):
 
     def require(self, system: Any) -> None:
         """Terms of momenta on a power of a group, of which every part has a known motion."""
-        if not isinstance(system, LiePoissonSystem) or not isinstance(
-            system.hamiltonian, MomentumTerms
+        if (
+            not isinstance(system, LiePoissonSystem)
+            or not isinstance(system.hamiltonian, MomentumTerms)
+            or isinstance(system.group, SpeciesGroup)
         ):
             raise IncompatibleSystem(
-                f"{self!r} needs many coupled sites, LiePoissonSystem(SO3() ** sites, Terms(...)); "
-                f"got {system!r}. {alternatives(system)}"
+                f"{self!r} needs many coupled sites of one species, LiePoissonSystem(SO3() ** sites, "
+                f"Terms(...)); got {system!r}. {alternatives(system)}"
             )
         super().require(system)
         why = self._motions(system.hamiltonian).refused

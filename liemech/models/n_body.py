@@ -19,6 +19,7 @@ from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.separable_sites import SeparableSites
 from ..systems.terms import PerSite, Terms
+from ..systems.trials_of_terms import in_one_place
 from .pendulums import check_positive
 from .water import Gravity
 
@@ -101,6 +102,14 @@ class NBody(SeparableSites):
         kinetic: Any = PerSite(KineticEnergy(each(np.repeat(m[:, None], d, axis=1))))
         pulls: Any = Terms(Gravity(self.gravity).over(all_pairs()), mass=each(m))
         return MechanicalSystem(LiePoissonSystem(VectorSpace(d) ** len(m), kinetic), pulls)
+
+    def _require_places(self, name: str, q: np.ndarray) -> None:
+        for member in q.reshape(-1, len(self.masses), self.dimension):
+            for i, j in in_one_place(member):
+                raise InvalidInput(
+                    f"{name}: masses {i} and {j} are in one place, where they draw each other without "
+                    "limit"
+                )
 
     def kinetic(self, p: Vec) -> float:
         """sum |p_i|^2/(2 m_i).  p : (N dimension,)."""

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, exp, log, mat, plain, real_array, record, vec
+from ..formulas.sites import Meeting, SiteTable, meet
 from ..groups.matrix_group import whole_number
 from ..groups.poisson_structure import PoissonStructure
 from ..systems.hamiltonian import Hamiltonian
-from ..systems.parts import Part, SplitHamiltonian
+from ..systems.parts import OfParts, Part, SplitHamiltonian, StraightLineFlow
 from ..systems.poisson import PoissonState, PoissonSystem
+from ..systems.vector_field import VectorField
 
 
 @record
@@ -132,6 +135,61 @@ class TodaPotential(Hamiltonian):
 
 
 @record
+class TodaSite(OfParts, VectorField):
+    """One particle of a long lattice and the spring behind it, y = (a, b), which asks its neighbours
+    for theirs; behind the last particle of an open lattice a = 0.
+
+    before, after : the sites next to each.
+
+    Source: Flaschka, Phys. Rev. B 9 (1974), 1924.
+    """
+
+    before: SiteTable
+    after: SiteTable
+    dim: ClassVar[int] = 2
+    if not TYPE_CHECKING:  # where they are fields of the base
+        parts: ClassVar[tuple[str, str]] = "kinetic energy", "springs"
+        quadratic: ClassVar[bool] = True
+
+    @classmethod
+    def of(cls, particles: int) -> TodaSite:
+        """That of so many particles."""
+        number, made = np.arange(particles)[None], cls  # type: Any, Any
+        return made(*[SiteTable.of((number + step) % particles) for step in (-1, 1)])
+
+    def energy(self, y: Vec) -> float:
+        """The share of this site, 4 a^2 + 2 b^2.  y : (2,)."""
+        return 4.0 * y[0] * y[0] + 2.0 * y[1] * y[1]
+
+    def velocity(self, y: Vec) -> Vec:
+        """a (b_next - b), 2 (a^2 - a_before^2).  y : (2,)."""
+        others = meet(y)
+        b = others.of(self.after, 0)[1]
+        return vec(y[0] * (b - y[1]), self._pull(y, others))
+
+    def _pull(self, y: Vec, others: Meeting) -> float:
+        a = others.of(self.before, 0)[0]
+        return 2.0 * y[0] * y[0] - 2.0 * a * a
+
+    def in_turn(self, state: PoissonState, turns: list[tuple[int, float]]) -> PoissonState:
+        """The motions of the two energies one after the other."""
+        y = state.y
+        for part, t in turns:
+            here = plain(y)
+            others = meet(here)
+            if part == 0:
+                b = others.of(self.after, 0)[1]
+                y = vec(here[0] * exp(t * (b - here[1])), y[1])
+            else:
+                y = vec(y[0], y[1] + t * self._pull(here, others))
+        return PoissonState(y)
+
+    def unknown_motion(self) -> str:
+        """Both are known."""
+        return ""
+
+
+@record
 class TodaLattice(PoissonSystem):
     """Particles on a line with exponential springs, H = sum p_i^2/2 + sum exp(q_i - q_i+1), in
     Flaschka's variables y = (a, b):
@@ -140,7 +198,8 @@ class TodaLattice(PoissonSystem):
 
     particles : n.  periodic : is the last particle tied to the first?
     Conserved: the energy, sum b_i, for a periodic lattice sum ln a_i, and the eigenvalues of `lax`,
-    the matrix with b on its diagonal and a beside it: its motion is isospectral.
+    the matrix with b on its diagonal and a beside it: its motion is isospectral.  Long lattices go
+    by sites, and a step of one is compiled for all of them.
 
     Source: Toda, J. Phys. Soc. Japan 22 (1967), 431; Flaschka, Phys. Rev. B 9 (1974), 1924; Hairer,
     Lubich, Wanner, IV.3.2.
@@ -155,7 +214,8 @@ class TodaLattice(PoissonSystem):
         n = whole_number(type(self).__name__, self.particles, 3 if self.periodic else 2)
         structure = FlaschkaStructure(n, self.periodic)
         object.__setattr__(self, "structure", structure)
-        parts = TodaKinetic(n, structure.springs), TodaPotential(n, structure.springs)
+        m = structure.springs
+        parts = TodaKinetic(n, m), StraightLineFlow(TodaPotential(n, m))
         object.__setattr__(self, "hamiltonian", SplitHamiltonian(parts))
         super().__post_init__()
 
@@ -192,6 +252,37 @@ class TodaLattice(PoissonSystem):
         b = 0.5 * odd
         b[..., 1:] += 0.5 * even
         return self.state(np.concatenate([0.5 * np.sqrt(odd[..., :-1] * even), b], axis=-1))
+
+    # ---------------------------------------------------------------- of many particles
+
+    @cached_property
+    def site_form(self) -> TodaSite | None:
+        """The site form; None of few particles, which are faster written out."""
+        return TodaSite.of(self.particles) if self.dim > self.small else None
+
+    def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """Points as (..., n, 2), a and b of each particle."""
+        return {name: self._divided(np.asarray(y)) for name, y in arrays.items()}
+
+    def _divided(self, y: Any) -> np.ndarray:
+        m = self.structure.springs
+        found = np.zeros((*y.shape[:-1], self.particles, 2))
+        found[..., :m, 0], found[..., 1] = y[..., :m], y[..., m:]
+        return found
+
+    def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """Points as (..., dim)."""
+        m = self.structure.springs
+        return {
+            name: np.concatenate([x[..., :m, 0], x[..., 1]], axis=-1) if name == "y" else x
+            for name, x in arrays.items()
+        }
+
+    def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The Casimirs."""
+        m, y = self.structure.springs, states["y"]
+        kept = {"Casimir 1": y[..., m:].sum(axis=-1)}
+        return kept | ({"Casimir 2": np.log(y[..., :m]).sum(axis=-1)} if self.periodic else {})
 
     def lax(self, y: Vec) -> Mat:
         """The symmetric matrix L, tridiagonal (and with corners if periodic), whose eigenvalues

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, cross, dot, norm, record, sqrt, vec
+from ..formulas import Mat, Vec, dot, norm, record, sqrt, vec
 from ..groups.se3 import join
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.terms import Term
@@ -88,41 +88,65 @@ class SPC(Term):
     def energy(self, a: Any, b: Any) -> float:
         """Of two molecules, in u A^2/ps^2."""
         first, second = self._places(a.g), self._places(b.g)
-        d = second[0] - first[0]
+        d = first[0] - second[0]
         s = 1.0 / dot(d, d)
         s = s * s * s
         energy = s * (self.repulsion * s - self.attraction)
         for i in range(3):
             for j in range(3):
-                energy = energy + self._product(i, j) / norm(second[j] - first[i])
+                d = first[i] - second[j]
+                energy = energy + self._product(i, j) * (1.0 / sqrt(dot(d, d)))
         return energy
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
         """Torque and force on molecule k, in its axes."""
-        own, other = sites[k].g, sites[1 - k].g
-        first, second = self._places(own), self._places(other)
+        pushes, _ = self._pushes(sites[k], sites[1 - k], False)
+        return self._felt(sites[k].g, pushes)
+
+    def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
+        """Torque and force on both molecules, each in its axes."""
+        a, b = sites
+        first, second = self._pushes(a, b, True)
+        return self._felt(a.g, first), self._felt(b.g, second)
+
+    def _pushes(self, a: Any, b: Any, both: bool) -> tuple[list[Vec], list[Vec]]:
+        """The forces on the atoms of the first molecule, in space, and of the second as well."""
+        first, second = self._places(a.g), self._places(b.g)
         d = first[0] - second[0]
         r = 1.0 / dot(d, d)
         s = r * r * r
-        pulls = [
-            (r * s * (12.0 * self.repulsion * s - 6.0 * self.attraction)) * d,
-            vec(0.0, 0.0, 0.0),
-            vec(0.0, 0.0, 0.0),
-        ]
+        push = (r * s * (12.0 * self.repulsion * s - 6.0 * self.attraction)) * d
+        none = vec(0.0, 0.0, 0.0)
+        of_a, of_b = [push, none, none], [-push, none, none]
         for i in range(3):
             for j in range(3):
                 d = first[i] - second[j]
-                square = dot(d, d)
-                pulls[i] = pulls[i] + (self._product(i, j) / (square * sqrt(square))) * d
-        turned = [_turned_back(own, pull) for pull in pulls]
-        torque = vec(0.0, 0.0, 0.0)
-        for atom, pull in zip(self.atoms, turned):
-            torque = torque + cross(atom, pull)
-        return join(torque, turned[0] + turned[1] + turned[2])
+                r = 1.0 / sqrt(dot(d, d))
+                push = (self._product(i, j) * (r * r * r)) * d
+                of_a[i] = of_a[i] + push
+                if both:
+                    of_b[j] = of_b[j] - push
+        return of_a, of_b
 
     def _places(self, g: Any) -> list[Vec]:
-        """The atoms of a molecule, in space."""
-        return [vec(*[dot(g[k][:3], atom) + g[k][3] for k in range(3)]) for atom in self.atoms]
+        """The atoms of a molecule, in space: the hydrogens are in the plane of the first axis and the
+        third.
+        """
+        (_, _, high), (side, _, low), _ = self.atoms
+        along = vec(*[high * g[k][2] + g[k][3] for k in range(3)])
+        middle = [low * g[k][2] + g[k][3] for k in range(3)]
+        right = vec(*[middle[k] + side * g[k][0] for k in range(3)])
+        left = vec(*[middle[k] - side * g[k][0] for k in range(3)])
+        return [along, right, left]
+
+    def _felt(self, g: Any, pushes: list[Vec]) -> Vec:
+        """Torque and force in the axes of a molecule, of forces on its atoms in space."""
+        (_, _, high), (side, _, low), _ = self.atoms
+        oxygen = _turned_back(g, pushes[0])
+        hydrogens = _turned_back(g, pushes[1] + pushes[2])
+        apart = _turned_back(g, pushes[1] - pushes[2])
+        x, y = (high * oxygen[k] + low * hydrogens[k] for k in range(2))
+        return join(vec(-y, x - side * apart[2], side * apart[1]), oxygen + hydrogens)
 
     def _product(self, i: int, j: int) -> float:
         """The product of the charges of two atoms, the first of each molecule being the oxygen."""
@@ -153,6 +177,12 @@ class Gravity(Term):
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
         """The pull on mass k."""
-        d = sites[1 - k].g - sites[k].g
+        return self.forces(group, *sites)[k]
+
+    def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
+        """The pulls on both."""
+        a, b = sites
+        d = b.g - a.g
         square = dot(d, d)
-        return (self.constant * sites[0].mass * sites[1].mass / (square * sqrt(square))) * d
+        pull = (self.constant * a.mass * b.mass / (square * sqrt(square))) * d
+        return pull, -pull

@@ -16,6 +16,8 @@ from ..formulas.pytree import layout_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
 from ..systems.canonical import CanonicalState
+from ..systems.lie_poisson import BodyState
+from ..systems.poisson import PoissonState
 from ..systems.site_state import SiteState
 from ..systems.system import State, System, small_state
 from .arrival import FictiveMotion
@@ -95,8 +97,9 @@ def _carried(carry: Any, name: str, arrays: dict[str, Any]) -> dict[str, Any]:
     if isinstance(carry, SiteCarry):
         parts = {f"{name}.state.{part}": x for part, x in carry.state.arrays.items()}
         arrays |= {f"{name}.numbers": carry.numbers} | parts
+        arrays |= {} if carry.clock is None else {f"{name}.clock": carry.clock}
         told = {"t0": carry.t0, "h": carry.h, "step": carry.step, "sites": list(carry.state.arrays)}
-        return told | {"met": carry.met}
+        return told | {"met": carry.met, "ended": carry.event}
     if isinstance(carry, Waiting):
         return {"state": encoded(carry.state), "waiting": carry.t}
     if isinstance(carry, Ended):
@@ -132,8 +135,12 @@ def _carry_of(
     """The carry of which that was told.  origin : of a run in fictive time."""
     if "sites" in kept:
         parts = {part: arrays[f"{name}.state.{part}"] for part in kept["sites"]}
-        there = SiteState(**parts) if "mu" in parts else small_state(CanonicalState, parts)
-        return SiteCarry(kept["t0"], kept["h"], kept["step"], arrays[f"{name}.numbers"], there)
+        kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
+        by_site = "mu" in parts and np.ndim(parts["mu"]) == 2  # else of several species, in a row
+        there = SiteState(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
+        met = Met([(event, n) for event, n in kept.get("met", ())])
+        rest = arrays[f"{name}.numbers"], there, met, arrays.get(f"{name}.clock")
+        return SiteCarry(kept["t0"], kept["h"], kept["step"], *rest, kept.get("ended"))
     state: Any = decode(kept["state"])
     wanted: Any = State if origin is None or "step" not in kept else tuple
     if not isinstance(state, wanted):
@@ -242,10 +249,13 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
             origin = origin[0]
         if "dense.t" in arrays:
             example = origin.whole.extended(origin.start, 0.0)
-            points, kind = (arrays["dense.t"], arrays["dense.points"]), type(origin.start)
+            t, points, kind = arrays["dense.t"], arrays["dense.points"], type(origin.start)
             begun = arrays.get("dense.begun")
             width = layout_of(example).width
-            _require_shape(decode.where, points[1], (len(points[0]), width))
+            if points.shape[1:] == (width,):  # of older files
+                points = np.column_stack([points, np.zeros(len(points))])
+            _require_shape(decode.where, t, points.shape[:1])
+            _require_shape(decode.where, points, (len(t), width + 1))
             if begun is not None:
                 _require_shape(decode.where, begun, (width + 1,))
             dense = FictiveMotion(
@@ -254,7 +264,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
                 kind,
                 example,
                 about["h"],
-                *points,
+                np.column_stack([t, points]),
                 None,
                 begun,
             )

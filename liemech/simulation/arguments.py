@@ -52,11 +52,14 @@ def matching(system: Any, method: Any) -> None:
         )
     try:
         method.require(system)
-    except IncompatibleSystem:
+    except IncompatibleSystem as error:
         site = system.site_form  # which a method may accept, and not all sites as one body
         if site is None:
             raise
-        method.require(site)
+        try:
+            method.require(site)
+        except IncompatibleSystem:
+            raise error from None
 
 
 def started(system: Any, start: Any, record: Iterable[str] | None) -> State:

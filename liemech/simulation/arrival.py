@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..compiler import kernel
 from ..compiler.driver import attempt, read
-from ..errors import InvalidInput
+from ..formulas.frozen import frozen
 from ..formulas.pytree import NUMBER, layout_of, rounded
-from ..systems.system import state_of
 from .control import landed
-from .dense import Between, evaluated, one_or_many, told, unpacked
+from .dense import Between, evaluated, told, unpacked
 
 
 def arrive(
@@ -61,7 +59,7 @@ def arrivals(
     return evaluated(arrive, arguments, given, reached.width, wanted, what, body)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class FictiveMotion(Between):
     """The motion between the samples of a run: from the last one before, steps of the method, the
     last of them shorter.
@@ -76,47 +74,36 @@ class FictiveMotion(Between):
     system: Any
     kind: Any
     example: Any
-    h: float
-    t: np.ndarray
-    points: np.ndarray
+    h: Any
+    rows: Any
     wanted: bool | None
     begun: np.ndarray | None = None
 
-    def numbers(self, times: np.ndarray) -> np.ndarray:
-        """At each of these times the numbers of the state with its clock, and the fictive time
-        since the sample, (m, width + 1).
+    @property
+    def points(self) -> np.ndarray:
+        """The numbers of the states with their clock, and the fictive times, (n + 1, width + 1)."""
+        return self.rows[:, 1:]
+
+    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """The state where a step begins, the time to be reached, the fictive time there, and how far
+        behind it the step begins.
         """
-        t = self.t
-        inside = (times >= min(t[0], t[-1])) & (times <= max(t[0], t[-1]))
-        if not inside.all():
-            raise InvalidInput(
-                f"t = {times[~inside][0]:g} is outside the run, "
-                f"which goes from {t[0]:g} to {t[-1]:g}"
-            )
-        sign = 1.0 if self.h > 0.0 else -1.0
-        last = np.searchsorted(sign * t, sign * times, "right") - 1
-        found = np.concatenate([self.points[last], np.zeros((len(times), 1))], axis=1)
-        away = np.flatnonzero(times != t[last])
-        given = np.concatenate([self.points[last[away]], times[away, None]], axis=1)
-        inside = (last[away] == 0) & (self.begun is not None)
+        parts = before[:, 1:-1], times[:, None], before[:, -1:], np.zeros((len(times), 1))
+        given = np.concatenate(parts, axis=1)
         if self.begun is not None:
-            given[inside, :-1] = self.begun[:-1]
-        found[away] = self._moved(given)
-        if self.begun is not None:
-            found[away[inside], -1] -= self.begun[-1]
+            first = before[:, 0] == self.t[0]
+            given[first, :-3], given[first, -1] = self.begun[:-1], self.begun[-1]
+        return given
+
+    def moved(
+        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Behind the numbers of the states, the fictive times."""
+        own = self.method, self.system, self.example, self.h, given[:, :-2], self.wanted, body
+        found = arrivals(*own)
+        found[:, -1] = given[:, -2] + (found[:, -1] - given[:, -1])
         return found
 
-    def _moved(self, given: np.ndarray) -> np.ndarray:
-        return arrivals(self.method, self.system, self.example, self.h, given, self.wanted)
-
-    def __call__(self, times: Any) -> Any:
-        """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
-        at = one_or_many(times)
-        states = self._own(self.numbers(np.atleast_1d(at).ravel()))
-        one = 0 if at.ndim == 0 else slice(None)
-        return state_of(self.kind, {name: x[one] for name, x in states.items()})
-
-    def _own(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """Of the numbers of states with their clock the parts of the states themselves."""
-        shown = layout_of(self.example)
-        return self.system.apart(unpacked(shown, numbers[:, : shown.width]))[1]
+    def apart(self, numbers: np.ndarray) -> tuple[Any, dict[str, np.ndarray]]:
+        own = unpacked(layout_of(self.example), numbers[:, : self.width])
+        return self.kind, self.system.apart(own)[1]

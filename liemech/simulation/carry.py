@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IntegrationFailure, InvalidInput, failure
+from ..formulas.frozen import frozen
 from ..formulas.pytree import build
 from ..systems.system import State, member, state_of
 from .control import CLOCK, MARK, REJECTED, STEP, TAKEN
@@ -18,7 +19,7 @@ from .prepared import Shape
 from .stopped import Stopped
 
 
-@dataclasses.dataclass(eq=False)
+@frozen(eq=False)
 class Carry:
     """Where a run with fixed steps stands, with all that its method carries along: from here it goes
     on as if it had never stopped.
@@ -50,18 +51,10 @@ class Carry:
     ) -> Carry:  # fmt: skip
         """Of bodies that have not failed, in half the time that a dataclass takes."""
         made = object.__new__(cls)
-        made.__dict__ = {
-            "shape": shape,
-            "t0": t0,
-            "h": h,
-            "step": step,
-            "bodies": bodies,
-            "numbers": numbers,
-            "last": last,
-            "failures": {},
-            "met": met,
-            "taken": None,
-        }
+        made.__dict__.update(
+            shape=shape, t0=t0, h=h, step=step, bodies=bodies, numbers=numbers, last=last,
+            failures={}, met=met, taken=None,
+        )  # fmt: skip
         return made
 
     @property
@@ -123,7 +116,7 @@ class Carry:
         return vars(self) | {"state": self.state, "shape": None}
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class AdaptiveCarry:
     """Where a run with adaptive steps stands: state and velocity, clock and controller.
 
@@ -160,7 +153,7 @@ class AdaptiveCarry:
         return numbers, clock
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Waiting:
     """A body of an ensemble whose run has not begun: its start, and when."""
 
@@ -168,7 +161,7 @@ class Waiting:
     t: float
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Ended:
     """A body of an ensemble that goes no further: where it stays, after how many steps, and the
     error that ended it, if it was one.
@@ -185,7 +178,7 @@ class Ended:
     origin: Any = None
 
 
-@dataclasses.dataclass(eq=False)
+@frozen(eq=False)
 class Carries:
     """Where an ensemble stands whose bodies go each its own way: every body where it came to.
 

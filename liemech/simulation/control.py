@@ -24,7 +24,7 @@ from ..compiler.driver import (
     write,
 )
 from ..errors import StepTooSmall, is_mistake
-from ..formulas import Record, Vec, record, sqrt, where
+from ..formulas import Record, record, where
 from ..formulas.pytree import fitted, layout_of, rounded
 
 SAFETY, SLOWEST, FASTEST = 0.9, 0.2, 10.0
@@ -434,27 +434,25 @@ def noted(failures: list[Exception], trial: Any) -> bool:
 
 def started(
     method: Any, system: Any, t: float, state: Any, h: float, t_end: float, rtol: float, atol: float
-) -> tuple[Vec, float]:
+) -> tuple[Any, float]:
     """The velocity at the start, and the first step if h is zero: from the size of the velocity and
     of its change.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4,
     "Starting step size".
     """
-    start = system.essential_part(state)
-    xi = system.rate(t, start)
+    xi, speed, size = method.first_velocity(system, t, state, rtol, atol)
     if h == 0.0:
         span = t_end - t
-        speed, size = sizes(system, state, xi, rtol, atol)
         least = 8.0 * EPSILON * max(abs(t), abs(t_end))
         h = abs(span)
         if speed > 0.0:
             h = min(max(0.01 * size / speed, least), abs(span))
         if span < 0.0:
             h = -h
-        later = attempt(probed, method, system, t, start, xi, h)
+        later = attempt(method.change_of_velocity, system, t, state, xi, h, rtol, atol)
         if accepted(later, itself):
-            largest = max(speed, sizes(system, state, later - xi, rtol, atol)[0] / abs(h))
+            largest = max(speed, later / abs(h))
             second = abs(span)
             if largest > 0.0:
                 second = (0.01 / largest) ** (1.0 / method.error_order)
@@ -463,22 +461,3 @@ def started(
         else:
             h = 1e-3 * h
     return xi, h
-
-
-def probed(method: Any, system: Any, t: float, start: Any, xi: Vec, h: float) -> Vec:
-    """The velocity after an Euler step."""
-    return system.rate(t + h, system.displaced(method.retraction, start, h * xi))
-
-
-def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tuple[float, float]:
-    """The root mean squares of what a displacement changes, and of what is there, over the
-    tolerances.
-    """
-    change, scale = system.variation(state, omega)
-    total = [0.0, 0.0]
-    for c, s in zip(change, scale):
-        weight = 0.0
-        if atol + rtol * s > 0.0:
-            weight = 1.0 / (atol + rtol * s)
-        total = [total[0] + (weight * c) ** 2, total[1] + (weight * s) ** 2]
-    return sqrt(total[0] / len(change)), sqrt(total[1] / len(change))

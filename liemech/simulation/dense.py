@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,9 @@ from ..compiler import kernel
 from ..compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ..errors import InvalidInput, failure, is_mistake
 from ..formulas import Vec, horner, real_array, where
+from ..formulas.frozen import frozen
 from ..formulas.pytree import NUMBER, build, layout_of, leaves, rounded
+from ..systems.system import state_of
 from .execution import COLUMNS, Execution, numbers_of
 
 
@@ -71,20 +72,43 @@ def one_or_many(times: Any) -> np.ndarray:
 
 
 class Between:
-    """A motion between the ends of its steps; abstract.
+    """The motion inside of steps, and of a run that has kept their ends between these; abstract.
 
-    A subclass has the ends of the steps, `t`, (n + 1,), the numbers of the states there, `points`,
-    (n + 1, width), and `moved`.
-    example : a state.  wanted : False for plain Python only.
+    A subclass writes `given` and `moved`.
+    example : a state.  wanted : False for plain Python only.  rows : (n + 1, ...) of every end of a
+    step the time, the state, and what else `given` needs; of a run whose observers ask there are none.
     """
 
     example: Any
     wanted: bool | None
-    t: np.ndarray
-    points: np.ndarray
+    rows: Any
 
-    def moved(self, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """The numbers of the states at these times, each inside of a step, (m, width)."""
+    @functools.cached_property
+    def width(self) -> int:
+        """How many numbers a state has."""
+        return layout_of(self.example).width
+
+    @property
+    def t(self) -> np.ndarray:
+        """The ends of the steps, (n + 1,)."""
+        return self.rows[:, 0]
+
+    @property
+    def points(self) -> np.ndarray:
+        """The numbers of the states there, (n + 1, width)."""
+        return self.rows[:, 1 : 1 + self.width]
+
+    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """What `moved` takes, of rows where steps begin and end, and times inside of them, (m, ...)."""
+        raise NotImplementedError
+
+    def moved(
+        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
+    ) -> np.ndarray:
+        """The numbers of the states at these times, (m, width).
+
+        body : of each of them, where parameters are of each body.
+        """
         raise NotImplementedError
 
     def numbers(self, times: np.ndarray) -> np.ndarray:
@@ -114,20 +138,24 @@ class Between:
         found = points[step + at_end]  # at the ends of steps, to the bit
         between = ((times != t[step]) > at_end).nonzero()[0]
         if len(between):
-            found[between] = self.moved(step[between], times[between])
+            step, times = step[between], times[between]
+            given = self.given(self.rows[step], self.rows[step + 1], times)
+            found[between] = self.moved(given, times)
         return found
 
     def __call__(self, times: Any) -> Any:
         """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
         at = one_or_many(times)
-        arrays = unpacked(layout_of(self.example), self.numbers(np.atleast_1d(at).ravel()))
+        kind, arrays = self.apart(self.numbers(np.atleast_1d(at).ravel()))
         one = 0 if at.ndim == 0 else slice(None)
-        return type(self.example)(
-            *(arrays[name][one] if name in arrays else None for name in self.example.parts)
-        )
+        return state_of(kind, {name: x[one] for name, x in arrays.items()})
+
+    def apart(self, numbers: np.ndarray) -> tuple[Any, dict[str, np.ndarray]]:
+        """The kind of the states that have these numbers, and their parts."""
+        return type(self.example), unpacked(layout_of(self.example), numbers)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class DenseOutput(Between):
     """The motion as a continuous function of time: in every step a polynomial in the algebra,
     carried to the group.
@@ -140,42 +168,30 @@ class DenseOutput(Between):
     system: Any
     retraction: Any
     example: Any
-    rows: np.ndarray
+    rows: Any
     order: int
     wanted: bool | None = None
 
     @property
-    def t(self) -> np.ndarray:  # type: ignore[override]
-        """The ends of the steps, (n + 1,)."""
-        return self.rows[:, 0]
-
-    @property
-    def points(self) -> np.ndarray:  # type: ignore[override]
-        """The numbers of the states there, (n + 1, width)."""
-        return self.rows[:, 1 : 1 + layout_of(self.example).width]
-
-    @property
     def curves(self) -> np.ndarray:
         """The coefficients of the polynomials, (n, number of them * dim)."""
-        return self.rows[1:, 1 + layout_of(self.example).width :]
+        return self.rows[1:, 1 + self.width :]
 
-    def moved(self, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        rows, width = self.rows, layout_of(self.example).width
-        after, begun = step + 1, rows[step, 0]
-        given = np.empty((len(step), rows.shape[1]))
-        given[:, :width], given[:, width:-1] = rows[step, 1 : 1 + width], rows[after, 1 + width :]
-        given[:, -1] = (times - begun) / (rows[after, 0] - begun)
-        return self.along(given, times)
+    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+        width, begun = self.width, before[:, 0]
+        given = np.empty((len(times), after.shape[1]))
+        given[:, :width], given[:, width:-1] = before[:, 1 : 1 + width], after[:, 1 + width :]
+        given[:, -1] = (times - begun) / (after[:, 0] - begun)
+        return given
 
-    def along(self, given: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """The numbers of states inside of steps: of each, given are the state before, the
-        coefficients of the way, and the part of it.
-        """
-        point, dim = layout_of(self.example), self.system.group.dim
-        row = way_layout(self.example, dim, (given.shape[1] - 1 - point.width) // dim)
+    def moved(
+        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
+    ) -> np.ndarray:
+        dim = kernel.examples([self.system])[0].group.dim
+        row = way_layout(self.example, dim, (given.shape[1] - 1 - self.width) // dim)
         arguments = self.retraction, self.system, row
         what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
-        return evaluated(along, arguments, given, point.width, self.wanted, what)
+        return evaluated(along, arguments, given, self.width, self.wanted, what, body)
 
 
 def way_layout(example: Any, dim: int, terms: int) -> Any:
@@ -183,7 +199,7 @@ def way_layout(example: Any, dim: int, terms: int) -> Any:
     return layout_of((example, (Vec(*[0.0] * dim),) * terms, 0.0))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class ShortSteps(Between):
     """The motion between fixed steps: from the last end of a step, a shorter step of the
     method itself.
@@ -194,8 +210,7 @@ class ShortSteps(Between):
     system: Any
     method: Any
     example: Any
-    t: np.ndarray
-    points: np.ndarray
+    rows: Any
     wanted: bool | None = None
 
     @property
@@ -203,19 +218,19 @@ class ShortSteps(Between):
         """That of the method."""
         return int(self.method.order)
 
-    def moved(self, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        begun = self.t[step]
-        given = np.concatenate(
-            [self.points[step], begun[:, None], (times - begun)[:, None]], axis=1
-        )
-        point = layout_of(self.example)
+    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+        points, begun = before[:, 1 : 1 + self.width], before[:, 0]
+        return np.concatenate([points, begun[:, None], (times - begun)[:, None]], axis=1)
+
+    def moved(
+        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
+    ) -> np.ndarray:
         what = (
-            repr(self.method),
-            lambda k: f"the shorter step from t = {begun[k]:g} to t = {times[k]:g}",
+            repr(kernel.examples([self.method])[0]),
+            lambda k: f"the shorter step from t = {given[k, -2]:g} to t = {times[k]:g}",
         )
-        return evaluated(
-            short_step, (self.method, self.system, point), given, point.width, self.wanted, what
-        )
+        arguments = self.method, self.system, layout_of(self.example)
+        return evaluated(short_step, arguments, given, self.width, self.wanted, what, body)
 
 
 def evaluated(
@@ -370,6 +385,25 @@ def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:
     real = [x.view(float) if np.iscomplexobj(x) else x.astype(float, copy=False) for x in parts]
     rows = [x.reshape(count, x.size // count if count else math.prod(x.shape[1:])) for x in real]
     return rows[0] if len(rows) == 1 else np.concatenate(rows, axis=1)
+
+
+def lay_out(arrays: dict[str, np.ndarray], columns: np.ndarray) -> None:
+    """Write the numbers of many states, a column for each body; lanes that are left over repeat the last
+    body.
+    """
+    at = 0
+    for part in arrays.values():
+        count = len(part)
+        rows = part.reshape(count, -1) if part.dtype == float else flat({"": part}, count)
+        numbers = columns[at : at + rows.shape[1], :count]
+        for i in range(0, count, CACHED):  # one pass over memory, not one for each number
+            numbers[:, i : i + CACHED] = rows[i : i + CACHED].T
+        at += len(numbers)
+    columns[:, count:] = columns[:, count - 1 : count]
+
+
+CACHED = 2**10
+"""Bodies whose numbers stay in the cache while they are written from rows into columns."""
 
 
 def packed(value: Any) -> np.ndarray:

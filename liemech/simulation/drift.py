@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..errors import InvalidInput
+from ..formulas.frozen import frozen
 from ..systems.system import System
 
 FEW = 20
@@ -25,7 +25,7 @@ LOST = 0.1
 """Part of a quantity by which it must not differ from its start in the mean square."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Kept:
     """How well one quantity was kept: its size, the largest change, that at the end, the root mean
     square of all, the trend, and how sure the trend is.
@@ -87,7 +87,7 @@ RECORDED = ("energy", "casimirs", "spatial_momentum")
 """Quantities that a run may record instead of the state, and that stay constant in a free motion."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Drift:
     """The structure report of a run; `print` it."""
 

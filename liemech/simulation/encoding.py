@@ -21,6 +21,7 @@ from ..errors import FormulaWarning, InvalidInput, warn
 from ..formulas import Record
 from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
+from ..formulas.frozen import frozen
 from ..formulas.records import known, refilled
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
@@ -84,7 +85,7 @@ def encoded(value: Any) -> Any:
     )
 
 
-@dataclasses.dataclass(frozen=True)
+@frozen
 class Decoder:
     """What was encoded.
 

@@ -4,6 +4,7 @@ way, with ends, times or events of their own.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import os
 import time
@@ -30,10 +31,10 @@ from .control import (
     begun,
     sample,
 )
-from .dense import evaluated, flat, short_step
+from .dense import Between, ShortSteps, lay_out
 from .driver import begin
 from .execution import LOOK
-from .keep import At, Piece, Straight
+from .keep import At, Straight
 from .lanes import Lanes, share_out
 from .prepared import Shape, shown_step, times
 from .progress import Bar
@@ -48,9 +49,6 @@ PLAIN, NATIVE = 16, 2**17
 
 SWEEP = 2**26
 """Steps of all bodies together, in native code, after which all bodies have come to the same time."""
-
-CACHED = 2**10
-"""Bodies whose numbers stay in the cache while they are written from rows into columns."""
 
 WORTH = 2**15
 """Steps of all bodies together that are worth a thread."""
@@ -261,18 +259,10 @@ class EqualRun(Run):
         """Write the numbers of the start, a column for each body; lanes that are left over repeat
         the last body.
         """
-        count = self.count
         if not self.bodies:
             columns[:, 0] = leaves(start, self.shape.given)
             return
-        at = 0
-        for part in start.arrays.values():
-            rows = flat({"": part}, count)
-            numbers = columns[at : at + rows.shape[1], :count]
-            for i in range(0, count, CACHED):  # one pass over memory, not one for each number
-                numbers[:, i : i + CACHED] = rows[i : i + CACHED].T
-            at += len(numbers)
-        columns[:, count:] = columns[:, count - 1 : count]
+        lay_out(start.arrays, columns)
 
     def observe(self) -> list[Any]:
         if self.asked is None or self.plan.events:
@@ -285,18 +275,10 @@ class EqualRun(Run):
 
     # ---------------------------------------------------------------- between steps
 
-    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        points, a = piece.rows(step, before=True)[:, 1:], piece.a[step]
-        return np.concatenate([points, a[:, None], (times - a)[:, None]], axis=1)
-
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
-        point = self.lanes.state
-        what = (
-            repr(self.of(0)[1]),
-            lambda k: f"the shorter step from t = {given[k, -2]:g} to t = {times[k]:g}",
-        )
-        arguments = *self.lanes.arguments[:2], point
-        return evaluated(short_step, arguments, given, point.width, self.asked_for, what, body)
+    @functools.cached_property
+    def between(self) -> Between:
+        method, system = self.lanes.arguments[:2]
+        return ShortSteps(system, method, self.lanes.example, None, self.asked_for)
 
     # ---------------------------------------------------------------- what came of it
 
@@ -534,9 +516,12 @@ class StraightRun(EqualRun):
         return self._between(samples, numbers, some)
 
     def _as_far(self, t: np.ndarray, samples: Straight) -> np.ndarray:
-        """The times of samples, (n, bodies) if the run was interrupted before all had come to them."""
+        """The times of samples, (n, bodies) if the run was interrupted before all had come to them; of a
+        body that failed its own, unless all share theirs.
+        """
         taken = self.clocks[TAKEN]
-        late = np.flatnonzero((taken < taken.max()) & ~self.failed & ~self.over)
+        late = (taken < max(taken.max(), self.reached)) & ~self.over
+        late = np.flatnonzero(late & ~self.failed if t.ndim == 1 else late)
         if not len(late):
             return t
         t = np.repeat(t[:, None], self.count, axis=1) if t.ndim == 1 else t
@@ -602,9 +587,10 @@ class StraightRun(EqualRun):
             self.here[1:].copy(), bodies=self.count,
         )  # fmt: skip
         if failed.any():
-            made.taken = np.where(failed & (taken == step), -1.0, taken)
             stopped = {int(i): self.failures.get(int(i)) for i in np.flatnonzero(failed)}
-            made.failures = {i: told[-1] if told else None for i, told in stopped.items()}
+            failures = {i: told[-1] if told else None for i, told in stopped.items()}
+            given = np.where(failed & (taken == step), -1.0, taken)
+            made = dataclasses.replace(made, taken=given, failures=failures)
         vars(made)["state"] = state
         return made
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidType
+from ..errors import InvalidType, warn
 from ..formulas.pytree import NUMBER
 from ..formulas.sizes import EPSILON
 from .dense import execution_of, natively, observe
@@ -114,11 +114,13 @@ def crossed(event: Event, old: Any, new: Any) -> Any:
 class Events:
     """Observer of the zeros of functions of time and state, for all bodies of a run.
 
-    each : of every body its own watch.
+    each : of every body its own watch.  blind : of events that were nan the name, and the body and
+    the time of the first one.
     """
 
     def __init__(self, run: Any, events: tuple[Event, ...]) -> None:
         self.run, self.events, self.floats = run, events, True
+        self.blind: dict[int, tuple[str, int, float]] = {}
         self.each: dict[int, Watch] = {}
         for i in range(run.count):
             begun = run.begun(i)
@@ -150,7 +152,10 @@ class Events:
             value = event(t, state)
             self.floats = self.floats and type(value) is float
             try:
-                return float(value)
+                number = float(value)
+                if number != number:
+                    self.blind.setdefault(id(event), (name_of(event), body, t))
+                return number
             except TypeError:
                 raise InvalidType(
                     f"integrate: an event gives a number; {event!r} gave {value!r}"
@@ -302,6 +307,16 @@ class Events:
         return None
 
     # ---------------------------------------------------------------- what came of it
+
+    def tell(self) -> None:
+        """Warn of events that were nan, next to which no zero is seen."""
+        for name, body, t in self.blind.values():
+            of = f" of body {body}" if self.run.bodies else ""
+            warn(
+                f"integrate: the event {name} was nan at t = {t:g}{of}; its zeros are not "
+                "seen in steps that begin or end so. Give it a number everywhere",
+                RuntimeWarning,
+            )
 
     def forget(self) -> None:
         """Forget zeros beyond the places where the bodies stand."""

@@ -4,7 +4,6 @@ Both give the same bits.
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from array import array
 from collections.abc import Iterator, Sequence
@@ -28,7 +27,6 @@ MANY = 1000
 """Kinds of runs that are remembered."""
 
 
-@dataclasses.dataclass
 class History:
     """What this process has learned about one driver and the layouts of its arguments.
 
@@ -36,10 +34,8 @@ class History:
     looked : on disk.  refused : it cannot be compiled.
     """
 
-    seconds: float = 0.0
-    uses: int = 0
-    looked: bool = False
-    refused: bool = False
+    def __init__(self) -> None:
+        self.seconds, self.uses, self.looked, self.refused = 0.0, 0, False, False
 
 
 OFTEN = 3

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 from ..errors import IncompatibleSystem
+from ..formulas.frozen import frozen
 from ..formulas.pytree import layout_of
 from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
 from ..systems.sundman import InFictiveTime
 from ..systems.system import State, member, small_state, state_of
-from .carry import Carries, Carry, Ended, Waiting
+from .carry import Carry, Ended
 from .events import NO_EVENTS, Met
 from .prepared import Steps
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Origin:
     """Where a run began: the system as it was given, the method, and the start, on whose energy
     time scales may depend.
@@ -72,7 +73,7 @@ class Origin:
         return {"given": self.given, "method": self.method, "start": self.start}
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class FictiveCarry:
     """Where a run in fictive time stands: at the end of its last whole step, from which it goes on
     as if it had never stopped.
@@ -134,16 +135,6 @@ class FictiveCarry:
         return self.origin.whole.apart({name: x[None] for name, x in sample.arrays.items()})
 
 
-def in_fictive_time(origin: Origin, inner: Any, h: Any) -> Any:
-    """The carry of an ensemble, from that of the system with its clock: one for all bodies if they have
-    come equally far, else one for each.
-    """
-    if isinstance(inner, Carry):
-        return FictiveCarry(origin, inner)
-    members = enumerate(inner.members)
-    return Carries(tuple([_member_of(origin, i, one, h) for i, one in members]))
-
-
 def _member_of(origin: Origin, i: int, inner: Any, h: Any) -> Any:
     """The carry of a body of an ensemble, or where it has ended."""
     own = Origin(origin.given, origin.method, member(origin.start, i))
@@ -152,7 +143,5 @@ def _member_of(origin: Origin, i: int, inner: Any, h: Any) -> Any:
     arrays = {name: x[None] for name, x in inner.state.arrays.items()}
     t, states, z = own.whole.apart(arrays)
     state = small_state(type(own.start), {name: x[0] for name, x in states.items()})
-    if isinstance(inner, Waiting):
-        return Waiting(state, float(t[0]))
     tau, last = inner.steps * h, None if z is None else float(z[0])
     return Ended(state, float(t[0]), inner.steps, inner.error, tau, last, own)

@@ -59,13 +59,15 @@ def integrate(
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
     record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is
     not computed.  Or functions of it, kept instead: methods of the system by name, ("energy",),
-    functions of t and state, and pairs [(name, function), ...].
+    functions of t and state, and pairs [(name, function), ...].  Of many sites a function of t and one
+    site is summed over all of them, and [("mu", [0, 17])] keeps these sites only.
     t_eval : (n,) times at which to keep the state; default: at the ends of steps.
     breaks : times at which the velocity jumps; no step goes across one: of a step of length h they
     make several.  Where a PiecewisePolynomial in a field of the system jumps is known.
     events : functions of t and state whose zeros are looked for; their attributes `terminal` (True:
     the first zero ends the run; 3: the third one) and `direction` (+1 only rising, -1 only falling
-    zeros) mean what they do in SciPy.  Of an ensemble run.events[k][i] is what body i has met.
+    zeros) mean what they do in SciPy.  Of an ensemble run.events[k][i] is what body i has met.  Of
+    many sites they are functions of t and of the totals that `record` names.
     compiled : True for native code, False for plain Python, None for native code as soon as it is
     there or pays; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.
@@ -79,7 +81,7 @@ def integrate(
     of a step, of every body.
     compensated : whether the increments of the steps are summed up in compensated numbers: True for
     all parts of the state, False for none, None for those that the motion depends on, if the method
-    is symmetric or symplectic.
+    is symmetric or symplectic and adds to them.
     precision : "double", or "double-double" for steps in numbers of two doubles: 31 digits, of
     which the samples show 16.
     workers : threads among which the bodies of an ensemble are divided.

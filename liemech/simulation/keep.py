@@ -117,10 +117,6 @@ class Every:
         """The samples, (n, bodies, width), and how many each body has."""
         return self.samples.rows[: self.samples.told.max(initial=0)], self.samples.told
 
-    def arrived(self, body: int) -> None:
-        """The last sample is that where the body stands."""
-        self.samples.rows[self.samples.told[body] - 1, body] = self.run.here[:, body]
-
     def flush(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and numbers of the samples of one body so far, which are not kept any longer."""
         rows = self.samples.rows[: self.samples.told[0], 0].copy()
@@ -248,11 +244,6 @@ class At:
             found[of] = np.searchsorted(sign * asked[:, i], sign * t[of], "right")
         return found
 
-    def arrived(self, body: int) -> None:
-        """All times that are left are those where the body stands."""
-        self.samples[self.told[body] :, body] = self.run.here[:, body]
-        self.told[body] = len(self.asked)
-
     def move(self) -> None:
         """Find the states inside of steps that were asked for."""
         if self.within:
@@ -312,10 +303,6 @@ class Dense:
     def see(self, piece: Piece) -> None:
         """Keep rows."""
         self.add(piece.out[piece.turn, :, 0])
-
-    def arrived(self, body: int) -> None:
-        """The last row is that where the body stands."""
-        self.array[self.filled - 1, 0] = self.run.here[0, body]
 
     def forget(self) -> None:
         """Forget rows beyond the place where the run stands."""

@@ -15,7 +15,6 @@ from typing import Any
 from ..compiler import kernel
 from ..compiler.kernel import Several
 from ..errors import (
-    IncompatibleSystem,
     IntegrationInterrupted,
     InvalidInput,
     InvalidType,
@@ -23,11 +22,17 @@ from ..errors import (
     warn,
 )
 from ..formulas import Record
-from ..formulas.pytree import Layout, exact, fields_of, known_layout, layout_of, restricted
+from ..formulas.pytree import (
+    Layout,
+    exact,
+    fields_of,
+    known_layout,
+    layout_of,
+    names_of,
+    restricted,
+)
 from ..formulas.signatures import spelt
 from ..integrators.method import Method
-from ..systems.canonical import CanonicalState
-from ..systems.site_state import StateOfSites
 from ..systems.system import State, System, member
 from . import arguments
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
@@ -35,12 +40,11 @@ from .checkpoint import Checkpoint
 from .equal import EqualRun, StraightRun
 from .execution import like
 from .fictive import FictiveCarry
-from .fictive_run import FictiveRun
+from .fictive_run import FictiveRun, StraightFictiveRun
 from .options import EQUAL, FICTIVE, TOLERANCE, Options
 from .prepared import Steps
 from .recorded import recorder_of
-from .short import short
-from .short_steps import advanced, short_steps, short_steps_of_many
+from .short import advanced, short, short_steps, short_steps_of_many
 from .sites_carry import SiteCarry
 from .sites_plan import SitesOfPlan
 from .sites_states import by_site, first_of
@@ -48,7 +52,6 @@ from .stepper import Stepper
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
-from .transformed import TransformedRun
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -140,14 +143,16 @@ class Plan:
             own: Any = h, *tolerances, options.breaks, dense, compiled, progress
             self._steps = AdaptiveSteps(one, first("method"), *own)
         else:
-            h = arguments.step(first("h")) if self.fictive else arguments.steps(h)
+            h = arguments.steps(h)
             own = h, options.every, compensated, precision, compiled, progress, options.workers
             self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
         self._sites = SitesOfPlan.of(self)  # of a system of many sites
-        self._plain = (  # is there nothing to do but to step, with one length, and for one system?
-            not self.adaptive
-            and not (self.of_each or self.events or self.fictive or self.recorder is not None)
+        of_each = {*self.of_each} - (set() if self.adaptive else {"system", "method"})
+        kinds_of_methods = {type(way) for way in each_of(self.method)}
+        self._warns = any(k.step_warning is not Method.step_warning for k in kinds_of_methods)
+        self._plain = not (  # is there nothing to do but to step, by one clock?
+            of_each or self.events or self.fictive or self.recorder is not None or options.progress
         )
 
     def _first_of(self, name: str) -> Any:
@@ -235,10 +240,6 @@ class Plan:
                 made = self._by_sites(start, steps, t_end, t0, t_eval, checkpoint, checkpoint_every)
                 if made is not None:
                     return made
-            if type(steps) is int and t_end is None and t_eval is None and checkpoint is None:
-                run = self._short_run(start, steps, t0)
-                if run is not None:
-                    return run
             if checkpoint is None:
                 return self._run(start, steps, t_end, t0, t_eval, None)
             with self._kept(checkpoint, checkpoint_every) as kept:
@@ -253,18 +254,17 @@ class Plan:
     ) -> Trajectory | None:
         """A run of a system of many sites, site by site; None if it is to be written out."""
         sites: Any = self._sites
-        if isinstance(start, (StateOfSites, CanonicalState)):
+        if sites.knows(start):
             start, t0 = arguments.known(self._one, start), arguments.real(t0, "t0")
             start = by_site(self._one, start)
             first = first_of(start)
             wanted = arguments.with_parts(sites.site, first, self._needed(sites.site, first)).arrays
             start = type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
-        asked = {"t_eval": t_eval}
         if path is None:
-            made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, **asked)
+            made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
             return made
         with self._kept(path, seconds) as kept:
-            made = sites.trajectory(start, steps, t_end, t0, kept, **asked)
+            made = sites.trajectory(start, steps, t_end, t0, kept, t_eval)
         return made
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
@@ -295,6 +295,10 @@ class Plan:
         self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
         """A run of any kind."""
+        if kept is None and self._plain:
+            made = self._short_run(start, steps, t_end, t0, t_eval)
+            if made is not None:
+                return made
         if self.events:
             arguments.events(self.events)  # whose attributes may have changed
         start, t0 = self._started(start), arguments.real(t0, "t0")
@@ -311,8 +315,6 @@ class Plan:
                 raise InvalidInput(
                     "integrate: t_eval needs t_end, the time up to which the run goes"
                 )
-            if not self._apart(start, t_end, t_eval):
-                return self._transformed(start, steps, t0, kept)
         else:
             if not self._apart(start, t_end, t_eval):
                 self._count(steps, t_end, t0)
@@ -321,29 +323,41 @@ class Plan:
                 warn(doubt, StepWarning)
         return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
 
-    def _short_run(self, start: Any, steps: int, t0: Any) -> Trajectory | None:
+    def _short_run(
+        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any
+    ) -> Trajectory | None:
         """A run that has nothing to do but to step, of a start that is laid out as one before;
         None for all others, and for what is to be refused.
         """
-        if self._plain:
-            start = self._inner._written_out(start)
-        known: Any = self._known(start) if self._plain else None
-        shape = None if known is None else self._steps.shapes.get(known)
-        if shape is None or type(t0) is not float:
+        known, way = self._known(start), self._steps
+        if known is None:
+            written = self._one._written_out(start)
+            known = None if written is start else self._known(written)
+            start = written
+        if known is None or type(t0) is not float or not math.isfinite(t0):
             return None
-        h = self._steps.h
-        end = t0 + steps * h
-        latest = max(abs(t0), abs(end))
-        if steps > arguments.MOST or not latest < math.inf or latest + abs(h) == latest:
+        layout, side = known
+        if self.adaptive:
+            if side or t_end is None:
+                return None
+            limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
+            end = arguments.real(t_end, "t_end")
+            times = arguments.times(t_eval, t0, end)
+            if not (way.smooth or not way.jumps(t0, end)) or (way.dense and times is not None):
+                return None
+            made = short(way, layout, start, t0, end, times, limit)
+            if made is not None and self.options.atol is None:
+                arguments.large_enough(restricted(start, layout))
+            return made
+        shape, of_each = way.shapes.get(known), side and t_end is not None
+        if shape is None or t_eval is not None or (of_each and arguments.axes(t_end, "t_end")):
             return None
-        if type(self.method).step_warning is not Method.step_warning and (
-            shape.given != known_layout(start)  # it might ask for what is not recorded
-            or self._doubt(start)
-        ):
+        count = self._count(steps, t_end, t0)
+        if self._doubt(start if side else restricted(start, layout)):
             return None
-        of_some: Any = short_steps_of_many if known[1] else short_steps
-        made: Trajectory | None = of_some(self._steps, shape, start, steps, t0)
-        return made
+        if side:
+            return short_steps_of_many(way, shape, start, count, t0)
+        return short_steps(way, shape, start, count, t0)
 
     def _known(self, start: Any) -> Any:
         """By what the shape of a start is known in a run, if one like it was checked before."""
@@ -367,33 +381,22 @@ class Plan:
         axes = arguments.axes(t_end, "t_end") > 0 or arguments.axes(t_eval, "t_eval") > 1
         return of_each or axes
 
+    def kind_of_run(self, start: Any, t_end: Any, t_eval: Any) -> Any:
+        """What makes a run from such a start."""
+        if self.adaptive:
+            return ToleranceRun
+        if self._apart(start, t_end, t_eval):
+            return FictiveRun if self.fictive else EqualRun
+        return StraightFictiveRun if self.fictive else StraightRun
+
     def _in_pieces(
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
         """A run of bodies each of which goes its own way."""
         way, recorder = self._steps, self.recorder
-        alone = start.bodies is None
-        if (
-            self.adaptive
-            and alone
-            and t_end is not None
-            and not (self.events or kept or recorder or way.progress)
-        ):
-            limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
-            end = arguments.real(t_end, "t_end")
-            times = arguments.times(t_eval, t0, end)
-            if not (way.dense and times is not None) and not way.jumps(t0, end):
-                run = short(way, start, t0, end, times, limit)
-                if run is not None:
-                    return run
-        kind: Any = ToleranceRun if self.adaptive else FictiveRun if self.fictive else EqualRun
-        straight = kind is EqualRun and not self._apart(start, t_end, t_eval)
-        if straight:
-            kind = StraightRun
-            made = self._at_once(start, t0, steps, t_end) if t_eval is None is kept else None
-            if made is not None:
-                return made
-        instead = t_eval is not None if straight else not alone
+        kind: Any = self.kind_of_run(start, t_end, t_eval)
+        straight = kind is StraightRun
+        instead = t_eval is not None if straight else start.bodies is not None
         if recorder is not None and (self.fictive or instead):
             recorder = None
         made = kind(self, start, t0, steps, t_end, t_eval, kept, recorder)
@@ -405,19 +408,6 @@ class Plan:
         shown: Trajectory = keeper.instead(made.trajectory, own, way.compiled)
         return shown
 
-    def _at_once(self, start: Any, t0: float, steps: Any, t_end: Any) -> Trajectory | None:
-        """A run with fixed steps of one body, if it is a short one."""
-        if not self._plain or start.bodies is not None:
-            return None
-        if isinstance(start, Carry):
-            t0, before, shape = start.t0, start.step, start.shape
-        else:
-            before, shape = 0, self._steps.shapes.get((layout_of(start), 0))
-        if shape is None or not self._steps.owns(shape):
-            return None
-        steps = self._count(steps, t_end, t0, before)
-        return short_steps(self._steps, shape, start, steps, t0)
-
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
         and as the steps if they have steps of their own.
@@ -428,12 +418,6 @@ class Plan:
             return start if start.bodies else restricted(start, known[0])
         inner, given = self._inner, start
         start = arguments.started(inner, start, self._needed(inner, start))
-        if not self.of_each and inner._knows(given):
-            side = kernel.side_by_side(start.bodies)
-            if start.bodies is None:
-                self._laid_out[layout_of(given)] = layout_of(start), side
-            elif start is given:
-                self._laid_out[kind_of_many(given)] = layout_of(member(start, 0)), side
         for name, own in self.of_each.items():
             if start.bodies == len(own):
                 continue
@@ -449,10 +433,15 @@ class Plan:
                 )
             what = "steps" if name == "h" else "numbers"
             raise InvalidInput(f"integrate: {name} has {len(own)} {what} for {start.bodies} bodies")
-        if self.fictive:
-            return start
         if self._one is not self.system and self._one.bounded:
-            arguments.allowed(self.system, start)
+            if not self.fictive:
+                arguments.allowed(self.system, start)
+        elif (self._plain or not self.of_each) and inner._knows(given):
+            side = kernel.side_by_side(start.bodies)
+            if start.bodies is None:
+                self._laid_out[layout_of(given)] = layout_of(start), side
+            elif start is given:
+                self._laid_out[kind_of_many(given)] = layout_of(member(start, 0)), side
         return start
 
     def _kept(self, path: Any, seconds: Any) -> Checkpoint:
@@ -475,6 +464,8 @@ class Plan:
 
     def _doubt(self, start: State) -> str | None:
         """What the method warns of; of several systems the first warning."""
+        if not self._warns:
+            return None
         steps: Steps = self._steps
         if not self.of_each:
             return self.method.step_warning(self.system, start, steps.h)
@@ -520,9 +511,13 @@ class Plan:
     ) -> Trajectory:
         """What comes after a run of any kind."""
         if isinstance(getattr(run, "carry", None), SiteCarry):
-            carry = self._of_this_plan(run, "resume")
+            carry = run.carry
+            if isinstance(run, Stepper):
+                self._require_mine(carry, "resume")
+            else:
+                carry = self._of_this_plan(run, "resume")
             made = None if self._sites is None else self._sites.trajectory(
-                carry, steps, t_end, 0.0, kept, t_eval=t_eval
+                carry, steps, t_end, 0.0, kept, t_eval
             )  # fmt: skip
             if made is not None:
                 return made
@@ -533,8 +528,13 @@ class Plan:
             carry = self._of_this_plan(run, "resume")
         else:
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        if self.fictive and not self._apart(carry, t_end, t_eval):
-            return self._transformed(carry, steps, carry.t, kept)
+        if self._plain and t_eval is kept is None and type(carry) is Carry and carry.bodies is None:
+            shape: Any = carry.shape
+            count = self._count(steps, t_end, carry.t0, carry.step)
+            if self._steps.owns(shape):
+                made = short_steps(self._steps, shape, carry, count, carry.t0)
+                if made is not None:
+                    return made
         return self._in_pieces(carry, 0.0, steps, t_end, t_eval, kept)
 
     @property
@@ -543,21 +543,6 @@ class Plan:
         transforms.
         """
         return self._one.system if self._one.fictive else self._one
-
-    def _transformed(
-        self, start: State | FictiveCarry, steps: Any, t0: Any, kept: Checkpoint | None
-    ) -> Trajectory:
-        """A run of so many steps in fictive time."""
-        recorder, compiled = self.recorder, self._steps.compiled
-        kind = type(start if isinstance(start, State) else start.origin.start)
-        if kept is not None and recorder is not None:
-            kept.shown = functools.partial(recorder.presented, kind=kind, compiled=compiled)
-        steps = arguments.count(steps, "steps", 0)
-        run = TransformedRun(self, start, t0, kept)
-        if recorder is None:
-            return run.steps(steps)
-        made: Trajectory = recorder.instead(lambda: run.steps(steps), kind, compiled)
-        return made
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
         """How many steps, checked, and with them their times."""
@@ -641,7 +626,7 @@ class Plan:
                     "a plan of what it was made with"
                 )
         wanted: Any = AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
-        wanted = (Carry, SiteCarry) if wanted is Carry else wanted
+        wanted = wanted if self.fictive else (wanted, SiteCarry)
         several = isinstance(carry, Carries)
         for body, one in enumerate(carry.members if several else (carry,)):
             if isinstance(one, (Waiting, Ended)):
@@ -651,9 +636,7 @@ class Plan:
                     f"Plan.{what}: the run was made with other steps; start a new one from run.last"
                 )
             inner: Any = one.inner if isinstance(one, FictiveCarry) else one
-            h = getattr(self._steps, "h", None)
-            if several and "h" in self.of_each:
-                h = arguments.step(self.of_each["h"][body])
+            h = None if self.adaptive else self._steps.h_of(body) if several else self._steps.h
             if not self.adaptive and inner.h != h:
                 raise InvalidInput(
                     f"Plan.{what}: the run was made with h = {inner.h!r} instead of {h!r}; "
@@ -694,6 +677,8 @@ class Plan:
             )
         if self.events:
             raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
+        if self._sites is not None:
+            self._sites.require_small(start, "tangent map")
         start, t0 = self._started(start), arguments.real(t0, "t0")
         names: tuple[Any, ...] = (
             (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
@@ -732,7 +717,7 @@ class Plan:
                     "held fixed"
                 )
             run = self._in_pieces(start, t0, steps, t_end, None, None)
-            return adaptive_tangent_run(self._steps, run, self._steps.begun(run.t), start, names)
+            return adaptive_tangent_run(self, run, start, names)
         if self.fictive:
             if t_end is not None or steps is None:
                 raise InvalidInput(
@@ -768,9 +753,11 @@ class Plan:
         given: Any = carry
         if isinstance(given, Stepper):
             given = given.carry
-        if isinstance(given, SiteCarry) and self._sites is not None:
-            run: Any = self._sites.trajectory(given, steps, None, 0.0, None)
-            after: Carry = run.carry
+        if isinstance(given, SiteCarry):
+            self._require_mine(given, "step")
+            run = self.by_hand(given)
+            run.advance(steps)
+            after: Any = run.standing
             return after
         if type(given) is not Carry or not self._steps.owns(given.shape):
             self._require_mine(given, "step")
@@ -779,6 +766,11 @@ class Plan:
                 made: Any = FictiveCarry(given.origin, inner, met=given.met)
                 return made
         return self._advanced(given, steps)
+
+    def by_hand(self, carry: SiteCarry) -> Any:
+        """The run of a system of many sites that goes on as it is told."""
+        sites: Any = self._sites
+        return sites.by_hand(carry)
 
     def in_fictive_time(self, origin: Any) -> Plan:
         """The plan of the system with its clock that began there."""
@@ -811,13 +803,6 @@ class Plan:
         Raises what `step` and `resume` raise.
         """
         self._one_length("stepper")
-        if isinstance(getattr(start, "carry", start), SiteCarry) or (
-            self._sites is not None and self._sites.takes(start)
-        ):
-            raise IncompatibleSystem(
-                "Plan.stepper: there is none for systems of many sites; carry = plan.begin(start) and "
-                "carry = plan.step(carry) go on by hand, carry.state is where they are"
-            )
         if isinstance(start, State):
             return Stepper(self, self.begin(start, 0.0 if t0 is None else t0))
         if t0 is not None:
@@ -833,7 +818,8 @@ class Plan:
     def _require_mine(self, carry: Any, what: str) -> None:
         """Refuse what fixed steps do not go on from.  what : the method that was called."""
         self._one_length(what)
-        if not isinstance(carry, FictiveCarry if self.fictive else Carry):
+        kinds: Any = FictiveCarry if self.fictive else (Carry, SiteCarry)
+        if not isinstance(carry, kinds) or (isinstance(carry, SiteCarry) and not self._sites):
             raise InvalidType(
                 f"Plan.{what} goes on from what `begin` or `step` gave, or from the `carry` of a run "
                 f"or a stepper; got {carry!r}"
@@ -847,7 +833,7 @@ class Plan:
         theirs, way = None, self.method  # type: Any, Any
         if isinstance(carry, FictiveCarry):
             theirs = carry.origin.given, carry.origin.method
-        elif inner.shape is not None:
+        elif getattr(inner, "shape", None) is not None:
             method, system, *_ = next(iter(inner.shape.lanes.values())).arguments
             theirs = tuple([x.values if isinstance(x, Several) else x for x in (system, method)])
             way = self._steps.way
@@ -895,8 +881,9 @@ class Advance(StraightRun):
 
 def kind_of_many(start: Any) -> Any:
     """What the starts of two ensembles have in common that are laid out in the same way."""
-    parts = [(name, x.shape, x.dtype) for name, x in start.arrays.items()]
-    return type(start), *parts
+    kind: Any = type(start)
+    parts = [getattr(start, name) for name in names_of(kind)]
+    return kind, *[x if x is None else (x.shape, x.dtype.char) for x in parts]
 
 
 def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:

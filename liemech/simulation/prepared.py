@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..compiler import kernel
+from ..formulas.frozen import frozen
 from ..formulas.pytree import (
     Layout,
     build,
@@ -34,7 +35,7 @@ the cache at once: columns of a line of the cache are added.
 """
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Steps:
     """Fixed steps: what a plan was told of them.
 
@@ -125,7 +126,8 @@ class Steps:
         """The same of a system."""
         if self.precision == "double-double":
             return double_double(start)
-        if self.compensated is None and (self.method.symmetric or self.method.symplectic):
+        method = self.method
+        if self.compensated is None and method.adds and (method.symmetric or method.symplectic):
             motion = system.essential_part(start).parts
             return type(start)(
                 *(

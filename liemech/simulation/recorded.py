@@ -21,6 +21,7 @@ from ..errors import (
     is_mistake,
 )
 from ..formulas import Record
+from ..formulas.frozen import frozen
 from ..formulas.pytree import layout_of
 from ..formulas.vectors import small
 from ..systems.system import State
@@ -35,20 +36,41 @@ PLAIN = ("number", "vec", "mat")
 """What a function may give."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Recorder:
     """What is kept of each sample: parts of the state, and quantities by name.
 
     quantities : methods of the system, by their names, or functions of time and state.
+    chosen : parts of the state that are kept of some sites only, and which.
     """
 
     parts: tuple[str, ...]
     quantities: dict[str, str | Callable[[float, Any], Any]]
+    chosen: dict[str, tuple[int, ...]] = dataclasses.field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
         """All that is kept."""
-        return *self.parts, *self.quantities
+        return *self.parts, *self.observed
+
+    @property
+    def observed(self) -> tuple[str, ...]:
+        """All that is kept instead of parts of the state."""
+        return *self.quantities, *self.chosen
+
+    @property
+    def sites(self) -> list[int] | None:
+        """The sites of which states are kept; None for all."""
+        return None if self.parts or not self.chosen else sorted({*sum(self.chosen.values(), ())})
+
+    def of_chosen(self, system: Any, name: str, array: np.ndarray) -> np.ndarray:
+        """A part of the states of all sites, (n, ...), of those that are chosen."""
+        by_site = system.by_site({name: array})[name]
+        if by_site.ndim == 2:
+            group = getattr(system, "configurations", system.group)
+            by_site = group._out_of_rows(by_site, "Element" if name == "g" else "Vec")
+        found: np.ndarray = by_site[:, [*self.chosen[name]]]
+        return found
 
     def needed(self, system: Any, start: Any) -> tuple[str, ...] | None:
         """The parts of the state that a run must have: for a function of the state all that there
@@ -57,7 +79,7 @@ class Recorder:
         if not isinstance(start, State):
             return None
         if not all(isinstance(q, str) for q in self.quantities.values()):
-            return tuple(dict.fromkeys([*start.arrays, *self.parts]))
+            return tuple(dict.fromkeys([*start.arrays, *self.parts, *self.chosen]))
         wanted = [name for name, x in system.essential_part(start).parts.items() if x is not None]
         for quantity in self.quantities.values():
             parts = inspect.signature(getattr(system, str(quantity))).parameters
@@ -68,7 +90,7 @@ class Recorder:
                     "record a function of time and state"
                 )
             wanted += parts
-        return tuple(dict.fromkeys([*wanted, *self.parts]))
+        return tuple(dict.fromkeys([*wanted, *self.parts, *self.chosen]))
 
     # ---------------------------------------------------------------- what is kept
 
@@ -98,6 +120,8 @@ class Recorder:
         self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any
     ) -> dict[str, np.ndarray]:
         found = {name: states[name] for name in self.parts}
+        for name in self.chosen:
+            found[name] = self.of_chosen(run.system, name, states[name])
         for name, quantity in self.quantities.items():
             if isinstance(quantity, str):
                 formula = getattr(run.system, quantity)
@@ -157,7 +181,7 @@ class Recorder:
 
     def presented(self, run: Any, kind: type, compiled: Any) -> Any:
         """A run that kept the states, with what is to be kept instead."""
-        own: dict[str, Any] = {"observed": tuple(self.quantities), "dense": None}
+        own: dict[str, Any] = {"observed": self.observed, "dense": None}
         try:
             kept = self.values(run, kind, run.t, run.states, compiled)
         except (Exception, IntegrationInterrupted) as caught:
@@ -190,7 +214,7 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
     """What is to be kept, if there is more among it than parts of the state.
 
     record : names of parts of the state and of methods of the system, functions of time and state,
-    pairs of a name and such a function.
+    pairs of a name and such a function, pairs of a part and the numbers of sites.
     """
     items = (
         (record,)
@@ -201,6 +225,7 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
     )
     parts: list[str] = []
     quantities: dict[str, Any] = {}
+    chosen: dict[str, tuple[int, ...]] = {}
     for item in items:
         name, wanted = item if isinstance(item, tuple) and len(item) == 2 else (item, item)
         if isinstance(wanted, str):
@@ -212,6 +237,9 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
                 quantities[name] = wanted
             else:
                 parts.append(wanted)
+            continue
+        if isinstance(wanted, (list, range, np.ndarray)) and isinstance(name, str):
+            chosen[name] = numbers_of_sites(name, wanted, system)
             continue
         if not callable(wanted):
             return None  # to be refused with the parts there are
@@ -235,4 +263,23 @@ def recorder_of(record: Any, system: Any) -> Recorder | None:
                 f"integrate: record: {name!r} is the name of something else of a run; give another "
                 "one: [(name, function), ...]"
             )
-    return Recorder(tuple(parts), quantities) if quantities else None
+    if [*parts, *chosen].count(next(iter({*parts} & {*chosen}), "")):
+        raise InvalidInput(
+            "integrate: record has a part of the state twice, of all sites and of some"
+        )
+    return Recorder(tuple(parts), quantities, chosen) if quantities or chosen else None
+
+
+def numbers_of_sites(name: str, given: Any, system: Any) -> tuple[int, ...]:
+    """The numbers of the sites of which a part of the state is kept.  Raises InvalidInput."""
+    found = np.asarray(given)
+    copies = getattr(getattr(system, "configurations", system.group), "copies", None)
+    what = f"integrate: record=({name!r}, {given!r})"
+    if copies is None or system.site_form is None:
+        raise InvalidInput(f"{what} names sites, which {system!r} has none of")
+    if found.ndim != 1 or found.dtype.kind not in "iu" or not len(found):
+        raise InvalidInput(f"{what} is for a list of the numbers of sites")
+    wrong = found[(found < 0) | (found >= copies)]
+    if len(wrong):
+        raise InvalidInput(f"{what}: there is no site {wrong[0]}; the sites are 0 to {copies - 1}")
+    return tuple(found.tolist())

@@ -16,7 +16,7 @@ from ..systems.system import member
 from . import arguments
 from .carry import Carries, Ended, Waiting
 from .control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME, go_on
-from .dense import unpacked
+from .dense import Between, unpacked
 from .events import NO_EVENTS, Events
 from .execution import LOOK
 from .keep import At, Every, Piece
@@ -120,13 +120,18 @@ class Run:
             return [At(self, self.asked)]
         return [Every(self, self.way.every)]
 
+    @property
+    def between(self) -> Between:
+        """The motion inside of steps."""
+        raise NotImplementedError
+
     def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
         """Rows of numbers from which `moved` finds states at times inside of steps."""
-        raise NotImplementedError
+        return self.between.given(piece.rows(step, before=True), piece.rows(step), times)
 
     def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
         """The numbers of these states."""
-        raise NotImplementedError
+        return self.between.moved(given, times, body)
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
         """Let the step of a row end inside: at this time, in this state."""
@@ -261,6 +266,8 @@ class Run:
         except (Exception, KeyboardInterrupt) as error:
             raise self._stopped(error) from error.__cause__
         self.tell(made.stopped)
+        if self.events:
+            self.events.tell()
         return made
 
     def tell(self, stopped: Any) -> None:
@@ -337,6 +344,10 @@ class Run:
         out[0, : len(self.here), :m] = self.here[:, bodies]
         before = columns.copy() if self.events else columns
         lanes.forwards(bodies, columns, out, turns, workers, self.failures, self.native)
+        for k, body in enumerate(bodies.tolist() if self.left else ()):
+            ways = self.left.get(body)
+            if ways:  # a last step that ends before a jump at t_end is one to t_end
+                out[:, 0, k][out[:, 0, k] == ways[0][0]] = self.t_end[body]
         piece = Piece(self, bodies, out, begun, taken)
         try:
             self._see(piece, bodies, before, columns)
@@ -417,8 +428,6 @@ class Run:
                 columns[goal, k] = ways[-1][0] if ways else self.t_end[body]
                 if beyond == self.t_end[body]:
                     self.here[0, body] = beyond
-                    for one in self.observers:
-                        one.arrived(body)
 
     # ---------------------------------------------------------------- functions instead of states
 
@@ -537,7 +546,7 @@ class Run:
             "dense": None,
             "rejected": None,
             "breaks": (),
-            "observed": () if self.recorder is None else tuple(self.recorder.quantities),
+            "observed": () if self.recorder is None else self.recorder.observed,
         }
         return self.kind.promised(SimpleNamespace(carry=carry), **fields | known)
 
@@ -596,7 +605,9 @@ class Run:
             shown[: len(rows)] = rows[:n]
         np.copyto(shown, rest, where=(np.arange(n)[:, None] >= told)[..., None])
         t = shown[..., 0]
-        if self.asked is not None:  # who has failed has the times that were asked for
+        if (
+            self.asked is not None and not self.own_times
+        ):  # who has failed shares the times of others
             gone = failed | (self.over & np.isin(np.arange(self.count), [*self.errors]))
             np.copyto(t, self.asked, where=gone)
         if not self.own_times and (t == t[:, :1]).all():
@@ -641,7 +652,7 @@ class Run:
             "events": tuple(zip(*[self.events.shown(i) for i in range(self.count)], strict=True))
             if self.events else (),
             "rejected": None,
-            "observed": () if self.recorder is None else tuple(self.recorder.quantities),
+            "observed": () if self.recorder is None else self.recorder.observed,
         }  # fmt: skip
         return self.kind.promised(rest, **fields | self.known(None) | extra)
 

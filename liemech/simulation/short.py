@@ -1,189 +1,375 @@
-"""Short runs with adaptive steps of one body: one call of native code, and a few microseconds of
-Python around it.
+"""Short runs: one call of native code, and a few microseconds of Python around it.
+
+Where the numbers of such a run lie in memory is the same for all starts of one layout: what is carried along,
+the clock, the goal, and behind these what is kept.  A run writes its start there and lets native code go on; of
+what that has written arrays are made when they are asked for.
 """
 
 from __future__ import annotations
 
+import math
+import operator
 import struct
 from typing import Any
 
 import numpy as np
 
 from ..compiler.kernel import address
-from ..formulas.pytree import build, gatherer, known_layout
-from .carry import AdaptiveCarry
-from .control import CLOCK, FRESH, GOAL, TAKEN, TIME
-from .dense import DenseOutput, unpacked
+from ..formulas.pytree import build, gatherer
+from ..systems.system import State
+from .carry import AdaptiveCarry, Carry
+from .control import CLOCK, FRESH, GOAL, MARK, STRAIGHT, TAKEN, TIME
+from .dense import DenseOutput, lay_out, unpacked
 from .driver import SAMPLES, sampled_steps
-from .execution import COLUMNS, SHARED, Execution
+from .execution import COLUMNS, SHARED, Execution, like
 from .lanes import Lanes
+from .prepared import Shape, Steps
 from .stopped import NONE
 from .trajectory import Trajectory
 
-LONGEST = 2**20
-"""Steps times width^2 of one call of native code, width of the numbers carried along."""
+LONGEST, LARGEST = 2**23, 2**24
+"""Steps of a run with fixed steps, each counted as the square of the numbers it carries along, and numbers
+of its samples at most.
 
-ROWS = 2**14
-"""Numbers of the rows that there is room for."""
+A step costs about as many nanoseconds as that square: native code comes back in milliseconds, and
+then Ctrl-C is heard.
+"""
+
+TRIALS, ROOM = 2**20, 2**14
+"""The same of a run with adaptive steps: a trial costs as much as several steps."""
+
+ENDLESS = 2.0**53
+"""More steps than any run has."""
 
 CLOCKS = struct.Struct(f"{CLOCK.width}d")
 
 
-class Prepared:
-    """Places in the memory of short runs of one body, which they share.
+class Places:
+    """Places in the memory of short runs of one body: how many numbers lie before the clock, the goal, and
+    what is kept.
 
-    clock, goal : how many bytes lie before them.  kept : numbers before what is kept; before : of
-    what is kept those before the states at times.
+    words : of a call, before its constants.  gather : the numbers of a start.
     """
 
-    def __init__(self, lanes: Lanes, sampled: bool) -> None:
-        carried, width, row = lanes.layout.width, lanes.state.width, lanes.row.width
-        self.lanes, self.gather = lanes, gatherer(lanes.state)
-        self.carried, self.row, self.sampled = carried, row, sampled
-        self.constants, self.curves = lanes.constants, lanes.arguments[2].curves
-        self.rest, self.no_curve = (0.0,) * (carried - width), (0.0,) * (row - 1 - width)
-        self.clock, self.goal = 8 * carried, 8 * (carried + CLOCK.width)
-        self.kept = carried + CLOCK.width + GOAL.width
-        self.before = SAMPLES.width + row
-        self.begun = struct.Struct(f"{self.kept + (0 if sampled else row)}d").pack_into
-        self.call = struct.Struct(f"{12 if sampled else 9}q{len(lanes.constants)}s").pack
-        self.stepping = lanes.stepping
-        if sampled:
-            stepping, shared = lanes.stepping, (SHARED, COLUMNS, COLUMNS)
-            call = sampled_steps, *lanes.arguments, 1, 1, *[COLUMNS] * 4, *shared, None
-            self.stepping = Execution(None, stepping.progress, *call, silent=True)
+    def __init__(self, lanes: Lanes, words: int, given: Any) -> None:
+        self.lanes, self.stepping, self.gather = lanes, lanes.stepping, gatherer(given)
+        self.carried, self.constants = lanes.layout.width, lanes.constants
+        self.clock, self.goal = self.carried, self.carried + CLOCK.width
+        self.kept, self.taken = self.goal + GOAL.width, self.clock + TAKEN
+        self.call = struct.Struct(f"{3 + words}q{len(self.constants)}s").pack
 
-    def ready(self) -> bool:
-        """Is there native code?  That for states at times is made if they are asked for often."""
-        if self.stepping is self.lanes.stepping:
-            self.stepping.refresh()
-        else:
-            self.stepping.used(self.lanes.stepping.native is not None)
+    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
+        """These places for another system of the same layout."""
+        return like(self, lanes=lanes, stepping=lanes.stepping, constants=lanes.constants, **own)
+
+    def where(self, memory: Any) -> tuple[Any, ...]:
+        """Where goal, numbers and clock are, and how many numbers each has; and the memory itself."""
+        place = address(memory)
+        goal, clock = place + 8 * self.goal, place + 8 * self.clock
+        return (goal, GOAL.width), (place, self.carried), (clock, CLOCK.width), place
+
+
+# ------------------------------------------------------------------ fixed steps
+
+
+class Place(Places):
+    """Places of runs with fixed steps: samples are kept, the start first."""
+
+    def __init__(self, steps: Steps, shape: Shape) -> None:
+        super().__init__(shape.lanes_of(steps, STRAIGHT, (), shape.side), 6, shape.given)
+        self.shape, self.sampled = shape, shape.shown.width
+        self.begun = struct.Struct(f"{self.kept + self.sampled}d").pack_into
+        self.asked = steps.compiled
+        self.beginning = shape.beginning(steps, self.lanes) if shape.order is None else None
+        if shape.order is not None:
+            self.picked = operator.itemgetter(*shape.order, -1)
+            self.copied = np.flatnonzero(np.array(shape.order) >= 0)
+            self.source = np.array(shape.order)[self.copied]
+
+    def of_system(self, shape: Shape) -> Any:
+        """These places for another system of the same layout."""
+        lanes = shape.lanes[STRAIGHT, shape.side]
+        return self.of_lanes(lanes, shape=shape, beginning=shape._beginning)
+
+    def native(self, steps: int) -> bool:
+        """Is there native code for so many steps at once, in milliseconds, that says what the formulas
+        say now?
+        """
+        if steps * self.carried * self.carried > LONGEST:
+            return False
+        self.stepping.refresh()
         return self.stepping.native is not None
 
+    def begin(self, start: Any, t0: float, h: float, memory: Any) -> bool:
+        """Write what one body carries along, its clock and goal, and the first sample; False if the
+        method cannot begin so.
+        """
+        numbers, beginning = self.gather(start), self.beginning
+        clock = t0, h, *FRESH, math.inf, 0.0, 0.0, 0.0, ENDLESS, t0  # and goal
+        if beginning is None:
+            numbers.append(0.0)
+            self.begun(memory, 0, *self.picked(numbers)[:-1], *clock, *numbers[:-1])
+            return True
+        beginning.used(self.asked)
+        if not beginning.ready(0.0):
+            return False
+        rest = numbers if self.shape.given == self.shape.shown else (0.0,) * self.sampled
+        self.begun(memory, 0, *(0.0,) * self.carried, *clock, *rest)
+        parts = memory[self.clock : self.goal], memory[: self.clock], memory[self.kept :]
+        beginning.run(self.constants, (), (np.array(numbers), *parts))
+        return memory.item(self.clock + MARK) == 0.0
 
-def short(
-    plan: Any, start: Any, t0: float, t_end: float, times: np.ndarray | None, limit: int
-) -> Trajectory | None:
-    """The run, if it is one of a few native steps; None if there is no native code yet, or more to
-    do.
+    def go_on(self, carry: Carry, memory: Any) -> None:
+        """Write where a run of one body stands."""
+        h: Any = carry.h
+        clock = carry.t, h, 0.0, float(carry.step), 0.0, 0.0, 0.0
+        goal = math.inf, 0.0, 0.0, 0.0, ENDLESS, carry.t0
+        self.begun(memory, 0, *carry.numbers, *clock, *goal, *carry.last)
+
+    def prepared(self, memory: Any, turns: int, out: int) -> Any:
+        """Where goal, numbers, clock and so many samples are, the first of them there in memory, and how many
+        numbers each has.
+        """
+        *parts, place = self.where(memory)
+        return *parts, (place + 8 * out, turns * self.sampled)
+
+    def advance(self, buffers: Any, turns: int, every: int) -> None:
+        """Make `turns` samples, each after `every` steps."""
+        (goal, _), (states, _), (clock, _), (rows, _) = buffers
+        block = self.call(1, 0, 1, turns, every, goal, states, clock, rows, self.constants)
+        self.stepping.on_memory(block, buffers)
+
+
+def place_of(steps: Steps, shape: Shape) -> Place:
+    """That of a shape."""
+    if shape.place is None:
+        shape.place = Place(steps, shape)
+    place: Place = shape.place
+    return place
+
+
+def short_steps(way: Steps, shape: Shape, start: Any, steps: int, t0: float) -> Trajectory | None:
+    """The run of one body, from a start at t0 or from where another one stands; None if there
+    is more to do than to step: samples in the middle of `every`, steps that fail, what is not compiled yet.
     """
-    known = known_layout(start) if t0 != t_end else None
-    if known is None:
+    every, place = way.every, shape.place or place_of(way, shape)
+    samples = steps // every
+    if steps <= 0 or steps % every:
         return None
-    if times is None:
-        curves = plan.dense is not False
-    else:
-        if not len(times):
-            return None
-        curves = between(times, t0, t_end)
-    key = known, curves, times is not None, "short"
-    prepared = plan.shapes.get(key)
-    if prepared is None:
-        lanes = plan.shapes.get((known, curves, False))
-        if lanes is None:
-            return None
-        prepared = plan.shapes[key] = Prepared(lanes, times is not None)
-    if not prepared.ready():
+    if samples * place.sampled > LARGEST or not place.native(steps):
         return None
-    limit = min(limit, max(1, LONGEST // prepared.carried**2))
-    if times is None:
-        made: Short = EveryStep(plan, prepared, start, t0, t_end, limit)
-    else:
-        made = AtTimes(plan, prepared, start, t0, t_end, limit, times)
-    return made.trajectory() if made.complete else None
+    memory, step = np.empty(place.kept + (samples + 1) * place.sampled), 0
+    if isinstance(start, Carry):
+        t0, step = start.t0, start.step
+        place.go_on(start, memory)
+    elif not place.begin(start, t0, way.h, memory):
+        return None
+    reached = step + steps
+    if step % every:
+        return None
+    place.advance(place.prepared(memory, samples, place.kept + place.sampled), samples, every)
+    if memory.item(place.taken) != reached:
+        return None
+    return _made(way, steps, _Found(place, memory, t0, way.h, every, step, reached), None)
 
 
-class Short:
-    """Steps from a start; what is kept of them, subclasses know.
+def _made(way: Steps, steps: int, found: Any, bodies: int | None) -> Trajectory:
+    return Trajectory.promised(
+        found, system=way.system, method=way.method, breaks=way.breaks, h=way.h, bodies=bodies,
+        steps=steps, stopped=NONE, compiled=True, dense=None,
+    )  # fmt: skip
 
-    memory : what is carried along, the clock, the goal, and what is kept.
+
+def advanced(way: Steps, carry: Carry, steps: int) -> Carry | None:
+    """Where a run of one body stands some steps later, without samples between; None if native code
+    does not come there.
+    """
+    shape: Any = carry.shape
+    if carry.bodies is not None or not way.owns(shape):
+        return None
+    place = place_of(way, shape)
+    if not place.native(steps):
+        return None
+    memory = np.empty(place.kept + place.sampled)
+    place.go_on(carry, memory)
+    place.advance(place.prepared(memory, 1, place.kept), 1, steps)
+    reached = carry.step + steps
+    if memory.item(place.taken) != reached:
+        return None
+    given = shape, carry.t0, carry.h, reached, memory[: place.carried], memory[place.kept :]
+    return Carry.quickly(*given, carry.met)
+
+
+class _Found:
+    """Times and states of a run with fixed steps, found when they are asked for: views of what the steps
+    have written.
     """
 
-    __slots__ = ("clock", "memory", "plan", "shape", "t0", "t_end")
-
-    memory: Any
+    __slots__ = ("every", "h", "last", "memory", "place", "reached", "step", "t0")
 
     def __init__(
-        self, plan: Any, shape: Prepared, start: Any, t0: float, t_end: float, size: int,
-        limit: int, *begun: float,
-    ) -> None:  # fmt: skip
-        self.plan, self.shape, self.t0, self.t_end = plan, shape, t0, t_end
-        self.memory = np.empty(shape.kept + size)
-        numbers, goal = shape.gather(start), (t_end, plan.rtol, plan.atol, plan.longest, limit, 0.0)
-        clock = t0, plan.first(t0, t_end), *FRESH
-        row = () if shape.sampled else (t0, *numbers, *begun)
-        shape.begun(self.memory, 0, *numbers, *shape.rest, *clock, *goal, *row)
+        self, place: Place, memory: Any, t0: float, h: Any, every: int, step: int, reached: int
+    ) -> None:
+        self.place, self.memory = place, memory
+        self.last: np.ndarray | None = None
+        self.t0, self.h, self.every, self.step, self.reached = t0, h, every, step, reached
 
-    def _run(self, integers: tuple[int, ...], *buffers: tuple[int, int]) -> None:
-        """Run native code.  buffers : the addresses of its other arrays, and how many numbers they
-        hold.
-        """
-        shape, place = self.shape, address(self.memory)
-        own = (
-            (place + shape.goal, GOAL.width),
-            (place, shape.carried),
-            (place + shape.clock, CLOCK.width),
-        )
-        buffers = *own, *buffers
-        words = *integers, *[where for where, _ in buffers]
-        block = shape.call(1, 0, 1, *words, shape.constants)
-        shape.stepping.on_memory(block, buffers)
-        self.clock = CLOCKS.unpack_from(self.memory, shape.clock)
+    def t(self) -> np.ndarray:
+        """The times of the samples."""
+        times = np.arange(float(self.step), self.reached + 1.0, float(self.every))
+        times *= self.h
+        times += self.t0
+        return times
+
+    def states(self) -> dict[str, np.ndarray]:
+        """The samples; as they may be written to, the last one is kept for the carry."""
+        place = self.place
+        self.last = self.memory[-place.sampled :].copy()
+        return unpacked(place.shape.shown, self.memory[place.kept :].reshape(-1, place.sampled))
+
+    def carry(self) -> Carry:
+        """Where the run stands."""
+        place = self.place
+        last = self.memory[-place.sampled :].copy() if self.last is None else self.last
+        numbers = self.memory[: place.carried]
+        return Carry.quickly(place.shape, self.t0, self.h, self.reached, numbers, last)
+
+
+class _FoundOfBodies(_Found):
+    """Times and states of a short run of an ensemble.  memory : (height, columns) of all numbers."""
+
+    __slots__ = ("bodies", "out")
+
+    bodies: int
+    out: np.ndarray
+
+    def states(self) -> dict[str, np.ndarray]:
+        """The samples, views of what the steps have written."""
+        self.last = self.out[-1, :, : self.bodies].copy()
+        return unpacked(self.place.shape.shown, self.out[:, :, : self.bodies].swapaxes(1, 2))
+
+    def carry(self) -> Carry:
+        """Where the run stands."""
+        last = self.out[-1, :, : self.bodies].copy() if self.last is None else self.last
+        numbers = self.memory[: self.place.carried, : self.bodies]
+        given = self.place.shape, self.t0, self.h, self.reached, numbers, last
+        return Carry.quickly(*given, bodies=self.bodies)
+
+
+def short_steps_of_many(
+    way: Steps, shape: Shape, start: State, steps: int, t0: float
+) -> Trajectory | None:
+    """Run some bodies side by side; None as for one body."""
+    arrays, place = start.arrays, place_of(way, shape)
+    count = len(next(iter(arrays.values())))
+    columns, samples = shape.columns(count), steps // way.every
+    if steps <= 0 or steps % way.every:
+        return None
+    if samples * place.sampled * columns > LARGEST or not place.native(steps * count):
+        return None
+    table = np.empty((place.lanes.height, columns))
+    out = np.empty((samples + 1, place.sampled, columns))
+    alike = shape.given == shape.shown
+    starts = out[0] if alike else np.empty((shape.given.width, columns))
+    lay_out(arrays, starts)
+    numbers, clocks, goals, *own = place.lanes.parts(table)
+    clocks[:], goals[:] = _column(t0, way.h, *FRESH), _column(math.inf, 0.0, 0.0, 0.0, ENDLESS, t0)
+    for mine, given in zip(own, place.lanes.own, strict=True):
+        mine[:, :count], mine[:, count:] = given, given[:, -1:]
+    whole = shape.whole(count)
+    if place.beginning is None:
+        numbers[:] = 0.0
+        numbers[place.copied] = starts[place.source]
+    else:
+        place.beginning.used(place.asked)
+        if not place.beginning.ready(0.0):
+            return None
+        begun = *own, starts, clocks, numbers, out[0]
+        place.beginning.run(place.constants, (), begun, columns, 0, whole)
+    rows = *own, goals, numbers, clocks, out[1:]
+    place.stepping.run(place.constants, (samples, way.every), rows, columns, 0, whole)
+    if (table[place.taken, :whole] != steps).any():
+        return None
+    found = _FoundOfBodies(place, table, t0, way.h, way.every, 0, steps)
+    found.bodies, found.out = count, out
+    return _made(way, steps, found, count)
+
+
+def _column(*numbers: float) -> np.ndarray:
+    return np.array(numbers)[:, None]
+
+
+# ------------------------------------------------------------------ adaptive steps
+
+
+class Rows(Places):
+    """Places of runs with adaptive steps of which every one is kept: rows of time, state and way."""
+
+    def __init__(self, lanes: Lanes) -> None:
+        super().__init__(lanes, 6, lanes.state)
+        self.row, width = lanes.row.width, lanes.state.width
+        self.unknown, self.no_way = (0.0,) * (self.carried - width), (0.0,) * (self.row - 1 - width)
+        self.begun = struct.Struct(f"{self.kept + self.row}d").pack_into
+        self.turns = max(1, ROOM // self.row)
+        self.limit = max(1, TRIALS // self.carried**2)
+        self.free: list[Any] = []  # memory that no run needs any more
+
+    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
+        """As before, with memory of its own."""
+        return super().of_lanes(lanes, free=[], **own)
+
+    def native(self) -> bool:
+        """Is there native code that says what the formulas say now?"""
+        self.stepping.refresh()
+        return self.stepping.native is not None
+
+    def room(self) -> Any:
+        """Memory, and the call that fills it."""
+        memory = np.empty(self.kept + (1 + self.turns) * self.row)
+        *parts, place = self.where(memory)
+        rows = place + 8 * (self.kept + self.row), self.turns * self.row
+        buffers = *parts, rows
+        at = [begin for begin, _ in buffers]
+        return memory, self.call(1, 0, 1, self.turns, 1, *at, self.constants), buffers
+
+    def run(self, way: Any, start: Any, t0: float, t_end: float, limit: int) -> _Rows | None:
+        """What a run from a start has written; None if it has not come to its end."""
+        try:
+            room = self.free.pop()
+        except IndexError:
+            room = self.room()
+        memory, block, buffers = room
+        numbers = self.gather(start)
+        goal = t_end, way.rtol, way.atol, way.longest, min(limit, self.limit), 0.0
+        clock = t0, way.first(t0, t_end), *FRESH
+        first = t0, *numbers, *self.no_way
+        self.begun(memory, 0, *numbers, *self.unknown, *clock, *goal, *first)
+        self.stepping.on_memory(block, buffers)
+        now = CLOCKS.unpack_from(memory, 8 * self.clock)
+        end = self.kept + self.row * (1 + int(now[TAKEN]))
+        found = _Rows(self, way, now, t_end, memory[:end].copy()) if now[TIME] == t_end else None
+        self.free.append(room)
+        return found
+
+
+class _Rows:
+    """What a run with adaptive steps has written.
+
+    memory : what is carried along, the clock, the goal, and a row for the start and the end of every step.
+    """
+
+    __slots__ = ("clock", "memory", "places", "t_end", "way")
+
+    def __init__(
+        self, places: Any, way: Any, clock: tuple[float, ...], t_end: float, memory: np.ndarray
+    ) -> None:
+        self.places, self.way, self.clock = places, way, clock
+        self.t_end, self.memory = t_end, memory
 
     @property
-    def complete(self) -> bool:
-        """Is it all of the run?"""
-        return bool(self.clock[TIME] == self.t_end)
-
-    def trajectory(self, dense: DenseOutput | None = None) -> Trajectory:
-        """The run, if this was all of it."""
-        t, _, _, steps, rejected, _, _ = self.clock
-        return Trajectory.promised(
-            self,
-            system=self.plan.system,
-            method=self.plan.method,
-            h=(t - self.t0) / max(1.0, steps),
-            bodies=None,
-            steps=int(steps),
-            compiled=True,
-            rejected=int(rejected),
-            stopped=NONE,
-            dense=dense,
-        )
-
-    def carry(self) -> AdaptiveCarry:
-        """Where the run stands."""
-        numbers = self.memory[: self.shape.lanes.layout.width].copy()
-        state = build(self.shape.lanes.state, iter(numbers.tolist()))
-        return AdaptiveCarry(numbers, np.array(self.clock), state, self.t_end)
-
-
-class EveryStep(Short):
-    """With a row of numbers for the start and the end of every step."""
-
-    __slots__ = ("rows",)
-
-    def __init__(
-        self, plan: Any, shape: Prepared, start: Any, t0: float, t_end: float, limit: int
-    ) -> None:
-        width = shape.row
-        room = min(limit, max(1, ROWS // width))
-        super().__init__(plan, shape, start, t0, t_end, (1 + room) * width, limit, *shape.no_curve)
-        self._run((room, 1), (address(self.memory) + 8 * (shape.kept + width), room * width))
-
-    def trajectory(self, dense: DenseOutput | None = None) -> Trajectory:
-        """With the motion between the steps."""
-        plan, shape = self.plan, self.shape
-        width, begin = shape.row, shape.kept
-        end = begin + width * (1 + int(self.clock[TAKEN]))
-        self.memory.resize((end,), refcheck=False)  # nobody else has seen it
-        rows = self.rows = self.memory[begin:].reshape(-1, width)
-        if shape.curves:
-            method = plan.method
-            way = rows, method.dense_order, plan.compiled
-            dense = DenseOutput(plan.system, method.retraction, shape.lanes.example, *way)
-        return super().trajectory(dense)
+    def rows(self) -> np.ndarray:
+        """The rows, views."""
+        return self.memory[self.places.kept :].reshape(-1, self.places.row)
 
     def t(self) -> np.ndarray:
         """The times of the samples."""
@@ -191,43 +377,89 @@ class EveryStep(Short):
 
     def states(self) -> dict[str, np.ndarray]:
         """The samples, views of the rows."""
-        state = self.shape.lanes.state
+        state = self.places.lanes.state
         return unpacked(state, self.rows[:, 1 : 1 + state.width])
 
+    def dense(self) -> DenseOutput | None:
+        """The motion between the steps."""
+        way, lanes = self.way, self.places.lanes
+        if not lanes.arguments[2].curves:
+            return None
+        method = way.method
+        given = self.rows, method.dense_order, way.compiled
+        return DenseOutput(way.system, method.retraction, lanes.example, *given)
 
-class AtTimes(Short):
-    """With the states at given times, which lie behind the row of the last step."""
+    def carry(self) -> AdaptiveCarry:
+        """Where the run stands."""
+        numbers = self.memory[: self.places.carried].copy()
+        state = build(self.places.lanes.state, iter(numbers.tolist()))
+        return AdaptiveCarry(numbers, np.array(self.clock), state, self.t_end)
+
+
+class Times(Rows):
+    """Places of runs with adaptive steps of which the states at given times are kept: behind their count and
+    the row of the last step.
+    """
+
+    def __init__(self, lanes: Lanes) -> None:
+        super().__init__(lanes)
+        self.begun = struct.Struct(f"{self.kept}d").pack_into
+        self.call = struct.Struct(f"12q{len(self.constants)}s").pack
+        self.out = self.kept + SAMPLES.width
+        self.samples = self.out + self.row
+        self.stepping = self._sampling(lanes)
+
+    @staticmethod
+    def _sampling(lanes: Lanes) -> Execution:
+        """Who runs `sampled_steps`."""
+        shared = SHARED, COLUMNS, COLUMNS
+        call = sampled_steps, *lanes.arguments, 1, 1, *[COLUMNS] * 4, *shared, None
+        return Execution(None, lanes.stepping.progress, *call, silent=True)
+
+    def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
+        made = super().of_lanes(lanes, **own)
+        made.stepping = self.stepping.of(lanes.arguments[1])
+        return made
+
+    def native(self) -> bool:
+        """As before.  It is made if it is asked for often."""
+        self.stepping.used(self.lanes.stepping.native is not None)
+        return self.stepping.native is not None
+
+    def at(
+        self, way: Any, start: Any, t0: float, t_end: float, limit: int, times: np.ndarray
+    ) -> _AtTimes | None:
+        """What a run from a start has written; None if it has not come to its end."""
+        count, width = len(times), self.lanes.state.width
+        memory: Any = np.empty(self.samples + count * width)
+        numbers, limit = self.gather(start), min(limit, self.limit)
+        goal = t_end, way.rtol, way.atol, way.longest, limit, 0.0
+        clock = t0, way.first(t0, t_end), *FRESH
+        self.begun(memory, 0, *numbers, *self.unknown, *clock, *goal)
+        *parts, place = self.where(memory)
+        buffers = (
+            *parts,
+            (place + 8 * self.out, self.row),
+            (address(times), count),
+            (place + 8 * self.samples, count * width),
+            (place + 8 * self.kept, SAMPLES.width),
+        )
+        at = [begin for begin, _ in buffers]
+        self.stepping.on_memory(self.call(1, 0, 1, limit, count, *at, self.constants), buffers)
+        now = CLOCKS.unpack_from(memory, 8 * self.clock)
+        if now[TIME] != t_end or memory.item(self.kept) != count:
+            return None
+        found = _AtTimes(self, way, now, t_end, memory)
+        found.times = times
+        return found
+
+
+class _AtTimes(_Rows):
+    """What a run with adaptive steps has written of which the states at given times are kept."""
 
     __slots__ = ("times",)
 
-    def __init__(
-        self, plan: Any, shape: Prepared, start: Any, t0: float, t_end: float, limit: int,
-        times: np.ndarray,
-    ) -> None:  # fmt: skip
-        self.times = times
-        width, count = shape.lanes.state.width, len(times)
-        super().__init__(plan, shape, start, t0, t_end, shape.before + count * width, limit)
-        place = address(self.memory)
-        done = place + 8 * shape.kept
-        self._run(
-            (limit, count),
-            (done + 8 * SAMPLES.width, shape.before - SAMPLES.width),
-            (address(times), count),
-            (done + 8 * shape.before, count * width),
-            (done, SAMPLES.width),
-        )
-
-    @property
-    def complete(self) -> bool:
-        return self.clock[TIME] == self.t_end and int(self.memory.item(self.shape.kept)) == len(
-            self.times
-        )
-
-    @property
-    def samples(self) -> np.ndarray:
-        """The numbers of the states at the times, (n, width)."""
-        begin = self.shape.kept + self.shape.before
-        return self.memory[begin:].reshape(len(self.times), -1)
+    times: np.ndarray
 
     def t(self) -> np.ndarray:
         """The times of the samples."""
@@ -235,7 +467,42 @@ class AtTimes(Short):
 
     def states(self) -> dict[str, np.ndarray]:
         """The samples, views of what the steps have written."""
-        return unpacked(self.shape.lanes.state, self.samples)
+        rows = self.memory[self.places.samples :].reshape(len(self.times), -1)
+        return unpacked(self.places.lanes.state, rows)
+
+    def dense(self) -> None:
+        """There is none."""
+
+
+def short(
+    way: Any, known: Any, start: Any, t0: float, t_end: float, times: np.ndarray | None, limit: int
+) -> Trajectory | None:
+    """The run with adaptive steps of one body, if it is one of a few native steps; None if there is no
+    native code yet, or more to do.
+
+    known : the layout of the start.
+    """
+    if t0 == t_end or (times is not None and not len(times)):
+        return None
+    curves = way.dense is not False if times is None else between(times, t0, t_end)
+    key = known, curves, times is not None, "short"
+    places = way.shapes.get(key)
+    if places is None:
+        lanes = way.shapes.get((known, curves, False))
+        if lanes is None:
+            return None
+        places = way.shapes[key] = (Rows if times is None else Times)(lanes)
+    if not places.native():
+        return None
+    given = way, start, t0, t_end, limit
+    found = places.run(*given) if times is None else places.at(*given, times)
+    if found is None:
+        return None
+    t, _, _, steps, rejected, _, _ = found.clock
+    return Trajectory.promised(
+        found, system=way.system, method=way.method, h=(t - t0) / max(1.0, steps), bodies=None,
+        steps=int(steps), rejected=int(rejected), stopped=NONE, compiled=True,
+    )  # fmt: skip
 
 
 def between(times: np.ndarray, t0: float, t_end: float) -> bool:

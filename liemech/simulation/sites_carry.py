@@ -7,15 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from ..formulas.frozen import frozen
 from .events import NO_EVENTS, Met
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class SiteCarry:
     """Where a run of many sites stands, with all that its method carries along.
 
     t0, h, step : the time is t0 + step h.  numbers : (width, sites), of what the method carries
-    along for each site.  state : the state at this time.
+    along for each site.  state : the state at this time.  clock : of adaptive steps, whose h and step
+    are zero.  met, event : as of an `AdaptiveCarry`.
     """
 
     t0: float
@@ -23,8 +25,10 @@ class SiteCarry:
     step: int
     numbers: np.ndarray = dataclasses.field(repr=False)
     state: Any = dataclasses.field(repr=False)
-    bodies: None = None
     met: Met = NO_EVENTS
+    clock: np.ndarray | None = dataclasses.field(default=None, repr=False)
+    event: int | None = None
+    bodies: None = None
 
     @property
     def t(self) -> Any:

@@ -4,17 +4,19 @@ it is a loop over sites around the step of one.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from ..compiler.driver import accepted, attempt, itself, numbers, read, reason, write
 from ..compiler.planes import each, load, save
 from ..errors import NotFinite
-from ..formulas import Record, record
-from ..formulas.pytree import NUMBER, carried_layout, fitted, layout_of
+from ..formulas import Record, Vec, record, vec
+from ..formulas.pytree import NUMBER, Layout, carried_layout, fitted, layout_of
 from ..formulas.sites import total
 from ..formulas.sums import total as added
+from ..integrators.rkmk import Trial
 from ..systems.terms_at_site import at_this_site
-from .control import CLOCK, sample, stepped
+from .control import CLOCK, GOAL, going, sample, stepped
+from .dense import on_the_way
 from .driver import advance
 
 
@@ -32,19 +34,39 @@ class Nothing(Record):
     """What a step shows of many sites: it went through or not."""
 
 
-PLACE = carried_layout(Place(0))
+PLACE, BESIDE = carried_layout(Place(0)), carried_layout((Place(0), vec(0.0)))
+"""The layouts of what fixed and adaptive steps carry along of all sites together: the velocities
+lie beside the states.
+"""
+
 ROW = layout_of((0.0, Nothing(), ()))
+
+PAIR = carried_layout((0.0, 0.0))
+"""The layout of what a loop over sites tells."""
 
 
 @record
 class OverSites(Record):
     """The method of one site as that of all; `sites` are their numbers, `memory` is the layout of
-    what the method carries along for one.
+    what the method carries along for one, `told` are two numbers that are the same for all.
     """
 
     method: Any
     sites: Any
     memory: Any
+    told: Any
+
+    shortens: ClassVar[bool] = False
+
+    def _held(self, name: str, value: Any) -> Any:
+        """As it is: what is told is written."""
+        return value
+
+    @property
+    def error_order(self) -> int:
+        """That of one site."""
+        order: int = self.method.error_order
+        return order
 
     def step(self, system: Any, t: float, place: Place, h: float) -> Place:
         """A step of all sites, from one copy of the memory to the other."""
@@ -67,6 +89,49 @@ class OverSites(Record):
         """Nothing: samples are taken when they are wanted."""
         return Nothing()
 
+    def trial(
+        self,
+        system: Any,
+        t: float,
+        place: Place,
+        first: Vec,
+        h: float,
+        rtol: float,
+        atol: float,
+        dense: bool,
+    ) -> Trial:
+        """A step on probation of all sites, to the other copy of the memory.  Its error is the root
+        mean square of those of the sites.
+        """
+        there = 1 - place.copy
+        given = t, h, rtol, atol, dense, self.sites, place.copy, there, self.memory, self.told
+        each(self.sites, one_trial, self.method, system, *given)
+        return Trial(Place(there), first, read(self.told, 0, PAIR)[0], ())
+
+    def first_velocity(
+        self, system: Any, t: float, place: Place, rtol: float, atol: float
+    ) -> tuple[Vec, float, float]:
+        """The velocities at the start, put beside the states, and their sizes."""
+        given = t, rtol, atol, self.sites, place.copy, self.memory, self.told
+        each(self.sites, one_velocity, self.method, system, *given)
+        return vec(0.0), *read(self.told, 0, PAIR)
+
+    def change_of_velocity(
+        self,
+        system: Any,
+        t: float,
+        place: Place,
+        first: Vec,
+        h: float,
+        rtol: float,
+        atol: float,
+    ) -> float:
+        """The size of the change of the velocities in an Euler step."""
+        given = t, h, rtol, atol, self.sites, place.copy, self.memory, self.told
+        each(self.sites, one_change, self.method, system, *given)
+        size: float = read(self.told, 0, PAIR)[0]
+        return size
+
 
 def one_step(
     method: Any, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Any
@@ -82,6 +147,116 @@ def require_finite(value: Any) -> None:
     total = added([*numbers(value)])
     if not total - total == 0.0:
         raise NotFinite("the step overflowed or left the domain of a formula; a smaller h may help")
+
+
+# ------------------------------------------------------------------ adaptive steps
+
+
+@record
+class Standing(Record):
+    """What adaptive steps carry along for one site: its state, the velocity there, and the way of the
+    last step.
+    """
+
+    state: Any
+    velocity: Vec
+    curve: tuple[Vec, ...]
+
+
+@record
+class Embedded(Record):
+    """A method with an error estimate as it carries along what adaptive steps need of one site.
+
+    curves : is the way of a step kept?
+    """
+
+    method: Any
+    curves: bool
+
+    @property
+    def error_order(self) -> int:
+        """That of the method."""
+        order: int = self.method.error_order
+        return order
+
+    def start(self, system: Any, state: Any, h: float) -> Standing:
+        """A state, of which the velocity is still to be found."""
+        rest = vec(*[0.0 for _ in range(system.group.dim)])
+        return Standing(state, rest, (rest,) * (self.method.curve_terms if self.curves else 0))
+
+    def observe(self, memory: Standing) -> Any:
+        """The state."""
+        return memory.state
+
+    def inside(
+        self, system: Any, begun: float, at: float, end: float, before: Standing, after: Standing
+    ) -> Any:
+        """The state inside of a step, on its way."""
+        part = (at - begun) / (end - begun)
+        return on_the_way(self.method.retraction, system, before.state, after.curve, part)
+
+
+@record
+class Whole(Record):
+    """A method of fixed steps, which knows no way inside of one but to make a shorter step."""
+
+    method: Any
+
+    def inside(
+        self, system: Any, begun: float, at: float, end: float, before: Any, after: Any
+    ) -> Any:
+        """The state inside of a step."""
+        method, h = self.method, at - begun
+        memory = method.start(system, sample(method, before), h)
+        return sample(method, method.step(system, begun, memory, h))
+
+
+def one_trial(
+    method: Embedded, system: Any, t: float, h: float, rtol: float, atol: float, dense: bool,
+    sites: Any, here: int, there: int, memory: Layout, told: Any,
+) -> None:  # fmt: skip
+    """A step on probation of one site."""
+    old = load(sites, here, memory)
+    one = at_this_site(system)
+    made = method.method.trial(one, t, old.state, old.velocity, h, rtol, atol, dense)
+    new = Standing(made.state, made.velocity, made.curve)
+    require_finite(new)
+    write(told, 0, (made.error, 0.0), PAIR)
+    save(sites, there, new, memory)
+
+
+def one_velocity(
+    method: Embedded, system: Any, t: float, rtol: float, atol: float, sites: Any, here: int,
+    memory: Layout, told: Any,
+) -> None:  # fmt: skip
+    """The velocity of one site at the start."""
+    old = load(sites, here, memory)
+    xi, speed, size = method.method.first_velocity(at_this_site(system), t, old.state, rtol, atol)
+    require_finite(xi)
+    write(told, 0, (speed, size), PAIR)
+    save(sites, here, Standing(old.state, xi, old.curve), memory)
+
+
+def one_change(
+    method: Embedded, system: Any, t: float, h: float, rtol: float, atol: float, sites: Any,
+    here: int, memory: Layout, told: Any,
+) -> None:  # fmt: skip
+    """The change of the velocity of one site in an Euler step."""
+    old, one = load(sites, here, memory), at_this_site(system)
+    given = t, old.state, old.velocity, h, rtol, atol
+    write(told, 0, (method.method.change_of_velocity(one, *given), 0.0), PAIR)
+
+
+def one_remake(
+    method: Embedded, system: Any, t: float, h: float, sites: Any, here: int, memory: Layout
+) -> None:
+    """The same step of one site as on probation, without its error, which is that of all."""
+    old, one = load(sites, here, memory), at_this_site(system)
+    if h == 0.0:
+        require_finite(one.rate(t, one.essential_part(old.state)))
+    else:
+        new = method.method.step(one, t, old.state, h)
+        require_finite((new, one.rate(t + h, one.essential_part(new))))
 
 
 # ------------------------------------------------------------------ steps and samples
@@ -123,37 +298,182 @@ class Shown(Record):
     totals: Any
 
 
+@record
+class March(Record):
+    """How far a march has come: samples that were written, when its last step began (a nan before the
+    first one), and why it stands still: 0, `CROSSED` or `UNWATCHED`.
+    """
+
+    samples: float
+    begun: float
+    why: float
+
+
+MARCH = layout_of(March(0.0, 0.0, 0.0))
+
+CROSSED, UNWATCHED = 1.0, 2.0
+"""In the last step an event changed its sign; or its formula failed."""
+
+
+@record
+class Sighted(Record):
+    """What samples have, and what is looked at after every step: `events` of the totals of their
+    quantities, of which `values` is the layout, and `named` an example with a name for each.
+    """
+
+    shown: Shown
+    events: tuple[Any, ...]
+    values: Any
+    named: Any
+
+    def seen(self, t: float, look: Any) -> tuple[float, ...]:
+        """The values of the events."""
+        totals = type(self.named)(*read(look, 0, self.shown.totals))
+        return tuple([event(t, totals) for event in self.events])
+
+
 def advance_sites(
     method: Any,
     system: Any,
     control: Any,
     memory: Any,
-    shown: Any,
+    place: Any,
+    sighted: Any,
     turns: int,
-    samples: int,
     sites: Any,
     seen: Any,
     totals: Any,
+    look: Any,
+    values: Any,
     goals: Any,
     states: Any,
     clocks: Any,
     out: Any,
+    times: Any,
+    told: Any,
+    march: Any,
     failures: Any,
 ) -> None:
-    """The driver: `samples` times so many `turns` of all sites and a sample.
+    """The driver: so many turns of all sites, and a sample where a step ends at the next of the
+    times, which have a nan behind them.  It stands still where a step goes beyond the next time, and
+    where an event changes its sign.
 
-    memory : the layout of what the method carries along for one site.  shown : `Shown`.
-    sites : two copies of the memory of all sites.  seen, totals : samples of all sites, and of
-    quantities, one behind the other.  goals, states, clocks, failures : as for `advance`; out : rows
-    of time.
+    memory : the layout of what the method carries along for one site.  place : that of what the
+    control carries along.  sites : two copies of the memory of all sites.  seen, totals : samples
+    of all sites, and of quantities, one behind the other.  look : quantities after a step; values :
+    of the events, before and after it.  goals, states, clocks, out, failures : as for `advance`.  told : as `OverSites` has it.
     """
-    everyone = OverSites(method, sites, memory)
-    for k in range(samples):
-        advance(
-            everyone, system, control, PLACE, ROW, 1, turns, goals, states, clocks, out, failures
-        )
-        t, here = read(clocks, 0, CLOCK).t, read(states, 0, PLACE).copy
-        each(sites, one_sample, method, system, t, sites, here, memory, shown, seen, totals, k)
+    everyone = OverSites(method, sites, memory, told)
+    goal, before = read(goals, 0, GOAL), read(march, 0, MARCH)
+    n, k, begun, why = 0, 0, before.begun, before.why
+    moved = begun != begun
+    begun = read(clocks, 0, CLOCK).t if moved else begun
+    while n <= turns:
+        clock, here = read(clocks, 0, CLOCK), read(states, 0, PLACE).copy
+        t = clock.t
+        if sighted.events and moved:
+            given = method, system, t, sites, here, memory, sighted.shown, look
+            trial = attempt(watched, sighted, sites, *given)
+            if not accepted(trial, finite):
+                why = UNWATCHED
+                if failures is not None:
+                    failures.append(reason(trial))
+            else:
+                for a, b in zip(read(values, 0, sighted.values), trial):
+                    if min(a, b) <= 0.0 and max(a, b) >= 0.0 and a != 0.0:
+                        why = CROSSED
+                write(values, 0 if why == 0.0 else 1, trial, sighted.values)
+        moved = False
+        while why == 0.0 and read(times, k, NUMBER) == t:
+            each(sites, one_sample, method, system, t, sites, here, memory, sighted.shown, seen, totals, k)  # fmt: skip
+            k = k + 1
+        due = (read(times, k, NUMBER) - t) * (t - begun) < 0.0
+        if n == turns or due or why != 0.0 or not going(clock, goal):
+            break
+        advance(everyone, system, control, place, ROW, 1, 1, goals, states, clocks, out, failures)
+        n, moved = n + 1, read(clocks, 0, CLOCK).t != t
+        begun = t if moved else begun
+    write(march, 0, March(float(k), begun, why), MARCH)
+
+
+def finite(value: Any) -> tuple[()]:
+    """Nothing of the values of events needs to be finite."""
+    return ()
+
+
+def watched(
+    sighted: Any, sites: Any, method: Any, system: Any, t: float, *given: Any
+) -> tuple[float, ...]:
+    """The values of the events after a step."""
+    each(sites, one_look, method, system, t, *given)
+    return sighted.seen(t, given[-1])
+
+
+def one_look(
+    method: Any, system: Any, t: float, sites: Any, here: int, memory: Any, shown: Any, look: Any
+) -> None:  # fmt: skip
+    """What a step leads to, of one site."""
+    looked_at(system, t, sample(method, load(sites, here, memory)), shown, look, 0)
+
+
+def looked_at(system: Any, t: float, state: Any, shown: Any, totals: Any, k: int) -> None:
+    """Row number k of the totals of what is shown of one site."""
+    one = at_this_site(system)
+    found = tuple([total(quantity(t, one, state)) for quantity in shown.quantities])
+    write(totals, k, found, shown.totals)
+
+
+def look_inside(
+    way: Any,
+    system: Any,
+    memory: Any,
+    sighted: Any,
+    begun: float,
+    at: float,
+    end: float,
+    sites: Any,
+    seen: Any,
+    totals: Any,
+    values: Any,
+    states: Any,
+    done: Any,
+    failures: Any,
+) -> None:
+    """The driver: a sample inside of the last step, and in `values` what events are there; `done` is
+    then 1.
+
+    way : gives the state inside.
+    """
+    here = read(states, 0, PLACE).copy
+    given = begun, at, end, sites, here, memory, sighted.shown, seen, totals
+    trial = attempt(watched_inside, at, way, system, sighted, values, sites, *given)
+    if accepted(trial, itself):
+        write(done, 0, 1.0, NUMBER)
+    elif failures is not None:
+        failures.append(reason(trial))
+
+
+def watched_inside(
+    at: float, way: Any, system: Any, sighted: Any, values: Any, sites: Any, *given: Any
+) -> None:
+    """The state inside of a step of all sites, and the values of events."""
+    each(sites, one_inside, way, system, *given)
+    if sighted.events:
+        write(values, 0, sighted.seen(at, given[-1]), sighted.values)
+
+
+def one_inside(
+    way: Any, system: Any, begun: float, at: float, end: float, sites: Any, here: int, memory: Any,
+    shown: Any, seen: Any, totals: Any,
+) -> None:  # fmt: skip
+    """The same of one site."""
+    before, after = load(sites, 1 - here, memory), load(sites, here, memory)
+    state = way.inside(at_this_site(system), begun, at, end, before, after)
+    require_finite(state)
+    if shown.quantities:
+        looked_at(system, at, state, shown, totals, 0)
+    if shown.kept:
+        save(seen, 0, state, shown.state)
 
 
 def one_sample(
@@ -163,9 +483,7 @@ def one_sample(
     """The sample of one site."""
     state = sample(method, load(sites, here, memory))
     if shown.quantities:
-        one = at_this_site(system)
-        found = tuple([total(quantity(t, one, state)) for quantity in shown.quantities])
-        write(totals, k, found, shown.totals)
+        looked_at(system, t, state, shown, totals, k)
     if shown.kept:
         save(seen, k, state, shown.state)
 
@@ -180,9 +498,7 @@ def totals_of_samples(
 
 def one_total(system: Any, t: float, shown: Any, seen: Any, totals: Any, k: int) -> None:
     """Those of one sample."""
-    one, state = at_this_site(system), load(seen, k, shown.state)
-    found = tuple([total(quantity(t, one, state)) for quantity in shown.quantities])
-    write(totals, k, found, shown.totals)
+    looked_at(system, t, load(seen, k, shown.state), shown, totals, k)
 
 
 # ------------------------------------------------------------------ the start

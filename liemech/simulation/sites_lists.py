@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas.pytree import exchanged, inside
-from ..systems.graphs import places_of
+from ..systems.among import Among, places_of_sites
 from ..systems.terms_at_site import RoleAtSite
 
 LEAST = 100
@@ -46,18 +46,24 @@ def _worth(system: Any, role: RoleAtSite) -> bool:
     near = role.near
     if near is None:
         return False
-    sites = getattr(system, "configurations", system.group).copies
+    sites = _sites_of(system, near)
     reach = (1.0 + SKIN) * near.cutoff
     if sites <= LEAST:
         return False
     return near.box is None or reach ** len(near.box) * 4.0 < FULL * float(np.prod(near.box))
 
 
+def _sites_of(system: Any, near: Any) -> int:
+    """The sites among which pairs are near."""
+    if isinstance(near, Among):
+        return int(sum(dict(zip(near.of, near.counts)).values()))
+    found: int = getattr(system, "configurations", system.group).copies
+    return found
+
+
 def _listed(role: RoleAtSite, places: np.ndarray | None) -> RoleAtSite:
     near: Any = role.near
-    if places is None:
-        return role.with_tables(near.near(np.zeros((1, 3)), 0.0))
-    return role.with_tables(near.near(places, (1.0 + SKIN) * near.cutoff))
+    return role.with_tables(near.near(places, (1.0 + SKIN) * near.cutoff, role.role))
 
 
 class Lists:
@@ -67,7 +73,7 @@ class Lists:
     """
 
     def __init__(self, system: Any, site: Any) -> None:
-        self.group = getattr(system, "configurations", system.group).base
+        self.group = getattr(system, "configurations", system.group)
         self.site = site
         self.roles = inside(site, RoleAtSite)
         self.places: Any = None
@@ -80,7 +86,7 @@ class Lists:
 
     def at(self, g: np.ndarray) -> Any:
         """The site form with lists for these elements of the sites."""
-        there = places_of(self.group, g)
+        there = places_of_sites(self.group, g)
         if self.places is None or self.moved(there, self.places) > BEFORE * self.skin:
             self.places = there
             roles = [_listed(x, there) if _has_lists(x) else x for x in self.roles]
@@ -89,7 +95,7 @@ class Lists:
 
     def held(self, before: np.ndarray, after: np.ndarray) -> bool:
         """Was a step from these elements to those short enough for the lists?"""
-        a, b = places_of(self.group, before), places_of(self.group, after)
+        a, b = (places_of_sites(self.group, g) for g in (before, after))
         return self.moved(a, b) <= STEP * self.skin
 
     @staticmethod

@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from ..compiler.planes import Planes
-from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable
+from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable, warn
 from ..formulas.pytree import layout_of
-from ..integrators.sublattices import SublatticeSplitting, TermSplitting
+from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import StateOfSites
+from ..systems.system import State
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
 from .sites_states import by_site, first_of
+from .stopped import Stopped
 from .trajectory import Trajectory
 
 LARGE = 300
@@ -36,13 +38,15 @@ class SitesOfPlan:
         site = plan._one.site_form
         return None if site is None else cls(plan, with_lists(plan._one, site))
 
-    def prepared(self, start: StateOfSites, starts: Planes) -> Any:
-        """Layouts and native code for starts like this one."""
-        from .sites_run import Prepared
+    def prepared(self, start: StateOfSites, starts: Planes, curves: bool) -> Any:
+        """Layouts and native code for starts like this one.  curves : is the way of adaptive steps
+        needed?
+        """
+        from .sites_prepared import Prepared
 
-        key = layout_of(first_of(start))
+        key = layout_of(first_of(start)), curves
         if key not in self.known:
-            self.known[key] = Prepared(self.plan, self.site, start, starts)
+            self.known[key] = Prepared(self.plan, self.site, start, starts, curves)
         return self.known[key]
 
     # ---------------------------------------------------------------- which runs
@@ -56,63 +60,68 @@ class SitesOfPlan:
             return False
         return True
 
-    def missing(self, **asked: Any) -> str | None:
+    def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
         """What is asked for that runs by sites do not have yet; None if nothing is."""
-        plan = self.plan
-        if plan.adaptive:
-            return "adaptive steps (give h and steps)"
+        plan, steps = self.plan, self.plan._steps
         if plan.fictive:
             return "steps in fictive time"
-        if plan.events:
-            return "events"
         if plan.of_each:
             return f"{next(iter(plan.of_each))} of each member"
-        if plan._steps.breaks:
-            return "breaks"
-        method = plan._steps.way_of(0)
-        if isinstance(method, TermSplitting) and not isinstance(method, SublatticeSplitting):
-            return repr(method)
-        return next((name for name, value in asked.items() if value is not None), None)
+        if members and kept is not None:
+            return "checkpoint of members"
+        if plan.options.dense:
+            return "dense=True (t_eval keeps states at given times)"
+        if plan.adaptive:
+            return f"adaptive {steps.method!r}" if steps.method.shortens else None
+        if steps.breaks:
+            return "breaks of fixed steps (adaptive ones end there)"
+        method = steps.way_of(0)
+        if isinstance(method, TermSplitting):
+            asked = {"events": plan.events or None, "t_eval": t_eval}
+            return next(
+                (f"{x} of {method!r}" for x, value in asked.items() if value is not None), None
+            )
+        return None
+
+    def knows(self, start: Any) -> bool:
+        """Is it a state of many sites, or one that has them in a row?"""
+        if isinstance(start, StateOfSites) or not isinstance(start, State):
+            return isinstance(start, StateOfSites)
+        given = start.arrays
+        return self.plan._one.by_site(given) is not given
 
     def takes(self, start: Any) -> bool:
         """Does a run from here go by sites?"""
         if isinstance(start, SiteCarry):
             return True
-        if not isinstance(start, StateOfSites):
+        if not self.knows(start):
             return False
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
         return numbers > self.plan._one.small or not self.as_one_body
 
     def trajectory(
-        self, start: Any, steps: int | None, t_end: Any, t0: float, kept: Any, **asked: Any
+        self, start: Any, steps: int | None, t_end: Any, t0: float, kept: Any, t_eval: Any = None
     ) -> Trajectory | None:
         """The run; None if the system is to be written out instead.  Raises IncompatibleSystem for
         one that is too large for that.
         """
-        from .sites_run import SiteRun
-        from .turns_of_sites import TurnsRun
-
         fresh = not isinstance(start, SiteCarry)
-        if fresh and not isinstance(start, StateOfSites):
+        if fresh and not self.knows(start):
             return None
         state = by_site(self.plan._one, start if fresh else start.state)
         numbers = state.width // (state.bodies or 1)
         if not self.takes(start):
             return None
-        why: Any = self.missing(**asked)
-        if why is None and state.bodies is not None and kept is not None:
-            why = "checkpoint of members"
+        why: Any = self.missing(t_eval, kept, state.bodies is not None)
         if why is None and state.bodies is not None:
-            return self._members(state, steps, t_end, t0)
+            return self._members(state, steps, t_end, t0, t_eval)
         if why is None:
-            before, zero = (start.step, start.t0) if isinstance(start, SiteCarry) else (0, t0)
-            count = self.plan._count(steps, t_end, zero, before)
-            by_colour = isinstance(self.plan._steps.way_of(0), SublatticeSplitting)
-            kind = TurnsRun if by_colour else SiteRun
             try:
-                return kind(self.plan, self.site, start, count, t0, kept).trajectory()
+                run = self._kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
+                return run.trajectory()
             except NotCompilable as error:
                 why = f"{self.plan.method!r} for sites one by one ({error})"
+                numbers += LARGE if self.plan.events else 0  # which would be of other things
         if numbers <= LARGE and self.as_one_body and not isinstance(start, SiteCarry):
             return None
         raise IncompatibleSystem(
@@ -121,29 +130,86 @@ class SitesOfPlan:
             "body, which takes everything"
         )
 
-    def _members(self, start: Any, steps: Any, t_end: Any, t0: float) -> Trajectory | None:
-        """The runs of the members of an ensemble, one after the other."""
+    def require_small(self, start: Any, what: str) -> None:
+        """Raise IncompatibleSystem for a system that is too large to be written out."""
+        if isinstance(start, StateOfSites) and start.width // (start.bodies or 1) > LARGE:
+            raise IncompatibleSystem(
+                f"integrate: there is no {what}, for systems of many sites, here {start.sites}; up to "
+                f"{LARGE} numbers are written out as one body"
+            )
+
+    def by_hand(self, carry: SiteCarry) -> Any:
+        """A run that goes on as it is told, without samples."""
+        return self._kind(self.plan, self.site, carry, carry.t0, 0, None, None, None)
+
+    @property
+    def _kind(self) -> Any:
+        """What a run is."""
+        from .sites_run import SiteRun
+        from .turns_of_sites import TurnsRun
+
+        plan = self.plan
+        by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), TermSplitting)
+        return TurnsRun if by_colour else SiteRun
+
+    def _members(
+        self, start: Any, steps: Any, t_end: Any, t0: float, t_eval: Any
+    ) -> Trajectory | None:
+        """The runs of the members of an ensemble, one after the other.  One that fails stays where it
+        came to.
+        """
         runs: list[Any] = []
+        stopped: dict[int, Any] = {}
         for i in range(start.bodies):
             one = type(start)(*(None if x is None else x[i] for x in start.parts.values()))
             try:
-                runs.append(self.trajectory(one, steps, t_end, t0, None))
+                runs.append(self.trajectory(one, steps, t_end, t0, None, t_eval))
             except IntegrationFailure as error:
-                error.add_note(f"[integrate: member {i}]")
-                raise
+                stopped[i] = error
+                run = getattr(error, "trajectory", None)
+                if run is None:  # it has not begun
+                    error.add_note(f"[integrate: member {i}]")
+                    raise
+                runs.append(run)
             if runs[-1] is None:
                 return None
-        first = runs[0]
-        return Trajectory(
-            system=first.system,
-            method=first.method,
-            h=first.h,
-            t=first.t,
-            states={
-                name: np.stack([r.states[name] for r in runs], axis=1) for name in first.states
-            },
-            bodies=len(runs),
-            steps=first.steps,
-            compiled=all(r.compiled for r in runs),
-            observed=first.observed,
+        return of_members(runs, stopped)
+
+
+def of_members(runs: list[Any], stopped: dict[int, Any]) -> Trajectory:
+    """The runs of members as one.  stopped : the errors of those that did not reach the end."""
+    longest = max(runs, key=len)
+    times = np.stack([_held(r.t, len(longest)) for r in runs], axis=1)
+    for i in stopped:
+        times[:, i] = longest.t
+    same = bool((times == times[:, :1]).all())
+    found = Trajectory(
+        system=longest.system,
+        method=longest.method,
+        h=longest.h,
+        t=times[:, 0].copy() if same else times,
+        states={
+            name: np.stack([_held(r.states[name], len(longest)) for r in runs], axis=1)
+            for name in longest.states
+        },
+        bodies=len(runs),
+        steps=max(r.steps for r in runs),
+        compiled=all(r.compiled for r in runs),
+        rejected=None if longest.rejected is None else sum(r.rejected for r in runs),
+        events=tuple(zip(*[r.events for r in runs], strict=True)),
+        observed=longest.observed,
+        stopped=Stopped({i: runs[i].steps for i in stopped}, stopped.__getitem__),
+    )
+    if stopped:
+        first = min(stopped)
+        warn(
+            f"integrate: {len(stopped)} of {len(runs)} members stopped early, the first is member "
+            f"{first} after {runs[first].steps} steps. {stopped[first]}",
+            RuntimeWarning,
         )
+    return found
+
+
+def _held(rows: np.ndarray, count: int) -> np.ndarray:
+    """So many rows, the last one again and again."""
+    return rows[np.minimum(np.arange(count), len(rows) - 1)]

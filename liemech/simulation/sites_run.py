@@ -5,7 +5,6 @@ are wanted.
 from __future__ import annotations
 
 import functools
-import inspect
 import time
 from types import SimpleNamespace
 from typing import Any
@@ -13,188 +12,176 @@ from typing import Any
 import numpy as np
 
 from ..compiler import kernel
-from ..compiler.planes import Planes, load
+from ..compiler.planes import Planes
 from ..errors import (
     IntegrationInterrupted,
     InvalidInput,
     NoConvergence,
+    StepTooSmall,
     failure,
     is_mistake,
 )
-from ..formulas.pytree import build, carried_layout, inside, layout_of, leaves, rounded
-from ..formulas.sites import (
-    FEW,
-    SiteArray,
-    SiteTable,
-    TooManySites,
-    one_site,
-    padded,
-    rows_of,
-)
+from ..formulas.pytree import inside
+from ..formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
 from ..systems.site_state import StateOfSites
-from ..systems.terms_at_site import at_this_site
-from .control import ASKED, FRESH, LIMIT, MARK, STUCK, TAKEN, Equal
+from ..systems.tabulated import has_inputs
+from . import arguments
+from .control import (
+    ANEW,
+    EPSILON,
+    FRESH,
+    GOAL,
+    LIMIT,
+    MARK,
+    REJECTED,
+    STEP,
+    STUCK,
+    TAKEN,
+    TIME,
+    go_on,
+    to_try,
+)
 from .dense import unpacked
-from .equal import affordable
+from .driver import advance
+from .equal import NEAR, affordable
 from .progress import Bar
 from .sites_carry import SiteCarry
 from .sites_driver import (
-    OfSite,
-    Share,
-    Shown,
+    CROSSED,
+    ROW,
+    UNWATCHED,
     advance_sites,
     begin_sites,
-    first_memory,
+    look_inside,
+    one_inside,
+    one_look,
+    one_remake,
     one_start,
     one_step,
 )
-from .sites_execution import SiteExecution
-from .sites_lists import STEP, Lists
-from .sites_states import as_users_see, by_site, first_of, site_rows, state_of_rows
+from .sites_events import Sightings
+from .sites_lists import STEP as SHORT
+from .sites_lists import Lists
+from .sites_states import as_users_see, by_site, site_rows, state_of_rows
 from .stopped import NONE
+from .tolerance import stretches, too_small
 from .trajectory import Trajectory
-
-SOME = 3
-"""Sites among which a formula is tried whose layout alone is asked for."""
 
 PATIENCE = 0.1
 """Seconds between two looks at the keyboard."""
 
+MOST = 2**30
+"""Steps of a call, at most."""
 
-class Prepared:
-    """The layouts and the native code of runs of a plan whose starts are alike.
-
-    given, started : layouts of one site at the start, as it comes and in the numbers of the run.
-    memory, state : of what the method carries along for it, and of what is shown.  turning : how a
-    splitting by colours steps.
-    """
-
-    turning: Any = None
-
-    def __init__(self, plan: Any, site: Any, start: StateOfSites, starts: Planes) -> None:
-        steps = plan._steps
-        self.plan, self.site, self.method, self.h = plan, site, steps.way_of(0), steps.h
-        first = first_of(start)
-        self.given = layout_of(first)
-        self.started = layout_of(steps.remembering_of(site, first))
-        self.beginner = self.method, site, self.given, self.started
-        some = min(start.sites, SOME)
-        carry = one_site(some, 0, first_memory, *self.beginner, self.h, starts)
-        example = rounded(self.method.observe(carry))
-        self.memory, self.state = carried_layout(carry), layout_of(example)
-        self.shown = self._shown(example, some, starts)
-        none, planes = kernel.Columns(np.empty(0)), Planes.of_rows(1, 1)
-        self.beginning = SiteExecution(
-            steps.compiled, steps.progress, begin_sites, *self.beginner, self.memory, self.h, planes,
-            planes, none, None,
-        )  # fmt: skip
-
-    @functools.cached_property
-    def stepping(self) -> SiteExecution:
-        """Who runs the driver of steps."""
-        steps, planes = self.plan._steps, Planes.of_rows(1, 1)
-        none, shared = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
-        return SiteExecution(
-            steps.compiled, steps.progress, advance_sites, *self.stepper, 1, 1, planes, planes, shared,
-            none, none, none, none, None,
-        )  # fmt: skip
-
-    @functools.cached_property
-    def order(self) -> list[int] | None:
-        """For every number of a sample, which one it is of what the method carries along; None if it
-        is computed of several.
-        """
-        numbers = [1.0 + i for i in range(self.memory.width)]
-        shown = rounded(self.method.observe(build(self.memory, iter(numbers))))
-        found = leaves(shown, self.state)
-        return [int(x) - 1 for x in found] if all(x in numbers for x in found) else None
-
-    def shown_rows(self, memory: np.ndarray) -> np.ndarray:
-        """The states of all sites, (width, sites), in what the method carries along."""
-        if self.order is not None:
-            return memory[self.order]
-        columns = (build(self.memory, iter(column)) for column in memory.T.tolist())
-        states = (rounded(self.method.observe(carry)) for carry in columns)
-        return np.array([leaves(state, self.state) for state in states]).T
-
-    @property
-    def stepper(self) -> tuple[Any, ...]:
-        """The arguments of `advance_sites` that are no arrays and no counts."""
-        return self.method, self.site, Equal(True), self.memory, self.shown
-
-    def _shown(self, example: Any, count: int, starts: Planes) -> Shown:
-        """What samples have."""
-        recorder = self.plan.recorder
-        kept = recorder is None or bool(recorder.parts)
-        quantities = [] if recorder is None else [*recorder.quantities.values()]
-        found = tuple([quantity_of(self.site, wanted, example) for wanted in quantities])
-        numbers: list[Any] = []
-        for quantity in found:
-            arguments = quantity, self.site, self.given, starts
-            numbers.append(one_site(count, 0, _one_value, *arguments))
-        return Shown(kept, self.state, found, carried_layout(tuple(numbers)))
+LONG = 50
+"""Steps that an adaptive run is expected to take."""
 
 
-def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
-    """What a name or a function of a user's gives for one site."""
-    if not isinstance(wanted, str):
-        return OfSite(wanted)
-    parts = tuple(inspect.signature(getattr(site, wanted)).parameters)
-    missing = [name for name in parts if getattr(example, name, None) is None]
-    if missing:
-        raise InvalidInput(
-            f"integrate: record={wanted!r} needs {', '.join(missing)}; start from a state with it"
-        )
-    return Share(wanted, parts)
+class Failing:
+    """In place of a method: one whose trial fails, as that of a site has failed in native code."""
 
+    shortens = False
 
-def _one_value(quantity: Any, site: Any, given: Any, starts: Planes) -> Any:
-    return quantity(0.0, at_this_site(site), load(starts, 0, given))
+    def __init__(self, method: Any, error: Any) -> None:
+        self.error_order, self.error = method.error_order, error
+
+    def trial(self, *given: Any) -> Any:
+        """The failure."""
+        raise self.error
 
 
 class SiteRun:
-    """One run of one system of many sites, of fixed steps."""
+    """One run of one system of many sites.
 
-    def __init__(self, plan: Any, site: Any, start: Any, steps: int, t0: float, kept: Any) -> None:
-        self.plan, self.site, self.kept, self.steps = plan, site, kept, steps
+    asked, times : of samples, as they were asked for, and as the driver meets them.  seen : samples of
+    states.  march : how far the driver has come.  left : jumps of the velocity, last ones first.
+    """
+
+    ended: int | None = None  # by which event
+
+    def __init__(
+        self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
+        kept: Any,
+    ) -> None:  # fmt: skip
+        self.plan, self.site, self.kept, self.way = plan, site, kept, plan._steps
+        self.adaptive, self.workers = plan.adaptive, plan.options.workers
         fresh = isinstance(start, StateOfSites)
         state = by_site(plan._one, start if fresh else start.state)
         self.state, self.count = state, state.sites
-        begun: tuple[float, int] = (t0, 0) if fresh else (start.t0, start.step)
-        self.t0, self.before = begun
+        zero: tuple[float, int] = (t0, 0) if fresh else (start.t0, start.step)
+        self.t0, self.before = zero
+        self.begun = t0 if fresh else start.t
         self.lists: Any = Lists.of(plan._one, site)
         if self.lists is not None:
             self.site = site = self.lists.at(np.asarray(state.parts["g"]))
         require_fitting(site, self.count)
-        self.h, self.workers = plan._steps.h, plan._steps.workers
+        self.fixed_times = t_eval is not None
+        self.aim(steps, t_end, t_eval)
+        inner = (self.asked != self.begun) & (self.asked != self.t_end)
+        curves = self.adaptive and bool(plan.events or inner.any())
         self.starts = Planes(rows_of(site_rows(state)), self.count)
-        self.shape = shape = plan._sites.prepared(state, self.starts)
-        every, last = plan._steps.every, self.before + steps
-        inner = np.arange(self.before // every + 1, -(-last // every)) * every
-        ends = [last] if steps else []
-        self.numbers = np.concatenate([[self.before], inner, ends]).astype(np.int64)
-        self.sites = Planes.of_rows(2 * shape.memory.width, self.count)
-        kept_rows = shape.state.width if shape.shown.kept else 0
-        samples = len(self.numbers)
-        affordable(8 * samples * max(1, kept_rows) * padded(self.count), steps, every)
-        self.seen = Planes.of_rows(max(1, samples * kept_rows), self.count)
+        self.shape = shape = plan._sites.prepared(state, self.starts, curves)
+        self.h, samples = shape.h, len(self.asked)
+        self.wide = shape.state.width if shape.shown.kept else 0
+        self.chosen = None if plan.recorder is None else plan.recorder.sites
+        many = padded(self.count) if self.chosen is None else len(self.chosen)
+        affordable(8 * samples * max(1, self.wide) * many, self.steps, self.every)
+        self.room = samples if self.chosen is None else 1  # for samples of all sites
+        self.seen = Planes.of_rows(max(1, self.room * self.wide), self.count)
+        self.own = np.empty((0 if self.chosen is None else samples, self.wide, many))
         self.totals = np.zeros((samples, shape.shown.totals.width))
-        self.clocks = np.array([[t0, self.h, *FRESH]]).T
-        self.clocks[0], self.clocks[TAKEN] = self.t0 + self.before * self.h, self.before
-        self.goals = np.array([[np.copysign(np.inf, self.h), 0.0, 0.0, 0.0, 0.0, self.t0]]).T
-        self.goals[LIMIT] = last
-        self.place = np.zeros((1, 1))
+        self.sites = Planes.of_rows(2 * shape.memory.width, self.count)
+        self.place, self.out, self.told = np.zeros((2, 1)), np.empty(1), np.zeros(2)
+        self.march, self.look = np.array([0.0, np.nan, 0.0]), np.zeros(max(1, self.totals.shape[1]))
+        self.values = np.full((2, max(1, len(plan.events))), np.nan)
         self.made = 0  # samples
-        self.compiled = False
+        self.failures: list[Any] = []
+        self.notes, self.compiled = 0, False
         if fresh:
             self._begin()
         else:
-            if start.numbers.shape != (shape.memory.width, self.count):
-                raise InvalidInput(
-                    f"Plan.resume: the run carries {start.numbers.shape} numbers along; this plan has "
-                    f"({shape.memory.width}, {self.count})"
-                )
-            self.sites.array[: shape.memory.width] = rows_of(start.numbers)
+            self._take_up(start)
+        self.events = Sightings(self, plan.events, start) if plan.events else None
+
+    # ---------------------------------------------------------------- what is asked for
+
+    def aim(self, steps: Any, t_end: Any, t_eval: Any) -> None:
+        """Clock and goal, and the times of samples."""
+        self.clocks = np.array([[self.begun, 0.0, *FRESH]]).T
+        self.goals, self.left = np.zeros((GOAL.width, 1)), []  # type: Any, list[Any]
+        way, self.every = self.way, self.plan.options.every
+        if not self.adaptive:
+            self.steps = self.plan._count(steps, t_end, self.t0, self.before)
+            last, h = self.before + self.steps, way.h
+            inner = np.arange(self.before // self.every + 1, -(-last // self.every)) * self.every
+            self.numbers = np.array([self.before, *inner, *([last] if self.steps else [])])
+            self.asked = self.times = self.t0 + self.numbers * h
+            self.t_end = self.t0 + last * h
+            if t_eval is not None:
+                self.asked = np.asarray(arguments.times(t_eval, self.begun, self.t_end))
+                ends = self.t0 + np.round((self.asked - self.t0) / h) * h
+                near = np.abs(self.asked - ends) <= NEAR * np.maximum(abs(ends), abs(self.t0))
+                self.times = np.where(near, ends, self.asked)
+            self.clocks[STEP], self.clocks[TAKEN] = h, self.before
+            self.goals[:, 0] = np.copysign(np.inf, h), 0.0, 0.0, 0.0, last, self.t0
+            return
+        if t_end is None:
+            raise InvalidInput(
+                "integrate: adaptive steps need a t_end; for fixed steps give h and steps"
+            )
+        self.t_end = end = arguments.real(t_end, "t_end")
+        self.steps = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
+        asked = arguments.times(t_eval, self.begun, end)
+        ends = np.array([self.begun, end] if end != self.begun else [end])
+        self.asked = self.times = ends if asked is None else asked
+        self.goals[:, 0] = end, way.rtol, way.atol, way.longest, self.steps, self.begun
+        self.clocks[STEP] = way.first(self.begun, end)
+        jumps = way.jumps(self.begun, end) if way.breaks or has_inputs(way.system) else ()
+        start, ways = stretches(jumps, self.begun, end)
+        if ways:
+            self.left, self.goals[0] = ways[::-1], ways[0][0]
+        if start != self.begun:
+            go_on(self.clocks[:, 0], start)
 
     def _begin(self) -> None:
         """What the method carries along at the start."""
@@ -203,7 +190,7 @@ class SiteRun:
         beginner = shape.method, self.site, shape.given, shape.started
         arguments = *beginner, shape.memory, self.h, self.starts, self.sites, done
         notes = 0
-        if shape.beginning.ready_for(self.count * max(1, self.steps)):
+        if shape.beginning.ready_for(self.count * min(LONG, max(1, self.steps))):
             calls = shape.beginning.on_sites(self.count, self.workers)
             calls(*arguments, None)
             notes = calls.notes
@@ -212,102 +199,171 @@ class SiteRun:
         if not done[0]:
             given = *beginner, shape.memory, self.h, self.starts, self.sites
             error = self._why(failures, notes, lambda i: one_site(self.count, i, one_start, *given))
-            raise self._ended(error, f"at the start, t = {self.t0:g}")
+            raise self._ended(error, f"at the start, t = {self.begun:g}")
+
+    def _take_up(self, start: SiteCarry) -> None:
+        """Go on with what a run has carried along."""
+        if self.adaptive is (start.clock is None):
+            raise InvalidInput(
+                "Plan.resume: the run was made with other steps; start a new one from run.last"
+            )
+        width = self.shape.memory.width
+        numbers = self.shape.taken_up(start.numbers)
+        self.sites.array[:width] = rows_of(numbers)
+        if self.adaptive:
+            clock, beyond = self.clocks[:, 0], self.clocks[TIME, 0] != self.begun
+            if not beyond:
+                clock[:] = start.clock
+                clock[[TAKEN, REJECTED, MARK]] = 0.0
+                if clock[STEP] * (self.t_end - self.begun) < 0.0:
+                    clock[STEP] = -clock[STEP]
 
     # ---------------------------------------------------------------- steps
 
     def trajectory(self) -> Trajectory:
         """Step to the end, sample by sample."""
-        self._call(0, 1, 0)
-        self.made = 1
         pace = 1  # steps of a call
-        with Bar(self.plan._steps.progress, self.steps) as bar:
+        total = 1000 if self.adaptive else self.steps
+        with Bar(self.plan.options.progress, total, "" if self.adaptive else "step") as bar:
             try:
-                while self.made < len(self.numbers):
-                    done = self._taken
-                    wanted = int(self.numbers[self.made]) - done
-                    ahead = np.diff(self.numbers[self.made - 1 :])
-                    same = (
-                        int(np.argmax(ahead != wanted)) if (ahead != wanted).any() else len(ahead)
-                    )
-                    whole = done == self.numbers[self.made - 1]
-                    samples = max(1, min(same, pace // wanted)) if whole else 1
-                    turns = wanted if samples > 1 else min(wanted, pace)
-                    if self.kept is not None:
+                while self._going or self._pending:
+                    done, turns = self.taken, 0 if self._pending else pace
+                    if self.kept is not None and turns:
                         turns = max(1, self.kept.within(turns))
-                        samples = 1 if turns < wanted else samples
                     begun = time.perf_counter()
-                    try:
-                        self._call(turns, samples, self.made)
-                    finally:
-                        taken = self._taken
-                        reached = np.searchsorted(self.numbers, taken, side="right")
-                        self.made = max(self.made, int(reached))
-                    if self.clocks[MARK, 0] != 0.0:
-                        self._fail()
-                    used = time.perf_counter() - begun
-                    faster = min(64 * pace, int(pace * PATIENCE / max(used, 1e-9)))
-                    pace = 1 if self.lists is not None else max(1, faster)
-                    bar.advance(taken - done)
-                    if (
-                        self.kept is not None
-                        and self.kept.due(taken - done)
-                        and self.made < len(self.numbers)
-                    ):
-                        self.kept.save(self._so_far())
+                    self._call(turns)
+                    self._attend()
+                    used, taken = time.perf_counter() - begun, self.taken
+                    if turns:
+                        pace = self._quicker(pace, used)
+                    bar.advance(self._shown_part - bar.done)
+                    kept = self.kept
+                    if kept is not None and kept.due(taken - done) and self._going:
+                        kept.save(self.so_far())
             except KeyboardInterrupt:
+                whole = "" if self.adaptive else f" of {self.before + self.steps}"
                 stopped: Any = IntegrationInterrupted(
-                    f"integrate: interrupted after {self._taken} of {self.before + self.steps} steps, "
+                    f"integrate: interrupted after {self.taken}{whole} steps, "
                     f"t = {self.clocks[0, 0]:g}; {self.made} samples are in `.trajectory`"
                 )
-                stopped.trajectory = self._so_far()
+                stopped.trajectory = self.so_far()
                 raise stopped from None
-        return self._so_far()
+        if self.adaptive and self.clocks[TIME, 0] != self.t_end and self.ended is None:
+            raise self._too_many()
+        return self.so_far()
+
+    def _quicker(self, pace: int, used: float) -> int:
+        """How many steps the next call makes, by the seconds that this one has used."""
+        if self.lists is not None:
+            return 1
+        return max(1, min(64 * pace, MOST, int(pace * PATIENCE / max(used, 1e-9))))
+
+    # ---------------------------------------------------------------- by hand
+
+    def advance(self, steps: int) -> None:
+        """Go on by so many steps, without samples.  After Ctrl-C, and before a step that fails, it
+        stands where it has come to.
+        """
+        self.steps = self.taken + steps - self.before
+        self.goals[LIMIT], self.clocks[MARK] = self.before + self.steps, 0.0
+        self.made, self.times = 0, self.times[:0]
+        pace = 1
+        while self._going:
+            before, begun = self.taken, time.perf_counter()
+            self._call(min(pace, self.before + self.steps - before))
+            self._attend()
+            used = time.perf_counter() - begun
+            pace = self._quicker(pace, used)
 
     @property
-    def _taken(self) -> int:
-        return int(self.clocks[TAKEN, 0])
+    def t(self) -> float:
+        """The time of a run of fixed steps."""
+        return float(self.t0 + self.taken * self.h)
 
-    def _call(self, turns: int, samples: int, first: int) -> None:
-        """Some samples with so many steps before each, from sample number `first` on."""
-        shape, stepping = self.shape, self.shape.stepping
-        width = shape.state.width if shape.shown.kept else 0
-        seen = Planes(self.seen.array[first * width :], self.count)
-        totals, out = self.totals[first:], np.empty(max(1, turns))
-        left = self.before + self.steps - self._taken
-        before = self._elements() if self.lists is not None and turns else None
-        if before is not None:
-            self.site = self.lists.at(before)
-        stepper = shape.method, self.site, *shape.stepper[2:]
-        arguments = *stepper, turns, samples, self.sites, seen
-        arrays = self.goals, self.place, self.clocks, out
-        self.failures: list[Any] = []
-        self.notes = 0
-        if stepping.ready_for(self.count * max(1, left)):
-            self.compiled = self.compiled or left > 0
-            calls = stepping.on_sites(self.count, self.workers)
-            try:
-                calls(*arguments, kernel.Shared(totals), *arrays, None)
-            finally:
-                self.notes = calls.notes
-        else:
-            with stepping.plain():
-                columns = [x.ravel() for x in arrays[:3]]
-                driver: Any = advance_sites
-                driver(*arguments, totals.ravel(), *columns, out, self.failures)
-                for x, column in zip(arrays, columns):
-                    x[:] = column[:, None]
-        if before is not None and not self.lists.held(before, self._elements()):
-            error = NoConvergence(
-                f"a site moved further than {STEP:g} of the {self.lists.skin:.3g} by which lists of "
-                "neighbours reach beyond the cutoff; take a smaller step"
-            )
-            raise self._ended(error, f"step {self._taken}, t = {self.clocks[0, 0]:g}")
+    @property
+    def standing(self) -> SiteCarry:
+        """With what a run of fixed steps goes on from here."""
+        found: SiteCarry = self.carry(self._memory.copy(), self.clocks[:, 0].copy())
+        return found
+
+    @property
+    def taken(self) -> int:
+        """How many steps were taken, from the start of the motion on."""
+        return int(self.clocks[TAKEN, 0])
 
     @property
     def _copy(self) -> int:
-        """Which of the two copies of the memory holds the sites."""
+        """In which of the two copies of memory the sites are."""
         return int(self.place.view(np.int64)[0, 0])
+
+    @property
+    def _shown_part(self) -> int:
+        """How much is done, as a bar shows it."""
+        if not self.adaptive:
+            return self.taken - self.before
+        span = self.t_end - self.begun
+        return int(1000 * (self.clocks[TIME, 0] - self.begun) / span) if span else 1000
+
+    @property
+    def _going(self) -> bool:
+        """Are there more steps to make?"""
+        t, taken = self.clocks[TIME, 0], self.clocks[TAKEN, 0]
+        there = (t == self.t_end) if self.adaptive else False
+        return self.ended is None and not there and bool(taken < self.goals[LIMIT, 0])
+
+    @property
+    def _pending(self) -> bool:
+        """Is something to be looked at where the run stands?"""
+        first = bool(self.plan.events) and np.isnan(self.march[1])
+        due = self.made < len(self.times) and self.times[self.made] == self.clocks[TIME, 0]
+        return self.ended is None and bool(first or due)
+
+    def _call(self, turns: int) -> None:
+        """Some more steps, up to where something is to be looked at."""
+        shape, stepping, made = self.shape, self.shape.stepping, self.made
+        seen = self.seen
+        totals = np.zeros((len(self.times) - made + 1, self.totals.shape[1]))
+        times = np.append(self.times[made : made + self.room], np.nan)
+        if self.chosen is None:
+            seen = Planes(seen.array[made * self.wide :], self.count)
+        elif made + self.room < len(self.times):  # up to where there is no more room
+            times[-1] = np.copysign(np.inf, self.begun - self.t_end)
+        left = LONG if self.adaptive else self.before + self.steps - self.taken
+        before = self._elements() if self.lists is not None and turns else None
+        if before is not None:
+            self.site = self.lists.at(before)
+        arguments: Any = shape.method, self.site, *shape.stepper[2:], turns, self.sites, seen
+        shared, told = [totals, self.look, self.values], [times, self.told, self.march]
+        arrays = [self.goals, self.place, self.clocks, self.out]
+        if not self.adaptive:
+            self.failures = []
+        self.notes, self.march[0] = 0, 0.0
+        try:
+            if stepping.ready_for(self.count * max(1, left)):
+                self.compiled = self.compiled or left > 0
+                calls = stepping.on_sites(self.count, self.workers)
+                try:
+                    one, two = (map(kernel.Shared, x) for x in (shared, told))
+                    calls(*arguments, *one, *arrays, *two, None)
+                finally:
+                    self.notes = calls.notes
+            else:
+                with stepping.plain():
+                    columns = [x.reshape(-1) for x in (*shared, *arrays, *told)]
+                    driver: Any = advance_sites
+                    driver(*arguments, *columns, self.failures)
+        finally:
+            new = int(self.march[0])
+            if self.chosen is not None and new:
+                self.own[made] = seen.array[: self.wide, self.chosen]
+            self.totals[made : made + new] = totals[:new]
+            self.made += new
+        if before is not None and not self.lists.held(before, self._elements()):
+            error = NoConvergence(
+                f"a site moved further than {SHORT:g} of the {self.lists.skin:.3g} by which lists of "
+                "neighbours reach beyond the cutoff; take a smaller step"
+            )
+            raise self._ended(error, f"step {self.taken}, t = {self.clocks[0, 0]:g}")
 
     @property
     def _memory(self) -> np.ndarray:
@@ -316,37 +372,166 @@ class SiteRun:
         found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
         return found
 
+    def kept_of(self, rows: np.ndarray) -> np.ndarray:
+        """Of the states of all sites what samples keep."""
+        if self.chosen is not None:
+            return rows[:, self.chosen]
+        return rows if self.wide else rows[:, :0]
+
     def _elements(self) -> np.ndarray:
         """Where the sites are."""
         rows = self.shape.shown_rows(self._memory)
         return unpacked(self.shape.state, rows.T)["g"]
 
+    # ---------------------------------------------------------------- between two calls
+
+    def _attend(self) -> None:
+        """Look at what the driver has come to a stand for."""
+        clock, (_, begun, why) = self.clocks[:, 0], self.march.tolist()
+        t = end = float(clock[TIME])
+        if why == UNWATCHED:
+            raise self._unwatched()
+        if why == CROSSED:
+            self.march[2] = 0.0
+            end = self.events.meet(begun, t)  # type: ignore[union-attr]
+        while self.made < len(self.times) and (self.times[self.made] - end) * (t - begun) < 0.0:
+            self._keep(*self.looked(self.times.item(self.made), begun, t)[:2])
+        if self.ended is not None:
+            self._stay(end, begun, t)
+        elif clock[MARK] != 0.0:
+            self._fail()
+        elif self.adaptive and self.failures and self._hopeless:
+            raise self._too_small(self.failures[-1])
+        elif self.left and t == self.goals[0, 0] and t != self.t_end:
+            _, beyond = self.left.pop()
+            go_on(clock, beyond)
+            self.goals[0] = self.left[-1][0] if self.left else self.t_end
+
+    def _keep(self, rows: np.ndarray, totals: np.ndarray) -> None:
+        """One more sample."""
+        if self.chosen is not None:
+            self.own[self.made] = rows[:, self.chosen]
+        elif self.wide:
+            first = self.made * self.wide
+            self.seen.array[first : first + self.wide, : self.count] = rows
+        self.totals[self.made] = totals
+        self.made += 1
+
+    def looked(
+        self, at: float, begun: float, end: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The states of all sites at a time in the last step, (width, sites), the totals of what is
+        recorded, and the events.
+        """
+        shape, looking, totals = self.shape, self.shape.looking, np.zeros_like(self.look)
+        if at == end:
+            rows = shape.shown_rows(self._memory)
+            return rows, self.look[: self.totals.shape[1]], self.values[1]
+        seen, done = Planes.of_rows(shape.state.width, self.count), np.zeros((1, 1))
+        values, failures, notes = np.zeros_like(self.values[0]), [], 0  # type: Any, list[Any], int
+        given: Any = shape.way, self.site, *shape.looker[2:], begun, at, end, self.sites, seen
+        if looking.ready_for(LONG * self.count):
+            calls = looking.on_sites(self.count, self.workers)
+            calls(*given, kernel.Shared(totals), kernel.Shared(values), self.place, done, None)
+            notes = calls.notes
+        else:
+            with looking.plain():
+                columns = totals, values, self.place.ravel(), done.reshape(-1)
+                driver: Any = look_inside
+                driver(*given, *columns, failures)
+        if not done[0, 0]:
+            more: Any = begun, at, end, self.sites, self._copy, shape.memory, shape.inner.shown
+            again = shape.way, self.site, *more, seen, totals
+            error = self._why(
+                failures, notes, lambda i: one_site(self.count, i, one_inside, *again)
+            )
+            raise self._ended(error, f"inside of a step, t = {at:g}")
+        return seen.array[:, : self.count], totals[: self.totals.shape[1]], values
+
+    def _stay(self, at: float, begun: float, end: float) -> None:
+        """End where an event does: adaptive steps go on from the state there."""
+        rows, totals, _ = self.looked(at, begun, end)
+        if not self.fixed_times:
+            self.asked = np.append(self.asked[: self.made], at)
+            self._keep(rows, totals)
+        if self.adaptive:
+            self.starts, self.place = Planes(rows_of(rows), self.count), np.zeros((2, 1))
+            self._begin()
+            go_on(self.clocks[:, 0], at)
+        self.t_end = at
+
     # ---------------------------------------------------------------- what came of it
 
     def _fail(self) -> None:
-        """A step that could not be made ends the run: plain Python says why, of the site that native
-        code has noted.
+        """A step that could not be made: plain Python says why, of the site that native code has noted.
+        It ends a run of fixed steps; adaptive ones become shorter.
         """
-        assert self.clocks[MARK, 0] in (ASKED, STUCK)
-        step = self._taken
-        t, memory = self.t0 + step * self.h, self.shape.memory
-        here = self._copy
-        given = self.shape.method, self.site, t, self.h, self.sites, here, 1 - here, memory
+        clock, goal, memory = self.clocks[:, 0], self.goals[:, 0], self.shape.memory
+        steps, t, here = self.taken, float(clock[TIME]), self._copy
         failures = [e for e in self.failures if e is not None]
-        error = self._why(failures, self.notes, lambda i: one_site(self.count, i, one_step, *given))
-        raise self._ended(error, f"step {step + 1} of {self.before + self.steps}, t = {t:g}")
+        at = f"step {steps + 1} of {self.before + self.steps}, t = {t:g}"
+        given: Any = self.shape.method, self.site, t, self.h, self.sites, here, 1 - here, memory
+        if not self.adaptive:
+            error = self._why(
+                failures, self.notes, lambda i: one_site(self.count, i, one_step, *given)
+            )
+            raise self._ended(error, at)
+        if clock[MARK] == STUCK and clock[ANEW] == 0.0:
+            error = failures[-1] if failures else None
+            raise (
+                self._ended(error, f"step {steps + 1}, t = {t:g}")
+                if is_mistake(error)
+                else self._too_small(error)
+            )
+        h = 0.0 if clock[ANEW] else to_try(t, clock.item(STEP), goal.item(0), goal.item(3))[0]
+        again: Any = *given[:3], h, self.sites, here, memory
+        error = self._why(
+            failures, self.notes, lambda i: one_site(self.count, i, one_remake, *again)
+        )
+        if h == 0.0 or is_mistake(error):
+            where = f"step {steps + 1}, t = {t:g}" if steps else f"at the start, t = {t:g}"
+            raise self._ended(error, where)
+        clock[MARK], self.failures = 0.0, [error]
+        stub: Any = Failing(self.shape.method, error)
+        columns = [x.reshape(-1) for x in (self.goals, self.place, self.clocks, self.out)]
+        way = self.site, self.shape.control, self.shape.place, ROW, 1, 1
+        driver: Any = advance
+        driver(stub, *way, *columns, self.failures)
+        if clock[MARK] == STUCK or self._hopeless:
+            raise self._too_small(error)
+
+    @property
+    def _hopeless(self) -> bool:
+        """Did steps fail that were no longer than rounding of the whole time?"""
+        return bool(abs(self.clocks[STEP, 0]) <= EPSILON * abs(self.t_end - self.begun))
+
+    def _unwatched(self) -> Any:
+        """The error of a run of which an event failed."""
+        t, shape, failures = self.clocks.item(TIME, 0), self.shape, self.failures[-1:]
+        given = shape.method, self.site, t, self.sites, self._copy, shape.memory, shape.shown
+        error: Any = failures[0] if failures else None
+        if error is None and self.notes >= 0:
+            again = *given, np.zeros_like(self.look)
+            error = self._why([], self.notes, lambda i: one_site(self.count, i, one_look, *again))
+        if error is None:
+            try:
+                shape.sighted.seen(t, self.look)
+            except Exception as caught:
+                error = caught
+        return self._ended(error, f"in an event at t = {t:g}")
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
         """What the formula of a site raises.  first : of those among which it is; -1 if all have
         failed together, or nobody knows.
         """
         if failures:
-            return failures[0]
+            return failures[-1]
         some = range(max(0, first), min(self.count, max(0, first) + kernel.lanes()))
         for i in some if first >= 0 or self.count <= FEW else ():
             try:
                 again(i)
             except TooManySites:
+                first = -1
                 break
             except Exception as error:
                 return error
@@ -357,10 +542,29 @@ class SiteRun:
             )
         return None
 
+    def _too_small(self, error: Any) -> Any:
+        """The error of a run whose steps became too small."""
+        clock, goal = self.clocks[:, 0].tolist(), self.goals[:, 0].tolist()
+        estimate = self.told.item(0)
+        site = getattr(error, "site", None)
+        what = repr(self.plan.method) if site is None else f"{self.plan.method!r}: site {site}"
+        made = too_small(
+            what, clock[TIME], clock[STEP], goal[1], goal[2], self.taken, error, estimate
+        )
+        return self._with_run(made, site)
+
+    def _too_many(self) -> Any:
+        """The error of a run that was not allowed more steps."""
+        told = f"{self.steps} steps led to t = {self.clocks[TIME, 0]:g} only, not to {self.t_end:g}"
+        why = f"integrate: {told}; loosen rtol and atol or allow more `steps`"
+        return self._with_run(StepTooSmall(why), None)
+
     def _ended(self, error: Any, at: str) -> Any:
         """The error of a run whose step failed, with what there is of it."""
         site = getattr(error, "site", None)
-        at = at if site is None else f"site {site}, {at}"
+        one = self.plan._one
+        named = getattr(getattr(one, "configurations", one.group), "named", str)
+        at = at if site is None else f"site {named(site)}, {at}"
         if is_mistake(error):
             error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
             made = error
@@ -368,48 +572,75 @@ class SiteRun:
             made = failure(
                 error, repr(self.plan.method), f"{at}; {self.made} samples are in `.trajectory`"
             )
-        made.site = site
-        if self.made:
-            made.trajectory = self._so_far()
-        return made
+        return self._with_run(made, site)
 
-    def _so_far(self) -> Trajectory:
+    def _with_run(self, error: Any, site: int | None) -> Any:
+        """An error with the run up to it."""
+        error.site = site
+        if self.made:
+            error.trajectory = self.so_far()
+        return error
+
+    def so_far(self) -> Trajectory:
         """The run up to here."""
-        shape, n, taken = self.shape, self.made, self._taken
-        shown, numbers, memory = shape.shown, self.numbers[:n], self._memory.copy()
+        shape, n = self.shape, self.made
+        clock, memory = self.clocks[:, 0].copy(), self._memory.copy()
         recorder = self.plan.recorder
-        observed = () if recorder is None else tuple(recorder.quantities)
+        observed = () if recorder is None else recorder.observed
+        asked, totals = self.asked[:n].copy(), self.totals[:n].copy()
+        seen, own, here = self.seen.array[: n * self.wide], self.own[:n].copy(), self.chosen
 
         @functools.cache
         def states() -> dict[str, np.ndarray]:
             found = {}
-            if shown.kept:
-                rows = self.seen.array[: n * shape.state.width].reshape(n, shape.state.width, -1)
-                arrays = unpacked(shape.state, np.moveaxis(rows[..., : self.count], 1, -1))
+            if shape.shown.kept:
+                rows = (
+                    own if here is not None else seen.reshape(n, self.wide, -1)[..., : self.count]
+                )
+                arrays = unpacked(shape.state, np.moveaxis(rows, 1, -1))
                 wanted = arrays if recorder is None else recorder.parts
                 found = self.plan._one.as_users_see({name: arrays[name] for name in wanted})
-            if observed:
-                parts = _columns(shown.totals, self.totals[:n])
-                found |= dict(zip(observed, parts, strict=True))
+                for name, some in ({} if recorder is None else recorder.chosen).items():
+                    at = some if here is None else [here.index(i) for i in some]
+                    found[name] = arrays[name][:, at]
+            if shape.shown.quantities:
+                parts = _columns(shape.shown.totals, totals)
+                found |= dict(zip(recorder.quantities, parts, strict=True))
             return found
 
+        steps = int(clock[TAKEN]) - self.before
+        known: dict[str, Any] = {"h": self.h, "events": (), "ended": self.ended}
+        if self.adaptive:
+            known["h"] = float((clock[TIME] - self.begun) / max(1, steps))
+            known["rejected"] = int(clock[REJECTED])
+        if self.events is not None:
+            known["events"] = self.events.shown
+        rest = SimpleNamespace(t=lambda: asked, states=states)
+        met = SiteCarry.met if self.events is None else self.events.watch.met
         return Trajectory.promised(
-            SimpleNamespace(t=lambda: self.t0 + numbers * self.h, states=states),
+            rest,
             system=self.plan.system,
             method=self.plan.method,
-            h=self.h,
             bodies=None,
-            steps=taken - self.before,
+            steps=steps,
             compiled=self.compiled,
             stopped=NONE,
-            carry=self._carry(memory, taken),
+            carry=self.carry(memory, clock, met),
             observed=observed,
+            **known,
         )
 
-    def _carry(self, memory: np.ndarray, taken: int) -> SiteCarry:
+    def carry(self, memory: np.ndarray, clock: np.ndarray, met: Any = SiteCarry.met) -> Any:
+        """With what a run goes on; nothing where fixed steps were ended inside of one."""
+        if self.ended is not None and not self.adaptive:
+            return None
         state = state_of_rows(self.shape.state, self.shape.shown_rows(memory))
         state = as_users_see(self.plan._one, state)
-        return SiteCarry(self.t0, self.h, taken, memory, state)
+        numbers = memory[: self.shape.lasting]
+        if not self.adaptive:
+            return SiteCarry(self.t0, self.h, int(clock[TAKEN]), numbers, state, met=met)
+        clock[MARK] = 0.0
+        return SiteCarry(float(clock[TIME]), 0.0, 0, numbers, state, met, clock, self.ended)
 
 
 def _columns(layout: Any, rows: np.ndarray) -> list[np.ndarray]:

@@ -8,11 +8,16 @@ import numpy as np
 
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
-from ..systems.site_state import SitePoints, SiteState, StateOfSites
+from ..systems.poisson import PoissonState
+from ..systems.site_state import SitePoints, SiteState, SiteValues, StateOfSites
 from ..systems.system import State, small_state, state_of
 from .dense import unpacked
 
-OF_ONE: dict[Any, type[State]] = {SiteState: BodyState, SitePoints: CanonicalState}
+OF_ONE: dict[Any, type[State]] = {
+    SiteState: BodyState,
+    SitePoints: CanonicalState,
+    SiteValues: PoissonState,
+}
 """What the state of one site is, by the kind of those of all."""
 
 
@@ -20,19 +25,19 @@ def by_site(system: Any, start: Any) -> StateOfSites:
     """A state as users give it, with an axis of sites."""
     if isinstance(start, StateOfSites):
         return start
-    return SitePoints(**system.by_site(start.arrays))
+    return state_of(kind_of(start.arrays), system.by_site(start.arrays))
 
 
 def as_users_see(system: Any, state: Any) -> Any:
     """The inverse of `by_site`."""
-    if isinstance(state, SitePoints):
-        return small_state(CanonicalState, system.as_users_see(state.arrays))
-    return state
+    given = state.arrays
+    seen = system.as_users_see(given)
+    return state if seen is given else small_state(OF_ONE[type(state)], seen)
 
 
 def kind_of(states: Any) -> Any:
     """The kind of states that has these parts."""
-    return SiteState if "mu" in states else SitePoints
+    return SiteState if "mu" in states else SiteValues if "y" in states else SitePoints
 
 
 def first_of(start: StateOfSites) -> Any:

@@ -13,6 +13,7 @@ from ..compiler import kernel
 from ..compiler.planes import Planes
 from ..formulas.pytree import carried_layout, layout_of, names_of
 from ..formulas.sites import padded
+from ..groups.species import SpeciesGroup
 from ..systems.system import state_of
 from .sites_driver import Share, Shown, totals_of_samples
 from .sites_execution import SiteExecution
@@ -27,7 +28,7 @@ def of_sites(system: Any, states: dict[str, np.ndarray]) -> Any:
     that are written out; else None.
     """
     leading = next(iter(states.values()), np.empty(0))
-    if leading.ndim < 2 or not {"mu", "q"} & {*states}:
+    if leading.ndim < 2 or not {"mu", "q", "y"} & {*states}:
         return None
     site: Any = system.site_form
     if site is None:
@@ -89,7 +90,16 @@ def constants(system: Any, t: np.ndarray, states: dict[str, np.ndarray]) -> dict
     functions of every site, (n, sites).
     """
     found = {"energy": energy(system, t, states)}
-    if hasattr(system, "casimirs"):
-        each = np.asarray(system.group.base.casimirs(states["mu"]))
-        found |= {f"Casimir {k + 1}": each[..., k] for k in range(each.shape[-1])}
+    if "mu" in states and hasattr(system, "casimirs"):
+        for of_species, group, mu in _by_species(system.group, states["mu"]):
+            each = np.asarray(group.casimirs(mu))
+            found |= {f"Casimir {k + 1}{of_species}": each[..., k] for k in range(each.shape[-1])}
     return found | system.momenta_of_sites(states)
+
+
+def _by_species(group: Any, mu: np.ndarray) -> list[tuple[str, Any, np.ndarray]]:
+    """Of each species how it is called, the group of a site, and its momenta with an axis of sites."""
+    if not isinstance(group, SpeciesGroup):
+        return [("", group.base, mu)]
+    parts = zip(group.powers, group.by_species(mu, "Vec"))
+    return [(f" of species {k}", power.base, part) for k, (power, part) in enumerate(parts)]

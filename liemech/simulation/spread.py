@@ -16,14 +16,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
-from ..systems.system import State, member, state_of
+from ..systems.system import State, member
 from . import arguments
-from .carry import Carries, Carry, Waiting
+from .carry import Carries, Carry
 from .fictive import FictiveCarry, Origin
-from .fictive_run import FictiveRun
-from .prepared import shown_step
+from .joined import beside
 from .progress import WANTED, Bar
-from .stopped import NONE, Stopped
+from .stopped import Stopped
 from .systems import OfBodies, Systems
 from .trajectory import Trajectory, TransformedTrajectory
 
@@ -185,36 +184,7 @@ def _end(running: set[Any], unless: str) -> None:
 
 def _waiting(plan: Any, start: Any, how: dict[str, Any]) -> Any:
     """A chunk that is not done: every body stands at its start."""
-    t0, t_end, t_eval = how["t0"], how["t_end"], how["t_eval"]
-    start, steps = plan._started(start), plan._steps
-    if plan.fictive:  # they have a clock, too
-        if plan._apart(start, t_end, t_eval):
-            run = FictiveRun(plan, start, t0, how["steps"], t_end, t_eval).result()
-        else:
-            run = plan._transformed(start, 0, t0, None)
-    else:
-        run = Trajectory.promised(
-            SimpleNamespace(
-                carry=lambda: Carries(
-                    tuple([Waiting(member(start, i), t0) for i in range(start.bodies)])
-                )
-            ),
-            system=plan.system,
-            method=plan.method,
-            h=0.0 if plan.adaptive else shown_step(steps.h),
-            t=np.array([t0]),
-            states={name: x[None] for name, x in start.arrays.items()},
-            bodies=start.bodies,
-            steps=0,
-            compiled=True,
-            stopped=NONE,
-            rejected=0 if plan.adaptive else None,
-            dense=None,
-            events=tuple([(no_events(start),) * start.bodies for _ in plan.events]),
-            observed=(),
-        )
-    recorder = plan.recorder
-    return run if recorder is None else recorder.presented(run, type(start), steps.compiled)
+    return plan.replace(compiled=False, progress=False)._standing(start, how["t0"])
 
 
 def _of_their_own(run: Any) -> Any:
@@ -272,41 +242,25 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
             f"{stopped[min(steps)].error}",
             RuntimeWarning,
         )
-    more: dict[str, Any] = {}
-    samples = max(map(len, runs))
-    if any(not np.array_equal(run.t, first.t) or run.t.ndim == 2 for run in runs):
-        # every body has times of its own
-        more = {"t": _beside([_of_each(run, run.t) for run in runs], samples)}
-    if isinstance(first, TransformedTrajectory):
-        if first.z is not None:
-            more["z"] = _beside([run.z for run in runs], samples)
-        if isinstance(first.origin, tuple):
-            more["origin"] = sum([run.origin for run in runs], ())
-            more["tau"] = _beside([_of_each(run, run.tau) for run in runs], samples)
-        else:
-            more["origin"] = dataclasses.replace(
-                first.origin, start=_all([run.origin.start for run in runs])
-            )
     own = {name: x for name, x in vars(first).items() if name not in ("_rest", "carry")}
+    own |= beside(runs)
+    if isinstance(first, TransformedTrajectory):
+        origins = [run.origin for run in runs]
+        own["origin"] = (
+            sum(origins, ())
+            if isinstance(first.origin, tuple)
+            else dataclasses.replace(first.origin, start=_all([one.start for one in origins]))
+        )
     rest = SimpleNamespace(
-        carry=lambda: _carry(chunks, [run.carry for run in runs], more.get("origin"))
+        carry=lambda: _carry(chunks, [run.carry for run in runs], own.get("origin"))
     )
-    known = own | dict(
-        t=first.t,
-        system=_systems(plan, runs),
-        method=plan.method,
-        states={
-            name: _beside([run.states[name] for run in runs], samples) for name in first.states
-        },
-        h=_step(chunks, runs),
-        bodies=bodies,
-        steps=max(run.steps for run in runs),
-        compiled=all(run.compiled for run in runs),
-        stopped=stopped,
-        rejected=None if first.rejected is None else sum(run.rejected for run in runs),
-        events=tuple([sum(found, ()) for found in zip(*(run.events for run in runs))]),
-    )
-    return type(first).promised(rest, **known | more)
+    known = own | {
+        "system": _systems(plan, runs),
+        "method": plan.method,
+        "stopped": stopped,
+        "events": tuple([sum(found, ()) for found in zip(*(run.events for run in runs))]),
+    }
+    return type(first).promised(rest, **known)
 
 
 def _systems(plan: Any, runs: list[Any]) -> Any:
@@ -314,26 +268,6 @@ def _systems(plan: Any, runs: list[Any]) -> Any:
     if isinstance(plan.system, OfBodies) and isinstance(runs[0], TransformedTrajectory):
         return Systems(sum([tuple(run.system) for run in runs], ()))
     return runs[0].system if isinstance(runs[0], TransformedTrajectory) else plan.system
-
-
-def _of_each(run: Any, t: np.ndarray) -> np.ndarray:
-    """The times of a chunk, (n, bodies)."""
-    return t if t.ndim == 2 else np.repeat(t[:, None], run.bodies, axis=1)
-
-
-def _beside(arrays: list[np.ndarray], samples: int) -> np.ndarray:
-    """Samples of all chunks beside each other; the last ones of a chunk again where it has less."""
-    filled = [np.concatenate([x, np.repeat(x[-1:], samples - len(x), axis=0)]) for x in arrays]
-    return np.concatenate(filled, axis=1)
-
-
-def _step(chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
-    """The step of all bodies, those of each, or of adaptive ones the mean."""
-    if runs[0].rejected is not None:
-        return float(
-            np.average([run.h for run in runs], weights=[end - begin for begin, end in chunks])
-        )
-    return np.concatenate([run.h for run in runs]) if np.ndim(runs[0].h) else runs[0].h
 
 
 def _all(states: list[Any]) -> Any:
@@ -351,7 +285,8 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None
     """What all bodies carry along, from an origin in fictive time; None if those of a chunk have
     all stopped.
     """
-    if any(isinstance(carry, Carries) for carry in carries):
+    apart = len({getattr(carry, "step", None) for carry in carries}) > 1
+    if apart or any(isinstance(carry, Carries) for carry in carries):
         if None in carries:
             return None
         return Carries(sum([_members_of(carry) for carry in carries], ()))
@@ -381,9 +316,3 @@ def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None
     )
     vars(made)["state"] = _all([carry.state for carry in carries])
     return made
-
-
-def no_events(state: Any) -> tuple[np.ndarray, Any]:
-    """What a body has met of an event, with states like this one: nothing."""
-    empty = {name: x[None][:0] for name, x in state.arrays.items()}
-    return np.empty(0), state_of(type(state), empty)

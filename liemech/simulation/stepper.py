@@ -9,11 +9,12 @@ import numpy as np
 
 from ..errors import IntegrationInterrupted
 from ..systems.system import State
-from . import arguments, short_steps
+from . import arguments, short
 from .carry import Carry
 from .dense import unpacked
 from .fictive import FictiveCarry
-from .short_steps import Place, place_of
+from .short import Place, place_of
+from .sites_carry import SiteCarry
 from .stopped import Stopped
 
 
@@ -72,7 +73,9 @@ class Stepper:
             if self._here is None:
                 return self._carry
             inner, given = self._here.carry, self._carry
-            return FictiveCarry(given.origin, inner, met=given.met) if self._fictive else inner
+            if isinstance(inner, Carry) and self._fictive:
+                return FictiveCarry(given.origin, inner, met=given.met)
+            return inner
 
     @property
     def t(self) -> Any:
@@ -135,7 +138,10 @@ class Stepper:
     def _stand(self, carry: Any) -> None:
         """Stand where this carry does; if there is native code, it goes on from there in place."""
         self._carry, self._fictive = carry, isinstance(carry, FictiveCarry)
-        self._here: InPlace | None = None
+        self._here: InPlace | SitesInPlace | None = None
+        if isinstance(carry, SiteCarry):
+            self._here = SitesInPlace(self._plan, carry)
+            return
         inner: Carry = carry.inner if self._fictive else carry
         steps = carry.origin.steps(self._plan._steps) if self._fictive else self._plan._steps
         if inner.bodies is None and steps.owns(inner.shape):
@@ -165,6 +171,44 @@ class Stepper:
             steps -= some
 
 
+class SitesInPlace:
+    """Where the sites of one system stand, in memory in which they go on.
+
+    most : so many steps at once.
+    """
+
+    most = arguments.MOST
+
+    def __init__(self, plan: Any, begun: SiteCarry) -> None:
+        self.run = plan.by_hand(begun)
+
+    @property
+    def taken(self) -> int:
+        """How many steps were taken."""
+        return int(self.run.taken)
+
+    @property
+    def t(self) -> float:
+        """The time, in s."""
+        return float(self.run.t)
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """The arrays of the state."""
+        arrays: dict[str, Any] = self.carry.state.arrays
+        return arrays
+
+    def advance(self, steps: int) -> None:
+        """Go on by so many steps.  Raises what `integrate` raises."""
+        self.run.advance(steps)
+
+    @property
+    def carry(self) -> SiteCarry:
+        """A copy."""
+        found: SiteCarry = self.run.standing
+        return found
+
+
 class InPlace:
     """Where one body stands, in memory that native code advances in place.
 
@@ -172,16 +216,15 @@ class InPlace:
     most : so many steps come back in milliseconds.
     """
 
-    __slots__ = ("begun", "buffers", "memory", "most", "parts", "place", "where")
+    __slots__ = ("begun", "buffers", "memory", "most", "parts", "place")
 
     def __init__(self, place: Place, begun: Carry) -> None:
         self.place, self.begun = place, begun
         self.memory = np.empty(place.kept + place.sampled)
         place.go_on(begun, self.memory)
-        self.most = short_steps.LONGEST // place.carried**2
+        self.most = short.LONGEST // place.carried**2
         self.parts = unpacked(place.shape.shown, self.memory[place.kept :])
-        self.buffers = place.buffers(self.memory, 1, place.kept)
-        self.where = [at for at, _ in self.buffers]
+        self.buffers = place.prepared(self.memory, 1, place.kept)
 
     @property
     def taken(self) -> int:
@@ -195,9 +238,7 @@ class InPlace:
 
     def advance(self, steps: int) -> None:
         """Go on by so many steps, as far as they can be made."""
-        place = self.place
-        block = place.call(1, 0, 1, 1, steps, *self.where, place.constants)
-        place.lanes.stepping.on_memory(block, self.buffers)
+        self.place.advance(self.buffers, 1, steps)
 
     @property
     def carry(self) -> Carry:

@@ -5,31 +5,32 @@ same steps.
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from ..compiler.driver import attempt, read
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType
+from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import Record, Vec, derivative, record
 from ..formulas.dual import Dual
+from ..formulas.frozen import frozen
 from ..formulas.pytree import (
-    NUMBER,
     Layout,
     build,
     fields_of,
-    fitted,
     layout_of,
     leaves,
     with_slopes,
 )
+from ..formulas.tables import Table, entry
 from ..formulas.vectors import small
-from ..integrators.ending_at_jumps import cuts
+from ..integrators.ending_at_jumps import cuts, sees_powers
 from ..integrators.lie_poisson_first_kind import FirstKindHamiltonJacobi
 from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..integrators.method import Method, Wrapping
+from ..integrators.taylor import Taylor
 from ..systems.clocked import Clocked
 from ..systems.system import State
 from .control import TAKEN
@@ -37,6 +38,7 @@ from .dense import evaluated, flat, told, unpacked
 from .equal import StraightRun
 from .execution import like
 from .fictive import Origin
+from .joined import beside
 from .prepared import Steps, times
 from .stopped import Stopped
 from .systems import Methods, Systems
@@ -49,7 +51,7 @@ LEVEL = 0.5
 # ------------------------------------------------------------------ directions
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Directions:
     """The directions in which a motion is differentiated.
 
@@ -67,35 +69,56 @@ class Directions:
     columns: dict[str, slice]
 
     @classmethod
-    def of(cls, system: Any, method: Any, start: State, names: tuple[str, ...]) -> Directions:
+    def of(
+        cls, system: Any, method: Any, start: State, names: tuple[str, ...], dressed: Any = None,
+        begins: Any = None,
+    ) -> Directions:  # fmt: skip
         """Those of the start, and of parameters of system and method.
 
-        method : `WithStep` of it if the step is one of them.
+        dressed : makes of the method that by which steps are made; left out, it is the method itself.
+        begins : of a run in fictive time, makes of system, method and start the system with its clock
+        and its start, which depend on all three.
         """
-        frames, width = frames_of(system, start), layout_of(start).width
-        moves: list[np.ndarray] = []
-        systems: list[Any] = []
-        methods: list[Any] = []
+        dressed = dressed or (lambda method: method)
+        given = begins or (lambda system, method, start: (system, start))
+        way, (whole, now) = dressed(method), given(system, method, start)
+        layout, frames = layout_of((way, whole, now)), frames_of(whole, now)
+        first, last = layout.parts[0].width, layout.width - layout.parts[2].width
+
+        def ways(name: str) -> list[Any]:
+            """Of each direction the method, the system and the start along it, and a step."""
+            if name == "start":
+                inner = getattr(system, "system", None) if system.fictive else system
+                some = displacements(inner, frames_of(inner, start), start)
+                return [(lambda x, to=to: (way, *given(system, method, to(x))), 2.0**-7)
+                        for to in some]  # fmt: skip
+            if name == "h":
+                return [(lambda x, to=to: (to(x), whole, now), step)
+                        for to, step in parameter_moves(way, name)]  # fmt: skip
+            if name.startswith("method."):
+                some = parameter_moves(method, name.removeprefix("method."))
+                return [(lambda x, to=to: with_method(to(x)), step) for to, step in some]
+            return [(lambda x, to=to: (way, *given(to(x), method, start)), step)
+                    for to, step in parameter_moves(system, name)]  # fmt: skip
+
+        def with_method(other: Any) -> Any:
+            return dressed(other), *given(system, other, start)
+
+        slopes: list[np.ndarray] = []
         columns: dict[str, slice] = {}
         for name in names:
-            begun = len(moves)
-            if name == "start":
-                moves += start_moves(frames, start)
-                systems += [None] * (len(moves) - begun)
-                methods += [None] * (len(moves) - begun)
-            elif name == "h" or name.startswith("method."):
-                inside = name if isinstance(method, WithStep) else name.removeprefix("method.")
-                for moving in parameter_slopes(method, inside):
-                    moves.append(np.zeros(width))
-                    systems.append(None)
-                    methods.append(moving)
+            begun = len(slopes)
+            if name == "start" and begins is None:
+                slopes += [np.append(np.zeros(last), move) for move in start_moves(frames, start)]
             else:
-                for moving in parameter_slopes(system, name):
-                    moves.append(np.zeros(width))
-                    systems.append(moving)
-                    methods.append(None)
-            columns[name] = slice(begun, len(moves))
-        return cls(frames, np.array(moves), method, systems, methods, columns)
+                slopes += [slope(to, step, layout, name) for to, step in ways(name)]
+            columns[name] = slice(begun, len(slopes))
+        systems, methods = (
+            [dual_of(thing, x[some]) if x[some].any() else None for x in slopes]
+            for thing, some in ((whole, slice(first, last)), (way, slice(0, first)))
+        )
+        moves = np.array([x[last:] for x in slopes])
+        return cls(frames, moves, way, systems, methods, columns)
 
     def components(self, example: Any, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Changes of the numbers of states, (n, directions, width), as components in the frames at
@@ -136,21 +159,24 @@ class WithStep(Wrapping):
         return self.method.step(system, t + (self.h / h - 1.0) * (t - self.t0), memory, self.h)
 
 
-def with_step(method: Any, h: float, t0: float) -> WithStep:
-    """A method whose step is a parameter; refused where it expands the motion in powers of h."""
+def with_step(method: Any, h: float, t0: float) -> Any:
+    """What makes of a method one whose step is a parameter; refused where it expands the motion in
+    powers of h.
+    """
     if expands(method):
         raise IncompatibleSystem(
             f"Plan.tangent: {method!r} expands the motion in powers of h, and has no derivative by "
             "it; by the start and by parameters of the system it has one"
         )
-    return WithStep(method, h, t0)
+    return lambda method: WithStep(method, h, t0)
 
 
 def expands(method: Any) -> bool:
     """Is a method, or one that it is made of, a power series in its step?"""
-    own = isinstance(method, (FirstKindHamiltonJacobi, LiePoissonHamiltonJacobi))
+    kinds = FirstKindHamiltonJacobi, LiePoissonHamiltonJacobi
+    own = isinstance(method, Taylor) or (isinstance(method, kinds) and method.order > 2)
     inner = [x for x in fields_of(method).values() if isinstance(x, Method)]
-    return (own and method.order > 2) or any(map(expands, inner))
+    return own or any(map(expands, inner))
 
 
 def frames_of(system: Any, start: Any) -> dict[str, Any]:
@@ -182,14 +208,15 @@ def tangent_run(
     """So many fixed steps from a start, with their derivative by what is named."""
     way: Steps = plan._steps
     method = way.method
+    dressed = None
     if "h" in names:
         if way.way is not way.method and cuts(way.way, way.one):
             raise IncompatibleSystem(
                 f"Plan.tangent: steps of {method!r} end where an input jumps, whatever h is, and "
                 "have no derivative by it; by the start and by parameters of the system they have one"
             )
-        method = with_step(method, way.h, t0)
-    found = Directions.of(way.one, method, start, names)
+        dressed = with_step(method, way.h, t0)
+    found = Directions.of(way.one, method, start, names, dressed)
     made, t, values, tangent = carried_along(plan, start, steps, t0, found)
     return told_of(made, TangentTrajectory(
         way.one, way.method, way.h, t, unpacked(layout_of(start), values), None, steps,
@@ -206,11 +233,11 @@ def carried_along(
     try:
         run = _Run(plan, start, found, steps, t0)
         made = run.trajectory()
-    except (InvalidType, AttributeError) as error:
-        if "series" in str(error) or "Dual" in str(error):
+    except (TypeError, AttributeError) as error:
+        if sees_powers(plan.method) or "series" in str(error) or "Dual" in str(error):
             raise IncompatibleSystem(
                 f"Plan.tangent: {plan.method!r} computes with power series or keeps numbers that "
-                "cannot carry a derivative"
+                "cannot carry a derivative; differences of runs tell it"
             ) from None
         raise
     n, values, slopes = run.halves()
@@ -236,59 +263,15 @@ def fictive_tangent_run(
     differentiated too: as for parameters by differences of order 8.
     """
     plan: Steps = given_plan._steps
-    inner: Any = getattr(plan.one, "system", None) if plan.one.fictive else plan.one
     origin = Origin(plan.one, plan.method, start)
-    whole, frames = origin.whole, frames_of(inner, start)
-    now = origin.begun(t0)
+    whole, now = origin.whole, origin.begun(t0)
 
-    def begun(system: Any, method: Any, at: Any) -> np.ndarray:
+    def begins(system: Any, method: Any, at: Any) -> tuple[Any, Any]:
         made = Origin(system, method, at).whole
-        own = leaves(made, layout_of(whole)), leaves(made.extended(at, t0), layout_of(now))
-        return np.concatenate(own)
+        return made, made.extended(at, t0)
 
-    numbers, width = np.array(leaves(whole, layout_of(whole))), layout_of(whole).width
-    slopes: list[np.ndarray] = []
-    methods: list[Any] = []
-    columns: dict[str, slice] = {}
-    method = with_step(plan.method, plan.h, 0.0) if "h" in names else plan.method
-    for name in names:
-        before = len(slopes)
-        if name == "start":
-            slopes += [slope(lambda x, way=way: begun(plan.one, plan.method, way(x)), 2.0**-7)
-                       for way in displacements(inner, frames, start)]  # fmt: skip
-            methods += [None] * (len(slopes) - before)
-        elif name == "h":
-            slopes.append(np.zeros_like(begun(plan.one, plan.method, start)))
-            methods += parameter_slopes(method, name)
-        else:
-            of_method = name.startswith("method.")
-            given, inside = plan.method if of_method else plan.one, name.removeprefix("method.")
-            if of_method:
-                own = name if method is not plan.method else inside
-                methods += parameter_slopes(method, own)
-            value = parameter(given, inside)
-            layout = layout_of(value)
-            for i, x in enumerate(leaves(value, layout)):
-                step = np.ldexp(1.0, int(np.frexp(abs(x) or 1.0)[1]) - 7)
-
-                def moved(by: float, i: int = i, value: Any = value, given: Any = given,
-                          inside: str = inside, of_method: bool = of_method) -> Any:  # fmt: skip
-                    numbers = leaves(value, layout_of(value))
-                    numbers[i] += by
-                    other = with_parameter(given, inside, build(layout_of(value), iter(numbers)))
-                    if of_method:
-                        return begun(plan.one, other, start)
-                    return begun(other, plan.method, start)
-
-                slopes.append(slope(moved, step))
-            methods += [None] * (len(slopes) - len(methods))
-        columns[name] = slice(before, len(slopes))
-    systems = []
-    for x in slopes:
-        both = zip(numbers.tolist(), x[:width].tolist(), strict=True)
-        systems.append(build(layout_of(whole), iter([Dual(a, b, LEVEL) for a, b in both])))
-    moves = np.array([x[width:] for x in slopes])
-    found = Directions(frames_of(whole, now), moves, method, systems, methods, columns)
+    dressed = with_step(plan.method, plan.h, 0.0) if "h" in names else None
+    found = Directions.of(plan.one, plan.method, start, names, dressed, begins)
     made, tau, values, tangent = carried_along(
         given_plan.in_fictive_time(origin), now, steps, 0.0, found
     )
@@ -297,17 +280,30 @@ def fictive_tangent_run(
     # z is not shown
     rows = whole.of_tangent(size) if plan.one.fictive else [*range(size - 1)]
     return told_of(made, TangentTrajectory(
-        inner, plan.method, plan.h, t, states, None, steps, made.compiled,
+        whole.system, plan.method, plan.h, t, states, None, steps, made.compiled,
         tangent=found.named(tangent[:, rows]), tau=tau,
     ))  # fmt: skip
 
 
-def slope(function: Any, step: float) -> np.ndarray:
-    """The derivative at zero, by differences of order 8."""
-    total: Any = 0.0
+def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
+    """The derivative at zero of the numbers of what a function makes, by differences of order 8.
+
+    layout : of what it makes.  name : of the parameter that moves.
+    """
+    total = np.zeros(layout.width)
     for k, weight in ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)):
-        total = total + weight * (function(k * step) - function(-k * step))
-    return np.asarray(total / step)
+        sides = []
+        for x in (k * step, -k * step):
+            made = function(x)
+            if layout_of(made) != layout:
+                raise InvalidInput(
+                    f"Plan.tangent: with another {name} the run is one of another kind"
+                )
+            sides.append(np.array(leaves(made, layout)))
+        there, back = sides
+        # what is equal on both sides does not depend on the parameter: infinite ends of tables
+        total += weight * np.subtract(there, back, out=np.zeros(len(total)), where=there != back)
+    return total / step
 
 
 def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
@@ -330,111 +326,66 @@ def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
     return found
 
 
+@record
+class StepsOfARun(Wrapping):
+    """The steps that a run has made by its error estimate, lengths and all: number n at the time n.
+
+    begun, lengths : tables of the times at which they begin, and of their lengths.
+    """
+
+    begun: Any
+    lengths: Any
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        """Step number t."""
+        n = int(t)
+        return self.method.step(system, entry(self.begun, n), memory, entry(self.lengths, n))
+
+
 def adaptive_tangent_run(
-    plan: Any, run: Trajectory, begun: np.ndarray, start: State, names: tuple[str, ...]
+    plan: Any, run: Trajectory, start: State, names: tuple[str, ...]
 ) -> TangentTrajectory:
     """A run with adaptive steps that has kept them all, with the derivative of its steps as they
     are, their lengths held fixed.
-
-    begun : the times at which the steps begin.
     """
-    found = Directions.of(plan.system, plan.method, start, names)
-    values = flat(run.states, len(run))
-    states, count = unpacked(layout_of(start), values), len(run) - 1
-    size = len(start_moves(found.frames, start))
-    # the moves of all states, (n, directions, width)
-    bases, at = np.zeros((len(run), size, values.shape[1])), [0, 0]
-    for name, directions in found.frames.items():
-        wide = layout_of(start.parts[name]).width
-        basis = real_numbers(directions(states[name])).reshape(len(run), -1, wide)
-        bases[:, at[0] : at[0] + basis.shape[1], at[1] : at[1] + wide] = basis
-        at = [at[0] + basis.shape[1], at[1] + wide]
-    lengths = run.t[1:] - begun
-    rest, way = dual_of(plan.system), plan.method
-    if any(found.methods):
-        way = dual_of(way)
-    still = np.zeros((count, 1, values.shape[1]))
-
-    def through(system: Any, method: Any, moves: np.ndarray) -> np.ndarray:
-        """The components at the ends of the steps of moves of their beginnings."""
-        many = moves.shape[1]
-        given = np.empty((count, many, 2 * values.shape[1] + 2))
-        given[:, :, 0:-2:2], given[:, :, 1:-2:2] = values[:-1, None], moves
-        given[:, :, -2], given[:, :, -1] = begun[:, None], lengths[:, None]
-        example = build(
-            layout_of(start), iter([Dual(x, 0.0, LEVEL) for x in leaves(start, layout_of(start))])
-        )
-        point = layout_of(example)
-        arguments = method, system, point
-        rows = given.reshape(count * many, -1)
-        what = repr(plan.method), lambda k: f"the step from t = {rows[k, -2]:g}"
-        out = evaluated(adaptive_step, arguments, rows, point.width, plan.compiled, what)
-        slopes = out.reshape(count, many, -1)[:, :, 1::2]
-        return found.components(start, values[1:], slopes)
-
-    maps = through(rest, way, bases[:-1]) if count else np.empty((0, size, size))
-    varied = enumerate(zip(found.systems, found.methods, strict=True))
-    own = {i: through(s or rest, m or way, still)[:, :, 0] for i, (s, m) in varied
-           if count and not (s is m is None)}  # fmt: skip
-    first = found.components(start, values[:1], found.moves[None])
-    tangent = np.empty((len(run), size, len(found.moves)))
-    tangent[0] = first[0]
-    for k in range(count):
-        tangent[k + 1] = maps[k] @ tangent[k]
-        for i, change in own.items():
-            tangent[k + 1][:, i] += change[k]
-    return TangentTrajectory(
-        plan.system, plan.method, run.h, run.t, run.states, None, run.steps, run.compiled,
+    way, begun = plan._steps, plan._steps.begun(run.t)
+    tables = Table([*begun, 0.0]), Table([*(run.t[1:] - begun), 0.0])
+    found = Directions.of(
+        way.system, way.method, start, names, lambda method: StepsOfARun(method, *tables)
+    )
+    steps = Steps(
+        way.system,
+        found.method,
+        1.0,
+        1,
+        False,
+        "double",
+        way.compiled,
+        way.progress,
+        1,
+        clock="step",
+    )
+    made, n, _, tangent = carried_along(like(plan, _steps=steps), start, len(begun), 0.0, found)
+    states = {name: x[: len(n)] for name, x in run.states.items()}
+    return told_of(made, TangentTrajectory(
+        way.system, way.method, run.h, run.t[: len(n)], states, None, run.steps, run.compiled,
         rejected=run.rejected, tangent=found.named(tangent),
-    )  # fmt: skip
+    ))  # fmt: skip
 
 
-def adaptive_step(
-    method: Any, system: Any, point: Any, given: Any, out: Any, failures: Any
-) -> None:
-    """The driver: one step of a length that is given, from a state and a time, without the estimate
-    of its error, which has no derivative where it is zero.
-    """
-    state = read(given, 0, point)
-    t, h = read(given, point.width, NUMBER), read(given, point.width + 1, NUMBER)
-    told(attempt(_moved, method, system, point, t, state, h), point, out, failures)
-
-
-def _moved(method: Any, system: Any, point: Any, t: float, state: Any, h: float) -> Any:
-    return fitted(method.step(system, t, state, h), point)
-
-
-def dual_of(thing: Any) -> Any:
-    """A system or a method in numbers that carry a derivative, which is zero."""
+def dual_of(thing: Any, slopes: Any = None) -> Any:
+    """A system or a method in numbers that carry a derivative, which is zero if none is given."""
     layout = layout_of(thing)
-    return build(layout, iter([Dual(x, 0.0, LEVEL) for x in leaves(thing, layout)]))
+    rates = [0.0] * layout.width if slopes is None else slopes.tolist()
+    both = zip(leaves(thing, layout), rates, strict=True)
+    return build(layout, iter([Dual(x, dx, LEVEL) for x, dx in both]))
 
 
 def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
-    """The runs of all bodies as one; one that has less samples shows its last one again."""
-    n = max(map(len, runs))
-
-    def together(arrays: list[Any]) -> np.ndarray:
-        again = [np.concatenate([x, np.repeat(x[-1:], n - len(x), axis=0)]) for x in arrays]
-        return np.stack(again, axis=1)
-
-    def clock(arrays: list[Any]) -> Any:
-        times = together(arrays)
-        return times[:, 0] if (times == times[:, :1]).all() else times
-
-    first, adaptive = runs[0], runs[0].rejected is not None
-    alone = all(run.system is first.system for run in runs)
-    system: Any = first.system if alone else Systems(tuple([run.system for run in runs]))
-    own = [run.h for run in runs]
-    h = float(np.mean(own)) if adaptive else own[0] if len(set(own)) == 1 else np.array(own)
-    return TangentTrajectory(
-        system, method, h, clock([run.t for run in runs]),
-        {name: together([run.states[name] for run in runs]) for name in first.states}, len(runs),
-        max(run.steps for run in runs), all(run.compiled for run in runs),
-        rejected=None if first.rejected is None else sum(run.rejected or 0 for run in runs),
-        tangent={name: together([run.tangent[name] for run in runs]) for name in first.tangent},
-        tau=None if first.tau is None else clock([run.tau for run in runs]),
-    )  # fmt: skip
+    """The runs of all bodies as one."""
+    alone = all(run.system is runs[0].system for run in runs)
+    system: Any = runs[0].system if alone else Systems(tuple([run.system for run in runs]))
+    return TangentTrajectory(system, method, **beside(runs))
 
 
 def frame(system: Any, name: str, part: Any) -> Any:
@@ -487,41 +438,23 @@ def real_numbers(array: np.ndarray) -> np.ndarray:
     return (flat.view(float) if np.iscomplexobj(flat) else flat).ravel()
 
 
-def parameter_slopes(system: Any, name: str) -> list[Any]:
-    """For every component of a parameter the system, or the method, in numbers that carry its
-    derivative by this component.
+def parameter_moves(system: Any, name: str) -> list[Any]:
+    """For every component of a parameter the systems, or methods, in which it differs by so much, and
+    a difference to take.
     """
     value = parameter(system, name)
-    layout = layout_of(system)
-    numbers, base = leaves(value, layout_of(value)), leaves(system, layout)
-    if not numbers or "table" in repr(layout_of(value)):
+    layout = layout_of(value)
+    numbers = leaves(value, layout)
+    if not numbers or "table" in repr(layout):
         raise InvalidInput(f"Plan.tangent: {name} of {system!r} is no number, vector or matrix")
     found = []
     for i, x in enumerate(numbers):
-        slopes = np.zeros(len(base))
-        step = np.ldexp(1.0, int(np.frexp(abs(x) or 1.0)[1]) - 7)
-        # of order 8
-        for k, weight in ((1, 4.0 / 5.0), (2, -1.0 / 5.0), (3, 4.0 / 105.0), (4, -1.0 / 280.0)):
-            sides = []
-            for sign in (k, -k):
-                moved = [*numbers[:i], x + sign * step, *numbers[i + 1 :]]
-                made = with_parameter(system, name, build(layout_of(value), iter(moved)))
-                if layout_of(made) != layout:
-                    raise InvalidInput(
-                        f"Plan.tangent: {system!r} with another {name} is a system of another kind"
-                    )
-                sides.append(np.array(leaves(made, layout)))
-            there, back = sides
-            # what is equal on both sides does not depend on the parameter: infinite ends of tables
-            slopes += weight * np.subtract(
-                there, back, out=np.zeros(len(base)), where=there != back
-            )
-        found.append(
-            build(
-                layout,
-                iter([Dual(a, float(b), LEVEL) for a, b in zip(base, slopes / step, strict=True)]),
-            )
-        )
+
+        def moved(by: float, i: int = i, x: float = x) -> Any:
+            other = iter([*numbers[:i], x + by, *numbers[i + 1 :]])
+            return with_parameter(system, name, build(layout, other))
+
+        found.append((moved, np.ldexp(1.0, int(np.frexp(abs(x) or 1.0)[1]) - 7)))
     return found
 
 

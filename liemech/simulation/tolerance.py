@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import Any, ClassVar
 
@@ -11,6 +12,7 @@ import numpy as np
 from ..compiler import kernel
 from ..compiler.driver import accepted, attempt, itself, reason
 from ..errors import InvalidInput, InvalidType, StepTooSmall, failure, is_mistake
+from ..formulas.frozen import frozen
 from ..formulas.pytree import build, layout_of
 from ..formulas.vectors import Vec
 from ..integrators.ending_at_jumps import MARGIN, jumps_between, same
@@ -31,14 +33,15 @@ from .control import (
     go_on,
     noted,
 )
-from .dense import DenseOutput, along, evaluated, flat, packed, way_layout
-from .keep import At, Dense, Every, Piece
+from .dense import DenseOutput, flat, packed
+from .execution import like
+from .keep import At, Dense, Every
 from .lanes import Lanes
 from .run import Run
 from .systems import OfBodies
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class AdaptiveSteps:
     """Adaptive steps: what a plan was told of them.  h : the first step, None to find it;
     longest : the longest one.
@@ -62,17 +65,23 @@ class AdaptiveSteps:
 
     def of_system(self, system: Any) -> AdaptiveSteps:
         """These steps for a system of the same layout; layouts and native code are shared."""
-        return dataclasses.replace(
-            self,
-            system=system,
-            shapes={
-                k: s.of_system(system) for k, s in [*self.shapes.items()] if isinstance(s, Lanes)
-            },
-        )
+        shapes: dict[Any, Any] = {}
+        for key, known in [*self.shapes.items()]:  # places of short runs come after their lanes
+            if isinstance(known, Lanes):
+                shapes[key] = known.of_system(system)
+            else:
+                shapes[key] = known.of_lanes(shapes[*key[:2], False])
+        other: AdaptiveSteps = like(self, system=system, shapes=shapes)
+        return other
 
     def first(self, t0: float, t_end: float) -> float:
         """The first step, signed; zero if it is to be found."""
         return 0.0 if self.h is None else math.copysign(self.h, t_end - t0)
+
+    @functools.cached_property
+    def smooth(self) -> bool:
+        """Does the velocity never jump?"""
+        return not (self.breaks or has_inputs(self.system))
 
     def jumps(self, t0: float, t_end: float) -> tuple[float, ...]:
         """The times at which the velocity jumps: those that a user has named, and those of tables."""
@@ -107,25 +116,14 @@ class ToleranceRun(Run):
             )
             raise InvalidInput(f"integrate: dense=True {what}")
         limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
-        checked = {
-            "rtol": lambda x: arguments.tolerance(x, "rtol", arguments.RTOL),
-            "atol": lambda x: arguments.tolerance(x, "atol", arguments.ATOL),
-            "max_step": arguments.longest,
-            "h": lambda h: 0.0 if h is None else arguments.step(h),
-        }
-        if own:
-            numbers = {
-                name: of_bodies(check, own[name]) if name in own else check(getattr(given, name))
-                for name, check in checked.items()
-            }
-        else:
-            way = self.way
-            numbers = {
-                "rtol": way.rtol,
-                "atol": way.atol,
-                "max_step": way.longest,
-                "h": way.h or 0.0,
-            }
+        way, numbers = self.way, {}  # type: Any, dict[str, Any]
+        for name, all_bodies, check in (
+            ("rtol", way.rtol, lambda x: arguments.tolerance(x, "rtol", arguments.RTOL)),
+            ("atol", way.atol, lambda x: arguments.tolerance(x, "atol", arguments.ATOL)),
+            ("max_step", way.longest, arguments.longest),
+            ("h", way.h or 0.0, arguments.step),
+        ):
+            numbers[name] = of_bodies(check, own[name]) if name in own else all_bodies
         self.t_end = np.array(ends, dtype=float)
         self.sign = np.where(self.t_end >= self.t0, 1.0, -1.0)
         self.aims = np.zeros((6, self.count))
@@ -237,26 +235,15 @@ class ToleranceRun(Run):
 
     # ---------------------------------------------------------------- between steps
 
-    def given(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
-        width, rows = self.lanes.state.width, piece.rows(step)
-        given = np.empty((len(step), rows.shape[1]))
-        given[:, :width] = piece.rows(step, before=True)[:, 1 : 1 + width]
-        given[:, width:-1] = rows[:, 1 + width :]
-        given[:, -1] = (times - piece.a[step]) / (piece.b[step] - piece.a[step])
-        return given
-
-    def moved(self, given: np.ndarray, times: np.ndarray, body: np.ndarray) -> np.ndarray:
-        point, (system, method) = self.lanes.state, self.of(0)
-        dim = system.group.dim
-        row = way_layout(self.lanes.example, dim, (given.shape[1] - 1 - point.width) // dim)
-        several = self.lanes.arguments[1]
+    @functools.cached_property
+    def between(self) -> DenseOutput:
+        several, method = self.lanes.arguments[1], self.of(0)[1]
         retraction = method.retraction
         if isinstance(self.plan.method, OfBodies) and layout_of(retraction).width:
             made = [one.retraction for one in self.plan.method]
             retraction = kernel.Several.of(made, len(made))
-        what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
-        arguments = retraction, several, row
-        return evaluated(along, arguments, given, point.width, self.asked_for, what, body)
+        given = self.lanes.example, None, method.dense_order, self.asked_for
+        return DenseOutput(several, retraction, *given)
 
     def end_at(self, row: np.ndarray, begun: float, at: float, numbers: np.ndarray) -> None:
         width = self.lanes.state.width
@@ -350,20 +337,31 @@ class ToleranceRun(Run):
                 "`.trajectory`]"
             )
             return self.explained(error, i)
-        why = str(error)
-        if error is None:
-            why = f"the error estimate is {trial.error:.1e} of the tolerance even so"
-            if not math.isfinite(trial.error):
-                why = "the motion has no finite velocity there"
-        elif not isinstance(error, ArithmeticError):
-            why = f"{type(error).__name__}: {error}"
-        made = StepTooSmall(
-            f"{method!r}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: "
-            f"{why}. The motion may have a singularity there, or rtol = {rtol:g}, atol = {atol:g} ask "
-            f"for more than rounding allows; {steps} steps are in `.trajectory`"
-        )
-        made.__cause__ = error
+        made = too_small(repr(method), t, h, rtol, atol, steps, error, trial.error)
         return self.explained(made, i)
+
+
+def too_small(
+    what: str, t: float, h: float, rtol: float, atol: float, steps: int, error: Any, estimate: float
+) -> StepTooSmall:
+    """The error of a run whose steps fell so far that time stands still.
+
+    error : what the last trial raised; None for an `estimate` that was too large.
+    """
+    why = str(error)
+    if error is None:
+        why = f"the error estimate is {estimate:.1e} of the tolerance even so"
+        if not math.isfinite(estimate):
+            why = "the motion has no finite velocity there"
+    elif not isinstance(error, ArithmeticError):
+        why = f"{type(error).__name__}: {error}"
+    made = StepTooSmall(
+        f"{what}: at t = {t:g} the step fell to {abs(h):.1e}, too small to advance the time: "
+        f"{why}. The motion may have a singularity there, or rtol = {rtol:g}, atol = {atol:g} ask "
+        f"for more than rounding allows; {steps} steps are in `.trajectory`"
+    )
+    made.__cause__ = error
+    return made
 
 
 def of_bodies(check: Any, values: Any) -> list[Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Record
+from ..formulas.frozen import frozen
 from ..formulas.pytree import fields_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..systems.system import State, System, small_state
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from ..viewer import Scene
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen(eq=False, repr=False)
 class Trajectory:
     """Samples of a motion, and the quantities that should stay constant along it.
 
@@ -49,7 +50,7 @@ class Trajectory:
     observed : names in `states` that are no parts of the state but functions of it, which `record`
     asked for.  breaks : times at which fixed steps had to end.
     stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took
-    and the `error` that ended it.
+    and the `error` that ended it.  It stays there, at its own time where t is (n, m).
     """
 
     system: System
@@ -75,6 +76,8 @@ class Trajectory:
         for, by the functions of this name that `rest` has.
         """
         known["_rest"] = rest
+        if "dense" not in known and not hasattr(rest, "dense"):
+            known["dense"] = None
         return cls._of(known)
 
     @classmethod
@@ -265,11 +268,12 @@ class Trajectory:
     @property
     def last(self) -> State:
         """The last state, from which a run can be continued: that of the terminal event that ended
-        it, or the last sample; of a run without samples where it stands.
+        it, or the last sample; of a run without samples where it stands.  Of a method that leaves
+        the constraints it is beside them, and no start.
         """
         if self.ended is not None and self.bodies is None:
             states = self.events[self.ended][1]
-            return self._laws.state(**{name: array[-1] for name, array in states.arrays.items()})
+            return self._laws._reached(**{name: array[-1] for name, array in states.arrays.items()})
         if self.observed or not len(self):
             if self.carry is None:
                 raise InvalidInput(
@@ -278,7 +282,7 @@ class Trajectory:
                     "and has not come to its end"
                 )
             return self.carry.state
-        return self._laws.state(**{name: array[-1] for name, array in self.states.items()})
+        return self._laws._reached(**{name: array[-1] for name, array in self.states.items()})
 
     def at(self, t: Any) -> Any:
         """The state at any time of the run, or at many, (m,); between the steps too it is on the
@@ -309,7 +313,8 @@ class Trajectory:
         example = system.state(**{name: x[0] for name, x in self.states.items()})
         method = ending_at_jumps(self.method, self.system, self.breaks)
         states = {name: self.states[name] for name in example.arrays}  # as in the state
-        return ShortSteps(system, method, example, self.t, flat(states, len(self.t)))
+        rows = np.column_stack([self.t, flat(states, len(self.t))])
+        return ShortSteps(system, method, example, rows)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the run to a file: NumPy's .npz, with what the arrays are in JSON, and a checksum;
@@ -497,17 +502,18 @@ class _Promised:
             made = own.setdefault(self.name, getattr(rest, self.name)())
         except AttributeError as error:  # which `__getattr__` would hide
             raise RuntimeError(f"Trajectory.{self.name} could not be made") from error
-        if "t" in own and "states" in own and "carry" in own:
+        if own.keys() >= _PROMISED:
             own.pop("_rest", None)
         return made
 
 
-PROMISED = "t", "states", "carry"
+PROMISED = "t", "states", "carry", "dense"
+_PROMISED = {*PROMISED}
 for _name in PROMISED:  # not before: the class would take them for defaults
     setattr(Trajectory, _name, _Promised(_name))
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen(eq=False, repr=False)
 class TransformedTrajectory(Trajectory):
     """Samples of a run in fictive time.
 
@@ -570,9 +576,8 @@ class TransformedTrajectory(Trajectory):
             # what both share lies inside of a step: no place to step from
             inside = rest.dense.begun is not None
             first, end = int(inside or dense.t[-1] == rest.dense.t[0]), len(dense.t) - inside
-            t = np.concatenate([dense.t[:end], rest.dense.t[first:]])
-            points = np.concatenate([dense.points[:end], rest.dense.points[first:]])
-            dense = replace(dense, t=t, points=points) if end else rest.dense
+            rows = np.concatenate([dense.rows[:end], rest.dense.rows[first:]])
+            dense = replace(dense, rows=rows) if end else rest.dense
         return {
             "dense": dense,
             "tau": _both(self.tau, rest.tau[again:], self.bodies),
@@ -591,7 +596,7 @@ class TransformedTrajectory(Trajectory):
         )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen(eq=False, repr=False)
 class TangentTrajectory(Trajectory):
     """Samples of a motion, and its derivative.
 

@@ -1,5 +1,5 @@
 """Runs of splittings of many sites by colours: the sites of one colour turn in place, in one loop over
-memory, while the others rest.
+memory, while the others rest, or all those with a bond of one colour turn at the same time.
 """
 
 from __future__ import annotations
@@ -11,14 +11,15 @@ import numpy as np
 from ..compiler import kernel
 from ..compiler.driver import read, write
 from ..compiler.planes import Planes, each, load, save, some
-from ..errors import NotFinite
+from ..errors import NotFinite, undefined
 from ..formulas import Record, plain, record
 from ..formulas.pytree import NUMBER
 from ..formulas.sites import rows_of
 from ..formulas.tables import Table, entry
-from ..systems.colouring import Places
+from ..systems.bonds_at_site import BondsOfSite
 from ..systems.lie_poisson import BodyState
 from ..systems.sublattices import turned
+from ..systems.terms_at_site import at_this_site
 from .control import MARK, STUCK, TAKEN
 from .sites_execution import SiteExecution
 from .sites_run import SiteRun
@@ -29,16 +30,15 @@ from .sites_totals import totals_in
 
 @record
 class Turns(Record):
-    """The turns of a step: for each where its sites begin and end in memory, which part of the energy
-    makes it (0 is the field of the others), and its share of the step.
+    """The turns of a step: for each four numbers, of which the last is its share of the step; abstract.
 
     The first one begins with what the step before has left, which is the share `last`.
 
-    group : of one site.  field : `FieldAtSite`.  name : of the method.
+    group : of one site.  form : of the energy at a site.  name : of the method.
     """
 
     group: Any
-    field: Any
+    form: Any
     numbers: Any
     last: float
     name: str = ""
@@ -46,18 +46,46 @@ class Turns(Record):
     def __repr__(self) -> str:
         return self.name
 
-    def make(self, k: int, time: float, sites: Any, there: Any, row: int, layout: Any) -> None:
-        """Turn number k, of this time."""
-        begin, end = int(entry(self.numbers, 4 * k)), int(entry(self.numbers, 4 * k + 1))
-        part = int(entry(self.numbers, 4 * k + 2))
-        some(
-            sites, begin, end, turned_site, self.group, self.field, part, time, sites, there, row,
-            layout,
-        )  # fmt: skip
+    def make(
+        self, k: int, time: float, sites: Any, here: int, there: Any, row: int, layout: Any
+    ) -> None:
+        """Turn number k, of this time, from one copy of the sites to a row of others."""
+        raise undefined(self, "make")
+
+    def after(self, here: int) -> int:
+        """The copy in which the sites are after a turn."""
+        raise undefined(self, "after")
+
+    def number(self, k: int, which: int) -> int:
+        """One of the whole numbers of turn number k."""
+        return int(entry(self.numbers, 4 * k + which))
 
     def share(self, k: int) -> float:
         """The share of turn number k."""
         return entry(self.numbers, 4 * k + 3)
+
+
+@record
+class TurnsOfColours(Turns):
+    """Those of sites by colours, in place, while the others rest: where the sites of a turn begin and
+    end in memory, and which part of the energy makes it (0 is the field of the others).
+
+    form : `FieldAtSite`.
+    """
+
+    def make(
+        self, k: int, time: float, sites: Any, here: int, there: Any, row: int, layout: Any
+    ) -> None:
+        """Turn number k: of the sites of a colour."""
+        begin, end, part = self.number(k, 0), self.number(k, 1), self.number(k, 2)
+        some(
+            sites, begin, end, turned_site, self.group, self.form, part, time, sites, there, row,
+            layout,
+        )  # fmt: skip
+
+    def after(self, here: int) -> int:
+        """Where they were."""
+        return here
 
 
 def turned_site(
@@ -69,9 +97,49 @@ def turned_site(
     save(there, row, BodyState(*turned(group, state.mu, state.g, time * xi)), layout)
 
 
-def copied_site(here: Any, there: Any, row: int, layout: Any) -> None:
+@record
+class TurnsOfBonds(Turns):
+    """Those of bonds by colours, of which both ends turn at the same time: from one copy of all sites
+    to the other.  The numbers are the term, from those of two sites on, and the colour.
+
+    form : the terms, `BondsOfSite` and then energies of single sites.
+    """
+
+    def make(
+        self, k: int, time: float, sites: Any, here: int, there: Any, row: int, layout: Any
+    ) -> None:
+        """Turn number k: of all sites, along one term."""
+        which, colour = self.number(k, 0), self.number(k, 1)
+        for i in range(len(self.form)):
+            for _ in range(int(which == i)):
+                each(
+                    sites, turned_by_bond, self.group, self.form[i], colour, time, sites, here,
+                    there, row, layout,
+                )  # fmt: skip
+
+    def after(self, here: int) -> int:
+        """The other one."""
+        return 1 - here
+
+
+def turned_by_bond(
+    group: Any, term: Any, colour: int, time: float, sites: Any, here: int, there: Any, row: int,
+    layout: Any,
+) -> None:  # fmt: skip
+    """The turn of one site along its bond of a colour, or along its own energy."""
+    state = load(sites, here, layout)
+    mu = plain(state.mu)
+    if isinstance(term, BondsOfSite):
+        theirs, mine = term.turns(colour, mu, time)
+        moved = turned(group, state.mu, state.g, -theirs, mine + theirs)
+    else:
+        moved = turned(group, state.mu, state.g, time * at_this_site(term).gradient(mu))
+    save(there, row, BodyState(*moved), layout)
+
+
+def copied_site(sites: Any, here: int, there: Any, row: int, layout: Any) -> None:
     """A site as it is."""
-    save(there, row, load(here, 0, layout), layout)
+    save(there, row, load(sites, here, layout), layout)
 
 
 def advance_turns(
@@ -90,21 +158,24 @@ def advance_turns(
     1; 0 if not.
 
     layout : of the state of one site.  sites : before the last turn of a step, of which the time is
-    left on the clock.  seen : the states, one sample behind the other.
+    left on the clock, with the copy in which they are.  seen : the states, one sample behind the other.
     """
     for k in range(samples):
-        left = read(clock, 0, NUMBER)
+        left, here = read(clock, 0, NUMBER), int(read(clock, 1, NUMBER))
         for _ in range(steps):
             for i in range(count):
                 time = turns.share(i) * h
                 if i == 0:
                     time = left + time
-                turns.make(i, time, sites, sites, 0, layout)
+                there = turns.after(here)
+                turns.make(i, time, sites, here, sites, there, layout)
+                here = there
             left = turns.last * h
         write(clock, 0, left, NUMBER)
+        write(clock, 1, float(here), NUMBER)
         for _ in range(shown):
-            each(sites, copied_site, sites, seen, k, layout)
-            turns.make(count, left, sites, seen, k, layout)
+            each(sites, copied_site, sites, here, seen, k, layout)
+            turns.make(count, left, sites, here, seen, k, layout)
 
 
 # ------------------------------------------------------------------ Python's side
@@ -119,21 +190,16 @@ class Turning:
         steps, system = plan._steps, plan._one
         method = steps.way_of(0)
         motions = method._motions(system.hamiltonian)
-        self.places = places = Places.of(system.hamiltonian.affine.colouring)
-        everyone = 0, len(places.sites)
-        ranges = [*places.ranges] if motions.affine else []
-        rows = [
-            (*ranges[part], 0, share)
-            if part < len(ranges)
-            else (*everyone, part - len(ranges) + 1, share)
-            for part, share in method.turns(motions)
-        ]
+        self.places = motions.places
+        form, numbers = motions.of_site(self.places)
+        rows = [(*numbers[part], share) for part, share in method.turns(motions)]
+        kind, self.copies = (TurnsOfBonds, 2) if isinstance(form, tuple) else (TurnsOfColours, 1)
         last = rows[-1]
         if len(rows) == 1:  # one turn is a step, and leaves nothing
             last = *last[:3], 0.0
             rows = [*rows, last]
         table = Table(np.array(rows, dtype=float).ravel())
-        turns = Turns(system.group.base, motions.of_site(places), table, last[3], repr(method))
+        turns = kind(system.group.base, form, table, last[3], repr(method))
         self.arguments = turns, layout, steps.h, len(rows) - 1
         planes, shared = Planes.of_rows(1, 1), kernel.Shared(np.empty(0))
         self.execution = SiteExecution(
@@ -142,8 +208,9 @@ class Turning:
         )  # fmt: skip
 
     def spread(self, rows: np.ndarray) -> Planes:
-        """Rows of numbers of sites in the order of their places."""
-        return Planes(rows_of(rows[..., self.places.sites]), len(self.places.sites))
+        """Rows of numbers of sites in the order of their places, in the first of the copies."""
+        rows = np.tile(rows[..., self.places.sites], (self.copies, 1))
+        return Planes(rows_of(rows), len(self.places.sites))
 
 
 class TurnsRun(SiteRun):
@@ -155,32 +222,46 @@ class TurnsRun(SiteRun):
     clock: np.ndarray
     last: np.ndarray | None = None  # all states at the node
 
-    def _call(self, turns: int, samples: int, first: int) -> None:
-        """Some samples with so many steps before each, from sample number `first` on."""
+    def _call(self, turns: int) -> None:
+        """Some more steps: those to the next sample or a part of them, or to some samples."""
+        first = self.made
         if not turns:
-            self._keep(first, self.shape.shown_rows(self._memory)[None])
+            self._show(first, self.shape.shown_rows(self._memory)[None])
+            self.made += 1
             return
-        whole = self._taken + turns * samples >= self.numbers[first]  # or it ends before the sample
-        rows = self._turned(turns, samples, int(whole))
+        if first == len(self.times):  # nobody wants one
+            wanted, samples, whole = turns, 1, False
+        else:
+            wanted = int(self.numbers[first]) - self.taken
+            ahead = np.diff(self.numbers[first - 1 :])
+            same = int(np.argmax(ahead != wanted)) if (ahead != wanted).any() else len(ahead)
+            samples = max(1, min(same, turns // wanted))
+            turns, whole = min(turns, wanted), turns >= wanted
+        if self.kept is not None:
+            samples = min(samples, max(1, self.kept.within(samples * turns) // turns))
+        rows = self._turned(turns, samples if whole else 1, int(whole))
         finite = np.isfinite(rows).all(axis=(1, 2))
-        good = samples if finite.all() else int(np.argmin(finite))
+        good = len(rows) if finite.all() else int(np.argmin(finite))
         self.clocks[TAKEN] += turns * good
         self.clocks[0] = self.t0 + self.clocks[TAKEN] * self.h
-        if good < samples:
+        if good < len(rows):
             self.clocks[MARK] = STUCK
         if whole:
             here = self.shape.turning.places.places
-            self._keep(first, rows[:good, self.shape.order][..., here])
+            self._show(first, rows[:good, self.shape.order][..., here])
+            self.made += good
 
-    def _keep(self, first: int, rows: np.ndarray) -> None:
+    def _show(self, first: int, rows: np.ndarray) -> None:
         """Keep samples, (samples, width, sites), and what is wanted of them."""
         shown, samples = self.shape.shown, len(rows)
         if not samples:
             return
         begin = first * self.shape.state.width if shown.kept else 0
+        if self.chosen is not None:
+            self.own[first : first + samples] = rows[..., self.chosen]
         planes = (
             Planes(self.seen.array[begin : begin + rows[:, :, 0].size], self.count)
-            if shown.kept
+            if shown.kept and self.chosen is None
             else Planes.of_rows(rows[:, :, 0].size, self.count)
         )
         planes.array[:, : self.count] = rows.reshape(-1, self.count)
@@ -199,36 +280,58 @@ class TurnsRun(SiteRun):
         turning = shape.turning
         if self.turned is None:
             self.turned = turning.spread(self._memory[width : 2 * width])
-            self.clock = self._memory[2 * width, :1].copy()
+            self.clock = np.array([self._memory[2 * width, 0], 0.0])
         count = self.turned.count
         seen = Planes.of_rows(width * samples * shown, count)
         arguments: Any = *turning.arguments, turns, samples, shown, self.turned, seen
         self.notes, self.failures = -1, []
-        left = self.before + self.steps - self._taken
+        left = self.before + self.steps - self.taken
         if turning.execution.ready_for(self.count * max(1, left)):
             self.compiled = True
-            turning.execution.on_sites(count)(*arguments, kernel.Shared(self.clock))
+            turning.execution.on_sites(count, self.workers)(*arguments, kernel.Shared(self.clock))
         else:
             given: list[Any] = [*arguments, self.clock]
             advance_turns(*given)
-        rows = (seen if shown else self.turned).array.reshape(-1, width, seen.array.shape[1])
-        self.last = rows[-1] if shown else None
+        if not shown:
+            self.last = None
+            return self._before_last[None]
+        rows = seen.array.reshape(-1, width, seen.array.shape[1])
+        self.last = rows[-1]
         return rows[..., :count]
 
-    def _so_far(self) -> Any:
-        """The run up to here, with what every site carries along in its own place."""
+    @property
+    def _before_last(self) -> np.ndarray:
+        """The states of all sites before the last turn of a step, (width, places)."""
+        planes: Any = self.turned
+        width = self.shape.started.width
+        begin = int(self.clock[1]) * width
+        found: np.ndarray = planes.array[begin : begin + width, : planes.count]
+        return found
+
+    def _lay_down(self) -> None:
+        """Put what every site carries along in its own place."""
         if self.turned is not None:
             here, width = self.shape.turning.places.places, self.shape.started.width
             memory = self._memory
             last = self._turned(0, 1, 1)[0] if self.last is None else self.last
             memory[:width] = last[:, here]
-            memory[width : 2 * width] = self.turned.array[:, here]
+            memory[width : 2 * width] = self._before_last[:, here]
             memory[2 * width] = self.clock[0]
-        return super()._so_far()
+
+    def so_far(self) -> Any:
+        """The run up to here."""
+        self._lay_down()
+        return super().so_far()
+
+    @property
+    def standing(self) -> Any:
+        """With what it goes on."""
+        self._lay_down()
+        return super().standing
 
     def _fail(self) -> None:
         """A state that is not finite ends the run."""
-        step = self._taken
+        step = self.taken
         error = NotFinite(
             "the step overflowed or left the domain of a formula; a smaller h may help"
         )

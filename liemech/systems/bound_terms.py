@@ -9,11 +9,14 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import Record, Vec, record
-from ..formulas.of_each import Each
+from ..formulas.of_each import Each, each
 from ..formulas.pytree import exchanged, inside
+from ..formulas.sites import partners
 from ..formulas.vectors import small
 from ..groups.power import PowerGroup
-from .graphs import Graph, Incidence, Within, place
+from ..groups.species import SpeciesGroup
+from .among import Among, Species, is_near
+from .graphs import AllPairs, EachSite, Graph, Incidence, place
 from .kinds_of_terms import Kind
 from .near_pairs import NearPairs
 from .terms import Over, Term, Terms, timed
@@ -37,7 +40,19 @@ class BoundTerm(Record):
     kind: Kind = Kind()
 
     def __repr__(self) -> str:
-        return repr(Over(self.term, self.graph))
+        if not isinstance(self.graph, Among):
+            return repr(Over(self.term, self.graph))
+        return repr(Over(self.term, self.graph.graph, self.graph.of))
+
+    @property
+    def of(self) -> tuple[int, ...]:
+        """The species of the ends of an edge; (): there is one only."""
+        return self.graph.of if isinstance(self.graph, Among) else ()
+
+    @property
+    def in_rounds(self) -> bool:
+        """Does every site meet all others, alike, in the order of `partners`?"""
+        return isinstance(self.graph, AllPairs) and self.merged and not _each_of(self.term)
 
     @property
     def roles(self) -> tuple[int, ...]:
@@ -53,7 +68,16 @@ class BoundTerm(Record):
         """For each site the edges that end there: the role, the number of the edge, and all sites in
         the order in which the energy takes them.
         """
-        found: list[list[Any]] = [[] for _ in range(self.graph.sites or 0)]
+        count = self.graph.sites or 0
+        if self.in_rounds:
+            met = [partners(i, count) for i in range(count)]
+            return tuple(
+                [
+                    tuple([(0, 0, (i, j)) if first else (1, 0, (j, i)) for j, first in them])
+                    for i, them in enumerate(met)
+                ]
+            )
+        found: list[list[Any]] = [[] for _ in range(count)]
         for role in self.roles:
             others, numbers, counts = self.incidence(role)
             for i, mine in enumerate(found):
@@ -79,7 +103,7 @@ def share(total: float, edges: list[Any], merged: bool) -> float:
     are alike.
     """
     for role, term, ends in edges:
-        if role == 0:
+        if role == 0 or merged:
             energy = term.energy(*ends)
             total = total + (0.5 * energy if merged else energy)
     return total
@@ -101,51 +125,127 @@ def forces(total: Vec, group: Any, edges: list[Any]) -> Vec:
 
 def loads(total: Vec, t: float, edges: list[Any]) -> Vec:
     """A vector, and the forces that terms are on a site at time t."""
-    for _, term, ends in edges:
-        total = total + term.covector(t, *ends)
+    for role, term, ends in edges:
+        total = total + term.covector(t, ends[role], *ends[:role], *ends[role + 1 :])
     return total
 
 
-def bound(terms: Terms, group: PowerGroup) -> tuple[BoundTerm, ...]:
-    """Terms on the sites of a power.  Raises InvalidInput for graphs of other sites, and for
-    parameters that are not as many as edges.
+def bound(terms: Terms, group: PowerGroup | SpeciesGroup) -> tuple[BoundTerm, ...]:
+    """Terms on the sites of a power, or of a product of them.  Raises InvalidInput for graphs of other
+    sites, and for parameters that are not as many as edges.
     """
-    sites = group.copies
-    for name, value in terms.own.items():
-        if isinstance(value, Each) and len(value) != sites:
-            raise InvalidInput(f"Terms: {name} has {len(value)} values for {sites} sites")
-    wrong = [i for i in terms.held if not 0 <= i < sites]
-    if wrong:
-        raise InvalidInput(
-            f"Terms: held names site {wrong[0]}, which is not there; they are 0 to {sites - 1}"
-        )
     return tuple([_bound(over, group) for over in terms.terms])
 
 
-def _bound(over: Over, group: PowerGroup) -> BoundTerm:
-    graph, given = over.graph.on(group.copies), timed(over.term)
-    if isinstance(graph, Within):
-        base = group.base
-        there = place(base, small(np.asarray(base.identity())))
-        if graph.box is not None and len(graph.box) != len(there):
+def parameters(terms: Terms, group: PowerGroup | SpeciesGroup) -> tuple[Any, ...]:
+    """The parameters of the sites of a power or a product of them: their names, their values for all
+    sites, the sites that are held, and the species.  Raises InvalidInput for those of other sites.
+    """
+    if not isinstance(group, SpeciesGroup):
+        for name, value in terms.own.items():
+            _require_many(name, value, group.copies, repr(group))
+        return terms.names, tuple(terms.own.values()), _held(terms, group), None
+    values = [_of_species(name, x, group) for name, x in terms.own.items()]
+    has = [
+        tuple([name for name, x in terms.own.items() if not isinstance(x, dict) or k in x])
+        for k in range(len(group.powers))
+    ]
+    return terms.names, tuple(values), _held(terms, group), Species.of(group, tuple(has))
+
+
+def _require_many(name: str, value: Any, sites: int, whose: str) -> None:
+    if isinstance(value, dict):
+        raise InvalidInput(
+            f"Terms: {name} is told by species, and the sites of {whose} are of one species"
+        )
+    if isinstance(value, Each) and len(value) != sites:
+        raise InvalidInput(f"Terms: {name} has {len(value)} values for {sites} sites")
+
+
+def _of_species(name: str, value: Any, group: SpeciesGroup) -> Any:
+    """A parameter as one of all sites: zero where a species has none."""
+    if not isinstance(value, dict):
+        _require_many(name, value, group.copies, repr(group))
+        return value
+    parts: dict[int, np.ndarray] = {}
+    for k, x in value.items():
+        if not k < len(group.powers):
             raise InvalidInput(
-                f"{graph!r}: the box has {len(graph.box)} lengths, and {base!r} moves in a space of "
-                f"{len(there)} dimensions"
+                f"Terms: {name} names species {k}; those of {group!r} are 0 to {len(group.powers) - 1}"
             )
+        sites = group.powers[k].copies
+        _require_many(f"{name} of species {k}", x, sites, repr(group.powers[k]))
+        rows = x.values if isinstance(x, Each) else np.array(x, dtype=float)[None]
+        parts[k] = np.broadcast_to(rows, (sites, *rows.shape[1:]))
+    shapes = {part.shape[1:] for part in parts.values()}
+    if len(shapes) > 1:
+        raise InvalidInput(f"Terms: {name} is of one shape for all species; got {sorted(shapes)}")
+    none = shapes.pop() if shapes else ()
+    blank = [np.zeros((sites, *none)) for sites in group.counts]
+    return each(np.concatenate([parts.get(k, x) for k, x in enumerate(blank)]))
+
+
+def _held(terms: Terms, group: PowerGroup | SpeciesGroup) -> tuple[int, ...]:
+    """The sites that are held, among all."""
+    found = []
+    for one in terms.held:
+        by_species = isinstance(one, tuple)
+        if by_species != isinstance(group, SpeciesGroup):
+            cure = "held={0: [0, 5]}" if not by_species else "held=[0, 5]"
+            raise InvalidInput(f"Terms: held is told of the sites of {group!r} as {cure}")
+        k, i = one if by_species else (0, one)
+        counts = group.counts if isinstance(group, SpeciesGroup) else [group.copies]
+        firsts = group.firsts if isinstance(group, SpeciesGroup) else (0,)
+        if not (0 <= k < len(counts) and 0 <= i < counts[k]):
+            whose = f" of species {k}" if by_species else ""
+            last = f"; they are 0 to {counts[k] - 1}" if 0 <= k < len(counts) else ""
+            raise InvalidInput(f"Terms: held names site {i}{whose}, which is not there{last}")
+        found.append(firsts[k] + i)
+    return tuple(sorted(found))
+
+
+def _bound(over: Over, group: PowerGroup | SpeciesGroup) -> BoundTerm:
+    name, given = type(over.term).__name__, timed(over.term)
+    graph: Any
+    if isinstance(group, SpeciesGroup):
+        if not over.of:
+            told = "" if isinstance(over.graph, EachSite) else f"{over.graph!r}, "
+            raise InvalidInput(
+                f"{name}: say of which species its sites are, {name}(...).over({told}of=0), or of=(0, "
+                f"1) for edges between two; {group!r} has {len(group.powers)}"
+            )
+        graph = Among.on_species(name, over.graph, over.of, group)
+        bases = [group.powers[k].base for k in over.of]
+    else:
+        if over.of:
+            raise InvalidInput(
+                f"{name}.over: of={over.of} names species, and the sites of {group!r} are of one; write "
+                "SO3() ** 100 * SE3() ** 8 for two"
+            )
+        graph, bases = over.graph.on(group.copies), [group.base] * over.graph.arity
+    if is_near(graph):
+        there = [place(base, small(np.asarray(base.identity()))) for base in bases]
+        for base, at in zip(bases, there):
+            if len(at) != len(there[0]) or (graph.box is not None and len(graph.box) != len(at)):
+                wanted = len(there[0]) if graph.box is None else len(graph.box)
+                raise InvalidInput(
+                    f"{graph!r}: {'the box has' if graph.box is not None else 'there are'} {wanted} "
+                    f"lengths, and {base!r} moves in a space of {len(at)} dimensions"
+                )
         if _each_of(over.term):
             raise InvalidInput(
-                f"{type(over.term).__name__}: pairs within a cutoff come and go: a parameter of theirs is "
+                f"{name}: pairs within a cutoff come and go: a parameter of theirs is "
                 "one for all; give sites their own, Terms(..., name=each(values))"
             )
-        near = NearPairs(given, base, graph.cutoff, graph.inner, graph.box)
+        within: Any = graph.graph if isinstance(graph, Among) else graph
+        near = NearPairs(given, bases[0], bases[1], within.cutoff, within.inner, within.box)
         return BoundTerm(near, graph)
     count = len(graph.edges) if _each_of(over.term) else 0
-    for each in _each_of(over.term):
-        if len(each) != count:
+    for own in _each_of(over.term):
+        if len(own) != count:
             what = "sites" if graph.arity == 1 else "edges"
             raise InvalidInput(
-                f"{type(over.term).__name__}: a parameter has {len(each)} values, and {graph!r} has "
-                f"{count} {what}"
+                f"{name}: a parameter has {len(own)} values, and {graph!r} has {count} {what}"
             )
     return BoundTerm(given, graph)
 

@@ -169,9 +169,17 @@ class HamiltonianSystem(CanonicalSystem):
         """A start for `integrate`: positions q and momenta p, (n,) each, or (members, n) for an
         ensemble; numbers if n = 1.
 
-        Raises InvalidInput for wrong shapes and entries that are not finite.
+        Raises InvalidInput for wrong shapes and entries that are not finite, and for positions where
+        there is no force.
         """
-        return self._canonical_state(*self._points(q, p))
+        both, members = self._points(q, p)
+        self._require_places(f"{type(self).__name__}.state", both[0])
+        return self._canonical_state(both, members)
+
+    def _require_places(self, name: str, q: np.ndarray) -> None:
+        """Raise InvalidInput for positions where there is no force, which a system may know.  q : (n,),
+        or (members, n).
+        """
 
 
 def _vector(value: Any, degrees: int) -> Any:

@@ -6,7 +6,6 @@ fewest; for all others colours are given one after the other, and taken back whe
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -14,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..formulas import Record, record
+from ..formulas.frozen import frozen
 from ..formulas.sites import TOGETHER
 from .graphs import Edges, Graph, Lattice
 
@@ -24,7 +24,7 @@ PERIODS = 12
 """Sites i and i + k of one colour are tried up to this period k."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@frozen(eq=False)
 class Colouring:
     """Sites in groups, no two of a group tied by an edge.
 

@@ -33,6 +33,7 @@ from ..formulas.vectors import small
 from ..solvers import correction, newton
 from .canonical import CanonicalState, CanonicalSystem, HamiltonianSystem
 from .separable import SeparableEnergy, SeparableSystem
+from .system import frozen
 
 CONSISTENT = 2.0**-40
 """A start is on the constraints if they fail by no more than this, relative to their terms."""
@@ -286,6 +287,12 @@ class ConstrainedSystem(CanonicalSystem):
             )
         self._check_motion(where, q, p, one)
         return self._canonical_state(both, members)
+
+    @final
+    def _reached(self, **parts: Any) -> CanonicalState:
+        """The state with these parts, on M or not."""
+        both, members = self._points(**parts)
+        return CanonicalState(*[frozen(a, (self.degrees,), members) for a in both])
 
     def _check_motion(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
         """Raise InvalidInput for consistent states, (members, n), whose motion a subclass does not

@@ -250,6 +250,11 @@ class BoundBody(System):
             self._require_consistent(one, where)
         return self.vouched(state)
 
+    @final
+    def _reached(self, **parts: Any) -> BodyState:
+        """The state with these parts, whether it obeys the constraint or not."""
+        return self._given("state", parts.get("mu"), parts.get("g"), None)
+
     def _require_consistent(self, mu: Any, g: Any) -> None:
         """Raise InconsistentState for a velocity off the constraint, beside what velocities of its
         energy could be off.

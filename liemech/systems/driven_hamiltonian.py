@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from ..errors import undefined
 from ..formulas import Record, Vec, gradient, record
 from ..formulas.derived import derived
@@ -14,8 +16,12 @@ class DrivenHamiltonian(Record):
     A subclass writes `energy`; the gradient is derived unless it is written too.  Its fields are
     the parameters.
 
+    coupled : is it that of one of many sites, which asks the others?
+
     Source: Ge and Marsden, Phys. Lett. A 133 (1988), 134.
     """
+
+    coupled: ClassVar[bool] = False
 
     def energy(self, t: float, mu: Vec) -> float:
         """K(t, mu).  mu : (dim,)."""

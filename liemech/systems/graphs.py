@@ -16,6 +16,9 @@ from ..groups.se2 import SE2
 from ..groups.se3 import SE3
 from ..groups.vector_space import VectorSpace
 
+MOST = 2**53
+"""More sites than this have no numbers."""
+
 
 class Incidence(NamedTuple):
     """For each site the edges that end there in one role, as tables with a column for each site.
@@ -75,6 +78,16 @@ class Graph(Record):
             )
         return self
 
+    def between(self, name: str, of: tuple[int, ...], counts: list[int]) -> None:
+        """Raise InvalidInput, unless its edges can be between sites of these species, so many of each.
+
+        name : who asks.
+        """
+        raise InvalidInput(
+            f"{name}: the edges of {self!r} are between sites of one species, not of {of}; "
+            "neighbours.between(pairs) is for two, and all_pairs() and within(cutoff) serve both"
+        )
+
     def ties(self, i: int, j: int) -> bool:
         """Is there an edge of these two sites?"""
         return bool((np.sort(self.edges, axis=1) == (i, j)).all(axis=1).any())
@@ -93,7 +106,7 @@ class Graph(Record):
         """
         found = self._known.get(role)
         if found is None:
-            found = self._known[role] = _incidence(self.edges, self.sites or 0, role)
+            found = self._known[role] = incidence_of(self.edges, self.sites or 0, role)
         return found
 
     @cached_property
@@ -101,7 +114,8 @@ class Graph(Record):
         return {}
 
 
-def _incidence(edges: np.ndarray, sites: int, role: int | None) -> Incidence:
+def incidence_of(edges: np.ndarray, sites: int, role: int | None) -> Incidence:
+    """The edges at each of so many sites, of which it is the end number `role`; None: either end."""
     arity = edges.shape[1]
     if role is None and arity == 2:
         own, numbers = edges.ravel(), np.repeat(np.arange(len(edges)), 2)
@@ -217,9 +231,9 @@ def cubic(layers: int, rows: int, columns: int, periodic: Any = True) -> Lattice
 
 def _lattice(name: str, shape: tuple[int, ...], periodic: Any) -> Lattice:
     shape = tuple([_count(name, "a length", n) for n in shape])
-    some: Any = (
-        (periodic,) * len(shape) if isinstance(periodic, (bool, np.bool_)) else tuple(periodic)
-    )
+    some: Any = (periodic,) * len(shape)
+    if isinstance(periodic, (tuple, list, np.ndarray)):
+        some = tuple(periodic)
     if len(some) != len(shape) or not all(isinstance(x, (bool, np.bool_)) for x in some):
         raise InvalidInput(
             f"neighbours.{name}: periodic is True or False, or one of them for each of "
@@ -297,23 +311,7 @@ def edges(pairs: Any, sites: int | None = None, ordered: bool | None = None) -> 
     twice.
     """
     name = "neighbours.edges"
-    try:
-        array = np.asarray(pairs)
-    except ValueError:
-        raise InvalidInput(f"{name}: pairs are ragged: edges have one number of sites") from None
-    if array.size == 0:
-        array = np.empty(
-            (0, array.shape[1] if array.ndim == 2 and array.shape[1] else 2), dtype=np.int64
-        )
-    if array.dtype.kind == "f" and (array == np.floor(array)).all():
-        array = array.astype(np.int64)
-    if array.dtype.kind not in "iu":
-        raise InvalidType(f"{name}: pairs are whole numbers, those of sites; got {array.dtype}")
-    if array.ndim != 2 or array.shape[1] < 2:
-        raise InvalidInput(
-            f"{name}: pairs have shape (edges, 2), triples (edges, 3); got {array.shape}"
-        )
-    array = array.astype(np.int64)
+    array = _numbers_of_sites(name, pairs)
     most = int(array.max(initial=-1)) + 1
     count = max(most, 1) if sites is None else _count("edges", "sites", sites)
     wrong = ((array < 0) | (array >= count)).any(axis=1)
@@ -328,10 +326,100 @@ def edges(pairs: Any, sites: int | None = None, ordered: bool | None = None) -> 
     if same.any():
         at = int(same.argmax())
         raise InvalidInput(f"{name}: edge {at}, {_shown(array[at])}, ties a site to itself")
-    if ordered not in (True, False, None):
+    if not (ordered is None or isinstance(ordered, (bool, np.bool_))):
         raise InvalidType(f"{name}: ordered is True, False or None; got {ordered!r}")
     made = Edges(frozen_array(array, name), count, ordered)
     require_no_duplicates(made, array if ordered is not False or array.shape[1] > 2 else rows)
+    return made
+
+
+def _numbers_of_sites(name: str, pairs: Any) -> np.ndarray:
+    """Edges that are given, (edges, arity) whole numbers."""
+    try:
+        array = np.asarray(pairs)
+    except ValueError:
+        raise InvalidInput(f"{name}: pairs are ragged: edges have one number of sites") from None
+    if array.size == 0:
+        array = np.empty(
+            (0, array.shape[1] if array.ndim == 2 and array.shape[1] else 2), dtype=np.int64
+        )
+    whole = array.dtype.kind == "f" and bool((array == np.floor(array)).all())
+    if whole and np.abs(array).max(initial=0.0) < MOST:
+        array = array.astype(np.int64)
+    if (whole and array.dtype.kind == "f") or (array.dtype.kind == "u" and array.max() >= MOST):
+        raise InvalidInput(f"{name}: pairs name site {array.max():g}; there are not so many")
+    if array.dtype.kind not in "iu":
+        raise InvalidType(f"{name}: pairs are whole numbers, those of sites; got {array.dtype}")
+    if array.ndim != 2 or array.shape[1] < 2:
+        raise InvalidInput(
+            f"{name}: pairs have shape (edges, 2), triples (edges, 3); got {array.shape}"
+        )
+    return array.astype(np.int64)
+
+
+@record
+class Between(Graph):
+    """Edges between sites of several species, given one by one; `Term.over` is told of which.
+
+    given : (edges, arity), each number one of a site of its species.
+    """
+
+    given: np.ndarray
+
+    @property
+    def sites(self) -> int | None:
+        """As many as the species have."""
+        return None
+
+    @property
+    def edges(self) -> np.ndarray:
+        """As they were given."""
+        return self.given
+
+    @property
+    def arity(self) -> int:
+        """How many sites an edge has."""
+        return int(self.given.shape[1])
+
+    def on(self, sites: int) -> Graph:
+        """Raise InvalidInput: it is between species."""
+        raise InvalidInput(
+            f"{self!r}: say between which species its edges are, `over(graph, of=(0, 1))`; edges of "
+            "one are neighbours.edges(pairs)"
+        )
+
+    def between(self, name: str, of: tuple[int, ...], counts: list[int]) -> None:
+        """Raise InvalidInput for a site that is not there, and for an edge to itself."""
+        wrong = ((self.given < 0) | (self.given >= np.array(counts))).any(axis=1)
+        if wrong.any():
+            at = int(wrong.argmax())
+            raise InvalidInput(
+                f"{name}: edge {at}, {_shown(self.given[at])}, names a site that is not there; species "
+                f"{of} have {counts} sites, which are numbered from 0"
+            )
+        for i in range(len(of)):
+            for j in range(i):
+                same = self.given[:, i] == self.given[:, j]
+                if of[i] == of[j] and same.any():
+                    at = int(same.argmax())
+                    raise InvalidInput(
+                        f"{name}: edge {at}, {_shown(self.given[at])}, ties a site to itself"
+                    )
+
+    def __repr__(self) -> str:
+        return f"neighbours.between({len(self.given)} edges)"
+
+
+def between(pairs: Any) -> Between:
+    """Edges between sites of two species, or of three: (i, j) ties site i of the first to site j of
+    the second, `term.over(neighbours.between(pairs), of=(0, 1))`.
+
+    pairs : (edges, 2), or (edges, 3).  Raises InvalidInput for an edge that is there twice; `over` for
+    a site that is not there.
+    """
+    name = "neighbours.between"
+    made = Between(frozen_array(_numbers_of_sites(name, pairs), name))
+    require_no_duplicates(made, made.given)
     return made
 
 
@@ -344,7 +432,7 @@ def require_no_duplicates(graph: Graph, rows: np.ndarray) -> None:
         at = int(twice.argmax())
         i, j = sorted(map(int, order[at : at + 2]))
         raise InvalidInput(
-            f"neighbours.edges: edges {i}, {_shown(graph.edges[i])}, and {j}, "
+            f"{graph!r}: edges {i}, {_shown(graph.edges[i])}, and {j}, "
             f"{_shown(graph.edges[j])}, are the same"
         )
 
@@ -383,6 +471,11 @@ class AllPairs(OfCount):
     def edges(self) -> np.ndarray:
         """(0, 1), (0, 2), ..., (1, 2), ..."""
         return np.stack(np.triu_indices(self.count or 0, 1), axis=1).astype(np.int64)
+
+    def between(self, name: str, of: tuple[int, ...], counts: list[int]) -> None:
+        """Every site of one to every one of the other."""
+        if len(of) != 2 or self.count is not None:
+            super().between(name, of, counts)
 
     def ties(self, i: int, j: int) -> bool:
         """Every two."""
@@ -434,11 +527,17 @@ class Within(AllPairs):
         found = np.sort(found.astype(np.int64), axis=1)
         return found[np.lexsort((found[:, 1], found[:, 0]))]
 
-    def near(self, places: Any, reach: float) -> Incidence:
-        """The sites near each site, in rising order.  reach : the cutoff or more.  Lists that reach
-        further give the same sums: what is beyond the cutoff adds zero.
+    def near(self, places: Any, reach: float, role: int = 0) -> Incidence:
+        """The sites near each site, in rising order; of no places none.  reach : the cutoff or more.
+        Lists that reach further give the same sums: what is beyond the cutoff adds zero.
         """
-        return _incidence(self.pairs(places, reach), self.sites or len(places), None)
+        if places is None:
+            return incidence_of(np.empty((0, 2), dtype=np.int64), 1, None)
+        return incidence_of(self.pairs(places, reach), self.sites or len(places), None)
+
+    def open(self) -> Within:
+        """That of any number of sites, for formulas."""
+        return with_fields(self, count=None)
 
     def __repr__(self) -> str:
         box = "" if self.box is None else f", box={list(self.box)}"
@@ -454,9 +553,16 @@ def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within
     Raises InvalidInput for a cutoff beyond half the box.
     """
     name = "neighbours.within"
-    numbers = real_array([cutoff, 0.9 * cutoff if inner is None else inner], f"{name}: cutoff")
-    check_finite(numbers, f"{name}: cutoff")
-    far, near = numbers.tolist()
+    numbers = [
+        real_array(x, f"{name}: {what}")
+        for what, x in (("cutoff", cutoff), ("inner", inner or 0.0))
+    ]
+    for what, x in zip(("cutoff", "inner"), numbers):
+        if x.ndim:
+            raise InvalidInput(f"{name}: {what} is one distance; got shape {x.shape}")
+        check_finite(x, f"{name}: {what}")
+    far = float(numbers[0])
+    near = 0.9 * far if inner is None else float(numbers[1])
     if not 0.0 <= near < far:
         raise InvalidInput(
             f"{name}: cutoff is a positive distance, and inner a shorter one; got {far:g} and {near:g}"
@@ -466,7 +572,7 @@ def within(cutoff: float, box: Any = None, inner: float | None = None) -> Within
     lengths = np.atleast_1d(real_array(box, f"{name}: box"))
     lengths = np.repeat(lengths, 3) if lengths.shape == (1,) else lengths
     check_finite(lengths, f"{name}: box")
-    if lengths.ndim != 1 or not (lengths > 0.0).all():
+    if lengths.ndim != 1 or not len(lengths) or not (lengths > 0.0).all():
         raise InvalidInput(f"{name}: box is the lengths of a box, positive; got {box!r}")
     if far > 0.5 * lengths.min():
         raise InvalidInput(

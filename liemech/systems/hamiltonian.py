@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from ..errors import undefined
 from ..formulas import Record, Vec, gradient, record
 from ..formulas.derived import derived
@@ -13,7 +15,11 @@ class Hamiltonian(Record):
 
     A subclass writes `energy`; the gradient is derived unless it is written too.  Its fields are
     the parameters (`float`, `Vec`, `Mat` or other records).
+
+    coupled : is it that of one of many sites, which asks the others?
     """
+
+    coupled: ClassVar[bool] = False
 
     def energy(self, mu: Vec) -> float:
         """H(mu).  mu : (dim,)."""

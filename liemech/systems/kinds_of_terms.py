@@ -36,24 +36,23 @@ class Kind(Record):
 def kind_of(terms: Any, part: Any) -> Kind:
     """The kind of a term on the sites of a power; a formula that fails where it is tried is of none."""
     try:
-        seen = list(_tried(terms, part))
-        group, arity = terms.group.base, part.graph.arity
+        seen, arity = list(_tried(terms, part)), part.graph.arity
         return Kind(
-            all(_affine(term, sites) for term, sites in seen),
-            arity == 1 and all(_steady(group, term, *sites) for term, sites in seen),
-            arity == 2 and all(_isotropic(term, *sites) for term, sites in seen),
+            all(_affine(term, sites) for _, term, sites in seen),
+            arity == 1 and all(_steady(group, term, *sites) for group, term, sites in seen),
+            arity == 2 and all(_isotropic(term, *sites) for _, term, sites in seen),
         )
     except Exception:  # it may fail anywhere but where it is meant to be used
         return Kind()
 
 
-def _tried(terms: Any, part: Any) -> Iterator[tuple[Any, list[Any]]]:
-    """A term and its sites at some edges, somewhere."""
+def _tried(terms: Any, part: Any) -> Iterator[tuple[Any, Any, list[Any]]]:
+    """The group of the first site, a term and its sites at some edges, somewhere."""
     rng = np.random.default_rng(7)
     for number, ends in part.graph.some_edges(TRIED):
-        mus = rng.normal(size=(part.graph.arity, terms.group.base.dim)).tolist()
+        mus = [rng.normal(size=terms.group.base_of(i).dim).tolist() for i in ends]
         sites = [terms.site_with(i, vec(*mu), None) for i, mu in zip(ends, mus)]
-        yield part.at_edge(number), sites
+        yield terms.group.base_of(ends[0]), part.at_edge(number), sites
 
 
 def _affine(term: Any, sites: list[Any]) -> bool:

@@ -14,11 +14,12 @@ from ..formulas.pytree import fill, laid_out
 from ..formulas.remembered import Remembered
 from ..groups.lie_group import LieGroup
 from ..groups.power import PowerGroup
+from ..groups.species import SpeciesGroup
 from ..retractions import Retraction
 from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
-from .site_state import SiteState, site_state, velocities_of_sites
+from .site_state import SiteState, rows_of_species, site_state, velocities_of_sites
 from .sums_of_terms import KineticTerms, hamiltonian_of, released
 from .system import State, System, as_precise, element_at_a_glance, frozen, members_of, points
 
@@ -80,12 +81,20 @@ class LiePoissonMotion(System):
         """Of many sites all numbers in a row."""
         return in_a_row(self, state)
 
+    def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """Of several species, states with an axis of sites."""
+        return by_site(self.group, arrays)
+
+    def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """The inverse of `by_site`."""
+        return as_users_see(self.group, arrays)
+
     def at_site(self, kind: Any) -> Any:
         """A system of this kind, of one site among many; None if the energy is no sum of terms on a
         power.
         """
         group, energy = self.group, getattr(self, "hamiltonian", None)  # type: Any, Any
-        many = isinstance(group, PowerGroup) and hasattr(energy, "of_site")
+        many = isinstance(group, (PowerGroup, SpeciesGroup)) and hasattr(energy, "of_site")
         return kind(group.base, energy.of_site()) if many else None
 
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
@@ -189,7 +198,7 @@ class LiePoissonSystem(LiePoissonMotion):
     @property
     def is_large(self) -> bool:
         """Are there more sites than formulas would be written out for?"""
-        return self.group.is_large and isinstance(self.group, PowerGroup)
+        return self.group.is_large and isinstance(self.group, (PowerGroup, SpeciesGroup))
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
         energy = self.hamiltonian if self.hamiltonian.is_large else None
@@ -229,6 +238,8 @@ class LiePoissonSystem(LiePoissonMotion):
                 f"{name}: {self!r} has no Lagrangian, which makes a "
                 "momentum of the velocity xi; give mu"
             )
+        if isinstance(self.group, SpeciesGroup) and self.lagrangian is not None:
+            return self.lagrangian.momentum(rows_of_species(f"{name}: xi", self.group, xi, "Vec"))
         if isinstance(self.group, PowerGroup) and isinstance(self.lagrangian, KineticTerms):
             return self.lagrangian.momenta(velocities_of_sites(f"{name}: xi", self.group, xi))
         dim = self.group._sizes[0]
@@ -252,6 +263,27 @@ _written = Remembered()
 """For states of many sites the same in a row."""
 
 
+def by_site(group: LieGroup, arrays: dict[str, Any]) -> dict[str, Any]:
+    """Parts of states of sites of several species, with an axis of sites."""
+    if not isinstance(group, SpeciesGroup):
+        return arrays
+    return {name: group.by_site(np.asarray(x), KINDS[name]) for name, x in arrays.items()}
+
+
+def as_users_see(group: LieGroup, arrays: dict[str, Any]) -> dict[str, Any]:
+    """The inverse of `by_site`."""
+    if not isinstance(group, SpeciesGroup):
+        return arrays
+    return {
+        name: group.without_sites(x, KINDS[name]) if name in KINDS else x
+        for name, x in arrays.items()
+    }
+
+
+KINDS = {"mu": "Vec", "g": "Element"}
+"""Of parts of states what their numbers are."""
+
+
 def of_group(group: LieGroup, method: str, arguments: dict[str, Any]) -> Any:
     """Casimirs and spatial momenta on arrays; None for anything else."""
     if method == "casimirs":
@@ -268,12 +300,16 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
     if isinstance(group, PowerGroup):
         return site_state(name, group, mu, g)
     dim, shape = group._sizes
-    quick = at_a_glance(mu, dim)
+    quick = None if isinstance(group, SpeciesGroup) else at_a_glance(mu, dim)
     if quick is not None and (g is None or (at := element_at_a_glance(group, g)) is not None):
         made = fill(BodyState, {"mu": quick, "g": None if g is None else at})
         return laid_out(made, (dim, None if g is None else shape))
-    momenta = points(mu, f"{name}: mu", dim, f"a momentum on {group!r}")
-    elements = None if g is None else members_of(group, g, f"{name}: g")
+    if isinstance(group, SpeciesGroup):
+        momenta = rows_of_species(f"{name}: mu", group, mu, "Vec")
+        elements = None if g is None else rows_of_species(f"{name}: g", group, g, "Element")
+    else:
+        momenta = points(mu, f"{name}: mu", dim, f"a momentum on {group!r}")
+        elements = None if g is None else members_of(group, g, f"{name}: g")
     counts = [
         len(a) for a, one in ((momenta, dim), (elements, shape)) if a is not None and a.shape != one
     ]

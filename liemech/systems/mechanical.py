@@ -15,7 +15,15 @@ from ..groups.coadjoint import CoadjointAction
 from ..groups.lie_group import LieGroup
 from ..groups.semidirect import SemidirectProduct
 from ..retractions import Exponential, Retraction
-from .lie_poisson import BodyState, LiePoissonSystem, body_state, in_a_row, of_group
+from .lie_poisson import (
+    BodyState,
+    LiePoissonSystem,
+    as_users_see,
+    body_state,
+    by_site,
+    in_a_row,
+    of_group,
+)
 from .potential import Force, Potential
 from .sums_of_terms import PlaceTerms, load_of, potential_of
 from .system import System, as_precise
@@ -189,6 +197,14 @@ class MechanicalSystem(System):
         """Of many sites all numbers in a row."""
         return in_a_row(self, state)
 
+    def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """Of several species, states with an axis of sites."""
+        return by_site(self.body.group, arrays)
+
+    def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """The inverse of `by_site`."""
+        return as_users_see(self.body.group, arrays)
+
     @property
     def is_large(self) -> bool:
         """Are there more sites than formulas would be written out for?"""
@@ -228,7 +244,7 @@ class MechanicalSystem(System):
         state = body_state(name, self.body.group, momentum, g)
         if isinstance(self.potential, PlaceTerms):
             require_apart(name, self.potential, state.g)
-            _require_rest(name, self.potential.held, state.mu)
+            _require_rest(name, self.body.group, self.potential.held, np.asarray(state.mu))
         return self._vouched(state)
 
     # elements are those of the configurations
@@ -259,10 +275,13 @@ class MechanicalSystem(System):
         return self.body.group._objection(argument, value)
 
 
-def _require_rest(name: str, held: tuple[int, ...], mu: np.ndarray) -> None:
+def _require_rest(name: str, group: Any, held: tuple[int, ...], mu: np.ndarray) -> None:
     """Raise InvalidInput for a site that is held, and has a momentum."""
     if not held:
         return
+    mu = group.by_site(mu, "Vec") if mu.shape[-1:] == (group.dim,) else mu
     moving = np.flatnonzero(mu[..., list(held), :].any(axis=-1).reshape(-1, len(held)).any(axis=0))
     if len(moving):
-        raise InvalidInput(f"{name}: site {held[moving[0]]} is held: its momentum must be zero")
+        raise InvalidInput(
+            f"{name}: site {group.named(held[moving[0]])} is held: its momentum must be zero"
+        )

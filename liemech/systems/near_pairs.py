@@ -23,7 +23,8 @@ class NearPairs(Term):
     """
 
     term: Term
-    group: LieGroup
+    first: LieGroup
+    second: LieGroup
     cutoff: float
     inner: float
     box: Vec | None
@@ -35,11 +36,11 @@ class NearPairs(Term):
         """The image of b that is nearest to a."""
         if self.box is None:
             return b
-        apart = place(self.group, b.g) - place(self.group, a.g)
+        apart = place(self.second, b.g) - place(self.first, a.g)
         shift = vec(
             *[-length * ((constant(d) / length + 0.5) // 1.0) for d, length in zip(apart, self.box)]
         )
-        return with_fields(b, g=displaced(self.group, b.g, shift))
+        return with_fields(b, g=displaced(self.second, b.g, shift))
 
     @property
     def layer(self) -> float:
@@ -58,17 +59,36 @@ class NearPairs(Term):
     def energy(self, a: Any, b: Any) -> float:
         """s times the energy of the term."""
         there = self.image(a, b)
-        s = self.switch(self.depth(place(self.group, there.g) - place(self.group, a.g)))
+        s = self.switch(self.depth(place(self.second, there.g) - place(self.first, a.g)))
         return where(s > 0.0, s * self.term.energy(a, there), 0.0)
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
         """The force on site number k: s times that of the term, and what the switch adds."""
-        first, second = sites
-        ends = (first, self.image(first, second))
-        apart = place(self.group, ends[k].g) - place(self.group, ends[1 - k].g)
+        ends, s, push = self._pushed(*sites)
+        whole = self.term.force(group, k, *ends)
+        return self._whole(group, ends[k], s, whole, push if k == 0 else -push)
+
+    def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
+        """The forces on both sites."""
+        ends, s, push = self._pushed(*sites)
+        first, second = self.term.forces(group, *ends)
+        ours, theirs = ends
+        return self._whole(group, ours, s, first, push), self._whole(
+            group, theirs, s, second, -push
+        )
+
+    def _pushed(self, a: Any, b: Any) -> tuple[tuple[Any, Any], float, Vec]:
+        """The two sites, the second as the image that is nearest; the switch, and the force on the first
+        that comes of it, in space.
+        """
+        ends = (a, self.image(a, b))
+        apart = place(self.first, ends[0].g) - place(self.second, ends[1].g)
         x = self.depth(apart)
         s = self.switch(x)
         steep = where(x > 0.0, where(x < 1.0, 140.0 * (x * (1.0 - x)) ** 3, 0.0), 0.0)
-        push = (2.0 * steep * self.term.energy(*ends) / self.layer) * apart
-        force = s * self.term.force(group, k, *ends) + seen_from(self.group, ends[k].g, push)
-        return vec(*[where(s > 0.0, c, 0.0) for c in force])
+        return ends, s, (2.0 * steep * self.term.energy(*ends) / self.layer) * apart
+
+    def _whole(self, group: Any, end: Any, s: float, force: Vec, push: Vec) -> Vec:
+        """The force on one of them; none beyond the cutoff."""
+        whole = s * force + seen_from(group, end.g, push)
+        return vec(*[where(s > 0.0, c, 0.0) for c in whole])

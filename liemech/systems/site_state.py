@@ -12,6 +12,7 @@ from ..formulas import check_finite, real_array, record
 from ..formulas.fields import frozen_array
 from ..formulas.vectors import small
 from ..groups.power import PowerGroup
+from ..groups.species import SpeciesGroup
 from .system import State
 
 
@@ -49,6 +50,13 @@ class SitePoints(StateOfSites):
 
     q: Any
     p: Any
+
+
+@record
+class SiteValues(StateOfSites):
+    """Points `y` of the sites of a Poisson system, (sites, n) or, for an ensemble, (members, sites, n)."""
+
+    y: Any
 
 
 @record
@@ -136,3 +144,36 @@ def _require_elements(name: str, group: PowerGroup, g: np.ndarray) -> None:
 def velocities_of_sites(name: str, group: PowerGroup, xi: Any) -> np.ndarray:
     """Velocities (sites, dim) or (members, sites, dim), checked."""
     return _of_sites(name, group, xi, "Vec", "velocities")
+
+
+def rows_of_species(name: str, group: SpeciesGroup, value: Any, kind: str) -> np.ndarray:
+    """Momenta, velocities or elements of sites of several species in a row, (..., n), checked.
+
+    value : an array for each species, (sites, ...) or (members, sites, ...); or all in a row.
+    """
+    what = "momenta" if kind == "Vec" else "elements"
+    if not isinstance(value, (list, tuple)) or len(value) != len(group.powers):
+        row = (group.dim,) if kind == "Vec" else group.element_shape
+        found = value if np.ndim(value) and np.shape(value)[-1:] == row else None
+        if isinstance(value, (list, tuple)) and found is None:
+            raise InvalidInput(
+                f"{name} has {len(value)} parts; give the {what} of each of the {len(group.powers)} "
+                f"species of {group!r}"
+            )
+        if found is None:
+            raise InvalidInput(
+                f"{name}: give the {what} of each of the {len(group.powers)} species of {group!r}, a "
+                f"list of arrays; got {np.shape(value)}"
+            )
+        value = group.by_species(real_array(found, name), kind)
+    parts, members = [], set()
+    for k, (power, x) in enumerate(zip(group.powers, value)):
+        array = _of_sites(f"{name}[{k}]", power, x, kind, what)
+        if kind != "Vec":
+            _require_elements(f"{name}[{k}]", power, array)
+        rows = np.asarray(power.in_a_row(array, kind))
+        members |= {*rows.shape[:-1]}
+        parts.append(rows)
+    if len(members) > 1:
+        raise InvalidInput(f"{name}: {what} of {sorted(members)} members; species have as many")
+    return np.concatenate([np.broadcast_to(x, (*members, x.shape[-1])) for x in parts], axis=-1)

@@ -13,8 +13,9 @@ from ..formulas.pytree import exchanged, inside, with_fields
 from ..formulas.sites import SiteArray, SiteTable, padded, rows_of
 from ..formulas.tables import Table
 from ..groups.lie_group import LieGroup
+from .bonds_at_site import BondsOfSite
 from .bound_terms import BoundTerm, slopes
-from .colouring import Places
+from .colouring import Places, colours_of_bonds
 from .kinds_of_terms import APART
 from .lie_poisson import BodyState
 from .sums_of_terms import MomentumTerms
@@ -40,7 +41,8 @@ def turned(group: LieGroup, mu: Vec, g: Element | None, *omegas: Vec) -> tuple[V
 class MotionsOfTerms(Record):
     """Parts of an energy of many sites whose motions are known one by one; abstract.
 
-    terms : the energy.  A subclass writes `count`, `refused`, `lonely` and `moved`.
+    terms : the energy.  A subclass writes `count`, `refused`, `lonely` and `moved`, and for runs by
+    sites `places` and `of_site`.
     """
 
     terms: MomentumTerms
@@ -138,13 +140,22 @@ class Sublattices(MotionsOfTerms):
         """Colours, and terms of single sites."""
         return len(self.groups) + len(self.lonely)
 
-    def of_site(self, places: Places) -> FieldAtSite:
-        """The velocities that the parts give a site, where sites stand by colours."""
+    @property
+    def places(self) -> Places:
+        """Where sites stand in memory: by colours."""
+        return Places.of(self.terms.affine.colouring)
+
+    def of_site(self, places: Places) -> tuple[FieldAtSite, list[tuple[int, ...]]]:
+        """The velocities that the parts give a site, where sites stand by colours; and of each part
+        where its sites begin and end, and its number there.
+        """
         forms = [with_fields(self.terms, parts=self.affine).of_site()] + [
             with_fields(self.terms, parts=(part,)).of_site() for part in self.lonely
         ]
         field, *lonely = [at_places(form, places) for form in forms]
-        return FieldAtSite(field, tuple(lonely))
+        colours = [(*ends, 0) for ends in places.ranges if self.affine]
+        alone = [(0, len(places.sites), k + 1) for k in range(len(lonely))]
+        return FieldAtSite(field, tuple(lonely)), [*colours, *alone]
 
     def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
         """The sites of a colour about the field of the others, or all about their own axes."""
@@ -240,6 +251,25 @@ class Bonds(MotionsOfTerms):
     def count(self) -> int:
         """Colours, and terms of single sites."""
         return len(self.groups) + len(self.lonely)
+
+    @property
+    def places(self) -> Places:
+        """Where sites stand in memory: such that the ends of neighbouring bonds lie side by side."""
+        return Places.of(self.terms.pairs.colouring)
+
+    def of_site(self, places: Places) -> tuple[tuple[Any, ...], list[tuple[int, ...]]]:
+        """Each term at a site, those of bonds first; and of each part its term and its colour."""
+        forms: list[Any] = []
+        numbers: list[tuple[int, ...]] = []
+        whole: Any = self.terms.of_site()
+        for part in [part for part in self.terms.parts if part.graph.arity == 2]:
+            colours = colours_of_bonds(part.graph)
+            numbers += [(len(forms), k, 0) for k in range(int(colours.max(initial=-1)) + 1)]
+            forms.append(BondsOfSite.of(part, colours, whole.names, whole.own))
+        for part in self.lonely:
+            numbers.append((len(forms), 0, 0))
+            forms.append(with_fields(self.terms, parts=(part,)).of_site())
+        return tuple([at_places(form, places) for form in forms]), numbers
 
     def moved(self, part: int, h: float, bodies: list[Any]) -> list[Any]:
         """Both sites of every bond of a colour about their sum, or all about their own axes."""

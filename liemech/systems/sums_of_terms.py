@@ -23,9 +23,13 @@ from ..formulas.pytree import exchanged, fields_of, inside, with_fields
 from ..formulas.sites import SiteArray, interleaved_sum
 from ..groups.lie_group import LieGroup
 from ..groups.power import PowerGroup
-from .bound_terms import BoundTerm, bound, forces, loads, share, slopes
+from ..groups.product import spans
+from ..groups.species import SpeciesGroup
+from .among import Species
+from .bound_terms import BoundTerm, bound, forces, loads, parameters, share, slopes
 from .colouring import Coloured
 from .driven_hamiltonian import DrivenHamiltonian
+from .energy_of_species import EnergyOfSpecies
 from .hamiltonian import Hamiltonian
 from .kinds_of_terms import kind_of
 from .kinetic_energy import KineticEnergy
@@ -48,15 +52,17 @@ from .trials_of_terms import plain_term, tried
 class OfTerms(Record):
     """What energies of many sites have in common; abstract.
 
-    group : the power whose copies are the sites.  parts : the terms.  names, own : parameters of
-    the sites.  held : the sites that do not move.
+    group : the power whose copies are the sites, or a product of powers.  parts : the terms.  names,
+    own : parameters of the sites.  held : the sites that do not move.  species : those of the sites,
+    if there are several.
     """
 
-    group: PowerGroup
+    group: PowerGroup | SpeciesGroup
     parts: tuple[BoundTerm, ...]
     names: tuple[str, ...] = ()
     own: tuple[Any, ...] = ()
     held: tuple[int, ...] = ()
+    species: Species | None = None
 
     def __repr__(self) -> str:
         own = [f"{name}={value!r}" for name, value in zip(self.names, self.own)]
@@ -78,7 +84,11 @@ class OfTerms(Record):
     def site_with(self, i: int, mu: Any, g: Any, xi: Any = None) -> Any:
         """Site i as terms see it."""
         own = [x.of(i) if isinstance(x, Each) else x for x in self.own]
-        return type(self.site)(mu, g, xi, *own)
+        if self.species is None or not isinstance(self.group, SpeciesGroup):
+            return type(self.site)(mu, g, xi, *own)
+        k = self.group.species_of(i)
+        mine = [x for name, x in zip(self.names, own) if name in self.species.names[k]]
+        return type(self.species.blank[k])(mu, g, xi, *mine)
 
     def energy_of(self, sites: list[Any]) -> float:
         """The sum over terms and edges, site by site."""
@@ -90,39 +100,52 @@ class OfTerms(Record):
             found = [*found, energy]
         return interleaved_sum(found)
 
-    def by_site(self, sites: list[Any], formula: Any) -> Vec:
-        """A sum over parts and edges for every site, one behind the other: formula(sum, edges) adds
-        those of one part.  Sites that are held have zero.
+    def by_site(self, sites: list[Any], formula: Any, parts: Any = None) -> Vec:
+        """A sum over parts and edges for every site, one behind the other: formula(sum, group of the
+        site, edges) adds those of one part.  Sites that are held have zero.  parts : those that count;
+        None: all.
         """
         found: list[Any] = []
         for i in range(self.group.copies):
-            total = vec(*[0.0 for _ in range(self.group.base.dim)])
-            for part in self.parts if i not in self.held else ():
-                total = formula(total, part.edges_at(sites, i))
+            base: Any = self.group.base_of(i)
+            total = vec(*[0.0 for _ in range(base.dim)])
+            for part in (self.parts if parts is None else parts) if i not in self.held else ():
+                total = formula(total, base, part.edges_at(sites, i))
             found = [*found, *total]
         return vec(*found)
 
     def divided(self, x: Vec) -> list[Any]:
         """The parts of a vector that belong to the sites."""
-        n = self.group.base.dim
-        return [x[n * i : n * (i + 1)] for i in range(self.group.copies)]
+        return [self.group.momentum_of(x, i) for i in range(self.group.copies)]
 
     def _at_a_site(self) -> tuple[Any, ...]:
         """The fields of the site form."""
-        roles = [RoleAtSite.of(part, role) for part in self.parts for role in part.roles]
+        roles = [RoleAtSite.made(part, role) for part in self.parts for role in part.roles]
         own = [OwnOfSites.of_each(x) if isinstance(x, Each) else x for x in self.own]
-        moves = np.ones(self.group.copies)
+        moves: Any = np.ones(self.group.copies)
         moves[[*self.held]] = 0.0
-        return tuple(roles), self.names, tuple(own), SiteArray.of(moves) if self.held else None
+        moves = SiteArray.of(moves) if self.held else None
+        return tuple(roles), self.names, tuple(own), moves, self.species
 
     @property
     def of_one(self) -> Any:
-        """The energy of one body that each site has, if there is nothing else; None if there is."""
-        alone = len(self.parts) == 1 and isinstance(self.parts[0].term, PerSite) and not self.held
-        return self.parts[0].term.energy_of_one if alone else None
+        """The energy of one body that each site has, if there is nothing else; None if there is.  Of
+        several species those of a body of each, a tuple.
+        """
+        if self.held or not all(isinstance(part.term, PerSite) for part in self.parts):
+            return None
+        ones = {part.of: part.term.energy_of_one for part in self.parts}
+        if self.species is None:
+            return ones[()] if len(self.parts) == 1 else None
+        every = tuple([ones.get((k,)) for k in range(len(self.species.groups))])
+        return every if len(self.parts) == len(every) and None not in every else None
 
     def _of_one_at_a_site(self) -> Any:
-        one = self.of_one
+        one: Any = self.of_one
+        if isinstance(one, tuple):
+            group, species = self.group, self.species  # type: Any, Any
+            momenta = all(isinstance(x, Hamiltonian) for x in one)
+            return EnergyOfSpecies.at_site(one, species, group) if momenta else None
         return one and exchanged(one, Each, map(EachOfSites.of_each, inside(one, Each)))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
@@ -153,7 +176,7 @@ class MomentumTerms(OfTerms, Hamiltonian):
 
     def gradient(self, mu: Vec) -> Vec:
         """Its derivative.  mu : (sites dim,), or (sites, dim)."""
-        return self.by_site(self._sites(mu), slopes)
+        return self.by_site(self._sites(mu), lambda slope, _, edges: slopes(slope, edges))
 
     @cached_property
     def affine(self) -> Coloured:
@@ -179,7 +202,7 @@ class MomentumTerms(OfTerms, Hamiltonian):
         mu = self.group.by_site(arguments["mu"], "Vec")
         if method == "energy":
             return energies(self, mu, True)
-        return slopes_of(self, mu, True).reshape(len(mu), -1)
+        return self.group.without_sites(slopes_of(self, mu, True), "Vec")
 
 
 @record
@@ -194,7 +217,13 @@ class KineticTerms(MomentumTerms, Lagrangian):
 
     def of_one_at(self, i: int) -> Any:
         """The energy of site i."""
-        return self.parts[0].at_edge(i).energy_of_one
+        if not isinstance(self.group, SpeciesGroup):
+            return self.parts[0].at_edge(i).energy_of_one
+        k = self.group.species_of(i)
+        found = self.parts[0]
+        for part in self.parts:
+            found = part if part.of == (k,) else found
+        return found.at_edge(i - self.group.firsts[k]).energy_of_one
 
     def _each_one(self) -> list[Any]:
         return [self.of_one_at(i) for i in range(self.group.copies)]
@@ -213,12 +242,12 @@ class KineticTerms(MomentumTerms, Lagrangian):
         blocks = [one.hessian(x) for one, x in zip(self._each_one(), self.divided(xi))]
         if all([isinstance(block, vectors.Vec) for block in blocks]):  # noqa: C419
             return vec(*[x for block in blocks for x in block])
-        n, width = self.group.base.dim, self.group.dim
+        places = spans([len(block) for block in blocks])
         return mat(
             *[
-                vec(*[0.0] * (n * i), *_row(block, k), *[0.0] * (width - n * (i + 1)))
-                for i, block in enumerate(blocks)
-                for k in range(n)
+                vec(*[0.0] * first, *_row(block, k), *[0.0] * (self.group.dim - end))
+                for block, (first, end) in zip(blocks, places)
+                for k in range(end - first)
             ]
         )
 
@@ -262,8 +291,11 @@ class PlaceTerms(OfTerms, Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The forces on all sites.  g : an element of the power."""
-        base = self.group.base
-        return self.by_site(self._sites(g), lambda force, edges: forces(force, base, edges))
+        return self.by_site(self._sites(g), forces)
+
+    def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
+        """Those of term number k alone."""
+        return self.by_site(self._sites(g), forces, (self.parts[k],))
 
     def of_site(self) -> Potential:
         """Its site form: the potential of one body, which asks the other sites for what it needs;
@@ -274,10 +306,15 @@ class PlaceTerms(OfTerms, Potential):
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
         if method not in ("energy", "force"):
             return None
-        g = arguments["g"].reshape(len(arguments["g"]), self.group.copies, -1)
+        g = arguments["g"]
+        g = (
+            g.reshape(len(g), self.group.copies, -1)
+            if isinstance(self.group, PowerGroup)
+            else self.group.by_site(g, "Element")
+        ).reshape(len(g), self.group.copies, -1)
         if method == "energy":
             return energies(self, g, False)
-        return slopes_of(self, g, False).reshape(len(g), -1)
+        return self.group.without_sites(slopes_of(self, g, False), "Vec")
 
 
 @record
@@ -295,7 +332,7 @@ class ForceTerms(OfTerms, Force):
             self.site_with(i, None, self.group.site(g, i), x)
             for i, x in enumerate(self.divided(xi))
         ]
-        return self.by_site(sites, lambda force, edges: loads(force, t, edges))
+        return self.by_site(sites, lambda force, _, edges: loads(force, t, edges))
 
     def of_site(self) -> Force:
         """Its site form: the load on one body, which asks the other sites for what it needs; of
@@ -317,6 +354,11 @@ class DrivenTerms(DrivenHamiltonian):
 
     def __repr__(self) -> str:
         return repr(self.at_zero)
+
+    @property
+    def coupled(self) -> bool:  # type: ignore[override]
+        """Is there a term of several sites?"""
+        return self.at_zero.coupled
 
     def at(self, t: float) -> Any:
         """It at time t."""
@@ -360,7 +402,9 @@ def hamiltonian_of(name: str, group: LieGroup, energy: Any) -> Any:
         raise IncompatibleSystem(
             f"{name}: {changing[0]!r} changes with time: make it a DrivenLiePoissonSystem(group, terms)"
         )
-    return KineticTerms(**fields_of(made)) if isinstance(made.of_one, Lagrangian) else made
+    ones = made.of_one if isinstance(made.of_one, tuple) else (made.of_one,)
+    kinetic = all(isinstance(one, Lagrangian) for one in ones)
+    return KineticTerms(**fields_of(made)) if kinetic else made
 
 
 def driven_of(name: str, group: LieGroup, energy: Any) -> Any:
@@ -401,19 +445,31 @@ def released(system: Any) -> Any:
 
 
 def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
-    if not isinstance(group, PowerGroup):
+    if not isinstance(group, (PowerGroup, SpeciesGroup)):
         raise IncompatibleSystem(
             f"{name}: terms are energies of many sites, and {group!r} is the group of one; write "
             f"{group!r} ** sites, such as {group!r} ** 100"
         )
     parts = bound(terms, group)
-    made = kind(group, parts, terms.names, tuple(terms.own.values()), terms.held)
+    made = kind(group, parts, *parameters(terms, group))
     for part in parts:
         _require_kind(name, kind, part)
+        _require_fitting(name, group, part)
     parts = tuple([tried(made, part) for part in parts])
     if kind is MomentumTerms:
         parts = tuple([with_fields(part, kind=kind_of(made, part)) for part in parts])
     return with_fields(made, parts=parts)
+
+
+def _require_fitting(name: str, group: Any, part: BoundTerm) -> None:
+    """Raise InvalidInput for the energy of a body of another dimension than its sites."""
+    one = getattr(part.term, "energy_of_one", None)
+    base = group.powers[part.of[0]].base if part.of else group.base
+    shape = None if one is None else one._shape("mu", "Vec")
+    if shape not in (None, (base.dim,)):
+        raise InvalidInput(
+            f"{name}: {one!r} takes vectors of {shape[0]} components; those of {base!r} have {base.dim}"
+        )
 
 
 def _require_kind(name: str, kind: Any, part: BoundTerm) -> None:

@@ -133,6 +133,13 @@ class System(Record):
         """The state after a displacement tau(omega)."""
         raise undefined(self, "displaced")
 
+    def _reached(self, **parts: Any) -> Any:
+        """The state with the parts to which a run has come: one to begin with, unless there are
+        methods that leave where motions begin.
+        """
+        own: Any = self
+        return own.state(**parts)
+
     @property
     def unit_blocks(self) -> tuple[int, ...]:
         """How many components of the velocity in a row share a physical unit: by default those of

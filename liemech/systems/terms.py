@@ -5,6 +5,7 @@ H = sum over terms, sum over edges (a, b, ...) of  term.energy(a, b, ...)
 
 from __future__ import annotations
 
+import difflib
 import functools
 import inspect
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -15,11 +16,13 @@ from ..errors import InvalidInput, InvalidType, undefined
 from ..formulas import (
     Record,
     Vec,
+    check_finite,
     gradient,
     record,
     vec,
 )
 from ..formulas.derived import derived
+from ..formulas.fields import FrozenDict
 from ..formulas.of_each import Each
 from ..formulas.pytree import with_fields
 from ..formulas.signatures import bare
@@ -27,6 +30,9 @@ from ..formulas.vectors import small
 from .graphs import EachSite, Graph
 from .hamiltonian import Hamiltonian
 from .potential import Force, Potential
+
+NEARLY = 0.7
+"""A parameter of sites whose name is so much like `held` is a slip."""
 
 SAMPLES = 64
 """Edges at which a term is tried with its arguments in another order."""
@@ -122,21 +128,54 @@ class Term(Record, StandsForAnEnergy):
 
         return -gradient(moved, vec(*[0.0 for _ in range(group.dim)]))
 
-    def over(self, graph: Any) -> Over:
-        """The sum of the term over the edges of a graph, such as `neighbours.ring(100)`."""
-        if not isinstance(graph, Graph):
-            raise InvalidType(
-                f"{type(self).__name__}.over: a graph, such as neighbours.ring(100); got {graph!r}"
-            )
-        return Over(self, graph)
+    def slopes(self, *sites: Any) -> tuple[Vec, ...]:
+        """The derivatives by the momenta of all sites of the edge."""
+        return tuple([self.slope(k, *sites) for k in range(len(sites))])
+
+    def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
+        """The forces on all sites of the edge: to be written where they have more in common than their
+        energy.
+        """
+        return tuple([self.force(group, k, *sites) for k in range(len(sites))])
+
+    def over(self, graph: Any = None, of: Any = None) -> Over:
+        """The sum of the term over the edges of a graph, such as `neighbours.ring(100)`; of no graph
+        over sites.
+
+        of : where sites are of several species, that of the ends of an edge, or those: 0, or (0, 1).
+        """
+        name = type(self).__name__
+        if graph is not None and not isinstance(graph, Graph):
+            raise InvalidType(f"{name}.over: a graph, such as neighbours.ring(100); got {graph!r}")
+        if graph is None:
+            _require_one(f"{name}.over", self)
+        graph = EachSite() if graph is None else graph
+        return Over(self, graph, _species(f"{name}.over", graph, of))
+
+
+def _species(name: str, graph: Graph, of: Any) -> tuple[int, ...]:
+    """The species of the ends of an edge; () if nothing is said."""
+    if of is None:
+        return ()
+    given = of if isinstance(of, (tuple, list)) else (of,) * graph.arity
+    if len(given) != graph.arity or not all(type(k) is int and k >= 0 for k in given):
+        raise InvalidInput(
+            f"{name}: of is the number of a species, from 0, or one for each of the {graph.arity} "
+            f"sites of an edge of {graph!r}; got {of!r}"
+        )
+    return tuple(given)
 
 
 @record
 class Over(Record, StandsForAnEnergy):
-    """A term and the graph over whose edges it is summed."""
+    """A term and the graph over whose edges it is summed.
+
+    of : the species of the ends of an edge; (): there is one only.
+    """
 
     term: Term
     graph: Graph
+    of: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -155,11 +194,12 @@ class Over(Record, StandsForAnEnergy):
         return None if names is None else len(names)
 
     def __repr__(self) -> str:
-        return (
-            repr(self.term)
-            if isinstance(self.graph, EachSite)
-            else f"{self.term!r}.over({self.graph!r})"
-        )
+        which = self.of[0] if len({*self.of}) == 1 else self.of
+        given = [
+            *[repr(self.graph)] * (not isinstance(self.graph, EachSite)),
+            *[f"of={which}"] * bool(self.of),
+        ]
+        return f"{self.term!r}.over({', '.join(given)})" if given else repr(self.term)
 
 
 def is_a_force(cls: Any) -> bool:
@@ -244,21 +284,23 @@ class Terms(Record, StandsForAnEnergy):
 
     terms : terms over graphs, `Exchange(1.0).over(neighbours.ring(100))`; without `over` a term is
     one of every site.
-    own : parameters of the sites by name, numbers for all or `each(values)`: with `mass=each(m)`
+    own : parameters of the sites by name (none that is nearly "held"), numbers for all or `each(values)`: with `mass=each(m)`
     formulas read `a.mass`.
     held : the numbers of sites that do not move: no slope and no force is theirs, others feel them.
+    Where sites are of several species, own and held may be told of each, mass={0: each(m), 1: 18.0},
+    held={1: [0, 5]}.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
 
     terms: tuple[Any, ...]
     own: dict[str, Any]
-    held: tuple[int, ...] = ()
+    held: tuple[Any, ...] = ()
 
     def __init__(self, *terms: Any, held: Any = (), **own: Any) -> None:
         object.__setattr__(self, "terms", tuple([_over(term) for term in terms]))
-        object.__setattr__(self, "own", {name: _parameter(name, x) for name, x in own.items()})
-        object.__setattr__(self, "held", tuple(sorted({*map(int, np.atleast_1d(held))})))
+        object.__setattr__(self, "own", {name: _parameters(name, x) for name, x in own.items()})
+        object.__setattr__(self, "held", _held(held))
         self.__post_init__()
 
     def __post_init__(self) -> None:
@@ -268,7 +310,7 @@ class Terms(Record, StandsForAnEnergy):
 
     def __repr__(self) -> str:
         own = [f"{name}={value!r}" for name, value in self.own.items()]
-        held = [f"held={list(self.held)}"] if self.held else []
+        held = [f"held={_shown(self.held)}"] if self.held else []
         return f"Terms({', '.join([*map(repr, self.terms), *own, *held])})"
 
     @property
@@ -286,12 +328,7 @@ def _over(term: Any) -> Over:
     if isinstance(term, Over):
         return term
     if isinstance(term, Term):
-        takes = _arguments(type(term))
-        if takes is not None and len(takes) != 1:
-            raise InvalidInput(
-                f"Terms: {type(term).__name__}.energy takes ({', '.join(takes)}): say over which "
-                f"edges it is summed, {type(term).__name__}(...).over(neighbours.ring(100))"
-            )
+        _require_one("Terms", term)
         return Over(term, EachSite())
     cure = "; write it with brackets" if isinstance(term, type) else ""
     raise InvalidType(
@@ -299,14 +336,64 @@ def _over(term: Any) -> Over:
     )
 
 
+def _require_one(name: str, term: Term) -> None:
+    """Raise InvalidInput for a term of several sites without a graph."""
+    takes = _arguments(type(term))
+    if takes is not None and len(takes) != 1:
+        raise InvalidInput(
+            f"{name}: {type(term).__name__}.energy takes ({', '.join(takes)}): say over which "
+            f"edges it is summed, {type(term).__name__}(...).over(neighbours.ring(100))"
+        )
+
+
+def _held(held: Any) -> tuple[Any, ...]:
+    """Numbers of sites, in rising order; of several species pairs of a species and a number."""
+    if isinstance(held, dict):
+        return tuple(sorted({(int(k), i) for k, some in held.items() for i in _held(some)}))
+    found = np.atleast_1d(np.asarray(held))
+    whole = found.dtype.kind in "iu" or (found.dtype.kind == "f" and (found == found // 1.0).all())
+    if found.ndim != 1 or not whole:
+        raise InvalidInput(
+            f"Terms: held is the numbers of sites, [0, 5], or those of species, {{1: [0, 5]}}; got "
+            f"{held!r}"
+        )
+    return tuple(sorted({*map(int, found)}))
+
+
+def _shown(held: tuple[Any, ...]) -> str:
+    """As it was given."""
+    if not isinstance(held[0], tuple):
+        return str([*held])
+    return str({k: [i for j, i in held if j == k] for k, _ in held})
+
+
+def _parameters(name: str, value: Any) -> Any:
+    """One for all, or by species."""
+    if not isinstance(value, dict):
+        return _parameter(name, value)
+    wrong = [k for k in value if type(k) is not int or k < 0]
+    if wrong:
+        raise InvalidInput(
+            f"{name}: its values are told by the numbers of species, from 0; got {wrong[0]!r}"
+        )
+    return FrozenDict({k: _parameter(name, x) for k, x in value.items()})
+
+
 def _parameter(name: str, value: Any) -> Any:
     if name in ("mu", "g", "xi", "t"):
         raise InvalidInput(
             f"Terms: {name} is no parameter of a site, but where it is; name it otherwise"
         )
+    if difflib.get_close_matches(name, ["held"], 1, NEARLY):
+        raise InvalidInput(
+            f"Terms: {name}: did you mean held? A parameter of the sites needs a name that is less like it"
+        )
     if isinstance(value, Each):
         return value
-    found = small(np.asarray(value))
+    array = np.asarray(value)
+    if array.dtype.kind in "fc" and not np.isfinite(array).all():
+        check_finite(array, f"Terms: {name}")
+    found = small(array)
     if isinstance(found, (int, float)) and not isinstance(found, bool):
         return float(found)
     if isinstance(found, Record) or not hasattr(found, "axes"):

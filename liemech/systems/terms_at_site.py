@@ -13,8 +13,10 @@ from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, inside, with_fields
 from ..formulas.sites import SiteArray, SiteTable, meet, own
 from ..groups.lie_group import LieGroup
+from ..groups.one_of import filled
+from .among import Among, Species, is_all_pairs, is_near
 from .bound_terms import BoundTerm
-from .graphs import AllPairs, Incidence, Lattice, Within
+from .graphs import Incidence, Lattice, Within
 from .hamiltonian import Hamiltonian
 from .potential import Force, Potential
 from .terms import Term, site_class
@@ -90,7 +92,8 @@ class RoleAtSite(Record):
     term : with `EachOfEdges` for parameters of edges.  others : for every other place of the energy
     the sites that stand there; none of them: it is tied to all others.  counts : how many edges each
     site has; None: as many as the tables have rows.  near : the graph of pairs within a cutoff, of
-    which a run may make lists.
+    which a run may make lists.  of : the species of the ends; (): there is one only.  reach : the
+    first of the sites of the other end and the one behind the last, where it is tied to all of these.
     """
 
     term: Term
@@ -99,16 +102,34 @@ class RoleAtSite(Record):
     alone: bool
     others: tuple[SiteTable, ...] = ()
     counts: SiteArray | None = None
-    near: Within | None = None
+    near: Within | Among | None = None
+    of: tuple[int, ...] = ()
+    reach: tuple[float, float] | None = None
 
     @classmethod
-    def of(cls, part: BoundTerm, role: int) -> RoleAtSite:
+    def made(cls, part: BoundTerm, role: int) -> RoleAtSite:
         """That of a term on a graph."""
         alone = part.graph.arity == 1
-        if isinstance(part.graph, AllPairs) and not inside(part.term, Each) and part.merged:
-            near = with_fields(part.graph, count=None) if isinstance(part.graph, Within) else None
-            return cls(part.term, role, True, False, near=near)
-        incidence = part.incidence(role)
+        graph: Any = part.graph
+        if part.in_rounds:
+            return cls(part.term, role, True, False, near=graph.open() if is_near(graph) else None)
+        several = part.merged or len({*part.of}) > 1
+        if part.of and is_all_pairs(graph) and several and not inside(part.term, Each):
+            near, reach = graph.open() if is_near(graph) else None, graph.range_of(1 - role)
+            return cls(part.term, role, part.merged, False, near=near, of=part.of, reach=reach)
+        fixed = isinstance(part.graph, Lattice)
+        return cls.of_incidence(part, role, part.incidence(role), alone, fixed)
+
+    @classmethod
+    def of_incidence(
+        cls,
+        part: BoundTerm,
+        role: int,
+        incidence: Incidence,
+        alone: bool = False,
+        fixed: bool = True,
+    ) -> RoleAtSite:
+        """That of a term with these edges at each site.  fixed : is their number known to formulas?"""
         edges = incidence.edges
 
         def of_edges(each: Each) -> EachOfEdges:
@@ -118,8 +139,7 @@ class RoleAtSite(Record):
             )
 
         term = exchanged(part.term, Each, [of_edges(one) for one in inside(part.term, Each)])
-        fixed = isinstance(part.graph, Lattice)
-        made = cls(term, role, part.merged, alone)
+        made = cls(term, role, part.merged, alone, of=part.of)
         return made if alone else made.with_tables(incidence, fixed)
 
     def with_tables(self, incidence: Incidence, fixed: bool = False) -> RoleAtSite:
@@ -130,15 +150,33 @@ class RoleAtSite(Record):
         known = None if same else SiteArray.of(counts.astype(float))
         return with_fields(self, others=tables, counts=known)
 
-    def added(self, total: Any, me: Any, meeting: Any, seen: Any, formula: Any) -> Any:
+    def added(
+        self,
+        total: Any,
+        me: Any,
+        meeting: Any,
+        seen: Any,
+        formula: Any,
+        of_both: Any,
+        mine: Any = None,
+    ) -> Any:
         """A number or a vector, and the values of a formula(term, sites) for all edges at this site.
 
-        meeting : the others.  seen : makes of what a site publishes what terms see of it.
+        of_both : gives of a pair the values for both of its sites.  meeting : the others.  seen : makes
+        of what a site publishes what terms see of it.  mine : the number of this site, if it is in the
+        reach.
         """
         if self.alone:
             return total + formula(self.at_edge(0), [me])
         if len(self.others) == 0:
-            return meeting.all(lambda b, j: formula(self.term, self.ends(me, [seen(b)])), total)
+            if self.reach is not None:
+                return meeting.some(
+                    lambda b, j: formula(self.term, self.ends(me, [seen(b)])),
+                    total,
+                    self.reach,
+                    mine,
+                )
+            return meeting.pairs(lambda a, b: of_both(self.term, [seen(a), seen(b)]), total)
         first, more = self.others[0], self.others[1:]
 
         def of_edge(b: Any, d: Any) -> Any:
@@ -175,27 +213,31 @@ class TermsOfSite(Record):
     """Terms as one site has them, which asks the others for what it needs; abstract.
 
     roles : the terms, and the places in their energies.  names, own : parameters of the site.
-    moves : 1 for sites that move, 0 for those that are held; None: all move.
+    moves : 1 for sites that move, 0 for those that are held; None: all move.  species : those of the
+    sites, if there are several.
     """
 
     roles: tuple[RoleAtSite, ...]
     names: tuple[str, ...] = ()
     own: tuple[Any, ...] = ()
     moves: SiteArray | None = None
+    species: Species | None = None
 
     @cached_property
     def site(self) -> Any:
         """A site of which nothing is known."""
         return site_class(self.names)()
 
-    def added(self, total: Any, mu: Any, g: Any, xi: Any, formula: Any, first: bool = False) -> Any:
-        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
-        role by role.  first : of those where it is the first of the sites.
+    def met(
+        self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None
+    ) -> tuple[Any, Any, Any]:
+        """This site, the meeting with the others (None if it is alone), and what makes of what a site
+        publishes there what terms see of it.  roles : those that count; None: all.
         """
-        own = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
-        me = type(self.site)(mu, g, xi, *own)
-        alone = all(role.alone for role in self.roles)
-        varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(own, self.own)]
+        mine = [x.here() if isinstance(x, OwnOfSites) else x for x in self.own]
+        me = type(self.site)(mu, g, xi, *mine)
+        alone = all(role.alone for role in (self.roles if roles is None else roles))
+        varied = [x if isinstance(y, OwnOfSites) else None for x, y in zip(mine, self.own)]
         meeting = None if alone else meet(type(self.site)(mu, g, xi, *varied))
 
         def seen(published: Any) -> Any:
@@ -205,15 +247,47 @@ class TermsOfSite(Record):
             ]
             return type(self.site)(published.mu, published.g, published.xi, *theirs)
 
-        for one in [role for role in self.roles if not first or role.role == 0]:
-            total = one.added(
-                total,
-                me,
-                meeting,
-                seen,
-                lambda term, sites, role=one: formula(role, term, sites),
-            )
+        return me, meeting, seen
+
+    def added(
+        self,
+        total: Any,
+        mu: Any,
+        g: Any,
+        xi: Any,
+        formula: Any,
+        of_both: Any,
+        roles: Any = None,
+    ) -> Any:
+        """A number or a vector, and what a formula(role, term, sites) makes of the edges at this site,
+        role by role; of_both(term, sites) is of both sites of a pair.  roles : those that count;
+        None: all.
+        """
+        me, meeting, seen = self.met(mu, g, xi, roles)
+        species = self.species
+        for one in self.roles if roles is None else roles:
+            if species is None or own(species.which) == one.of[one.role]:
+                mine = own(species.numbers) if one.merged and species is not None else None
+                total = one.added(
+                    total, me, meeting, seen, self._formula(one, total, formula), of_both, mine
+                )
         return total
+
+    def _formula(self, role: RoleAtSite, total: Any, formula: Any) -> Any:
+        """A formula(role, term, sites) for terms that see sites of their species."""
+        species = self.species
+        if species is None:
+            return lambda term, sites: formula(role, term, sites)
+
+        def of_species(term: Any, sites: list[Any]) -> Any:
+            found = formula(role, term, [species.seen(k, x) for k, x in zip(role.of, sites)])
+            return filled(found, len(total)) if isinstance(total, vectors.Vec) else found
+
+        return of_species
+
+    def group_of(self, role: RoleAtSite, group: LieGroup) -> LieGroup:
+        """The group of the site that stands in a role."""
+        return group if self.species is None else self.species.groups[role.of[role.role]]
 
     def share(self, mu: Any, g: Any) -> float:
         """The part of this site in the energy, whose sum over all sites is the whole: of every edge
@@ -224,7 +298,12 @@ class TermsOfSite(Record):
             energy = term.energy(*sites)
             return 0.5 * energy if role.merged else energy
 
-        return self.added(0.0, mu, g, None, part, first=True)
+        def halves(term: Any, sites: list[Any]) -> tuple[float, float]:
+            energy = 0.5 * term.energy(*sites)
+            return energy, energy
+
+        first = [role for role in self.roles if role.role == 0]
+        return self.added(0.0, mu, g, None, part, halves, first)
 
     def if_it_moves(self, x: Vec) -> Vec:
         """A velocity or a force; zero at sites that are held."""
@@ -241,6 +320,11 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
 
+    @property
+    def coupled(self) -> bool:  # type: ignore[override]
+        """Is there a term of several sites?"""
+        return not all([role.alone for role in self.roles])  # noqa: C419
+
     def energy(self, mu: Vec) -> float:
         """The share of this site.  mu : (dim,), its momentum."""
         return self.share(mu, None)
@@ -249,7 +333,12 @@ class HamiltonianOfSite(TermsOfSite, Hamiltonian):
         """The velocity of this site.  mu : (dim,), its momentum."""
         zero = vec(*[0.0 for _ in mu])
         slope = self.added(
-            zero, mu, None, None, lambda one, term, sites: term.slope(one.role, *sites)
+            zero,
+            mu,
+            None,
+            None,
+            lambda one, term, sites: term.slope(one.role, *sites),
+            lambda term, sites: term.slopes(*sites),
         )
         return self.if_it_moves(slope)
 
@@ -267,9 +356,28 @@ class PotentialOfSite(TermsOfSite, Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The force on this site.  g : its element."""
+        return self._forces(group, g, None)
+
+    def force_of(self, group: LieGroup, g: Element, k: int) -> Vec:
+        """That of term number k alone."""
+        found: list[RoleAtSite] = []
+        number = -1
+        for role in self.roles:
+            number = number + (1 if role.role == 0 else 0)
+            if number == k:
+                found = [*found, role]
+        return self._forces(group, g, found)
+
+    def _forces(self, group: LieGroup, g: Element, roles: Any) -> Vec:
         zero = vec(*[0.0 for _ in range(group.dim)])
         force = self.added(
-            zero, None, g, None, lambda one, term, sites: term.force(group, one.role, *sites)
+            zero,
+            None,
+            g,
+            None,
+            lambda one, term, sites: term.force(self.group_of(one, group), one.role, *sites),
+            lambda term, sites: term.forces(group, *sites),
+            roles,
         )
         return self.if_it_moves(force)
 
@@ -284,5 +392,12 @@ class ForceOfSite(TermsOfSite, Force):
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The force on this site.  xi : (dim,), its velocity, g : its element."""
         zero = vec(*[0.0 for _ in xi])
-        force = self.added(zero, None, g, xi, lambda one, term, sites: term.covector(t, *sites))
+        force = self.added(
+            zero,
+            None,
+            g,
+            xi,
+            lambda one, term, sites: term.covector(t, *sites),
+            lambda term, sites: (term.covector(t, *sites), term.covector(t, *sites[::-1])),
+        )
         return self.if_it_moves(force)

@@ -15,9 +15,11 @@ from ..formulas import Record, Vec, record
 from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, inside
 from ..groups.lie_group import LieGroup
+from ..groups.one_of import filled, width_of
 from ..groups.product import shaped
+from .among import Species, is_near, places_of_sites
 from .bound_terms import BoundTerm
-from .graphs import AllPairs, Within, places_of
+from .graphs import AllPairs
 from .near_pairs import NearPairs
 from .terms import Term, site_class
 from .terms_at_site import in_shape
@@ -31,8 +33,9 @@ class OfEdge(Record):
     """A term as a function of the numbers of one edge: of every end the momentum or the element and
     its own parameters, then the parameters of the edge.
 
-    role : the place in the energy by which derivatives are taken.  in_momenta : is it a function of
-    momenta?
+    base : the group of a site.  role : the place in the energy by which derivatives are taken.
+    in_momenta : is it a function of momenta?  species : those of sites, if there are several, and of :
+    the species of the ends.
     """
 
     term: Term
@@ -42,13 +45,15 @@ class OfEdge(Record):
     in_momenta: bool
     names: tuple[str, ...]
     own: tuple[Any, ...]
+    species: Species | None = None
+    of: tuple[int, ...] = ()
 
     @property
     def width(self) -> int:
         """How many numbers tell where a site is."""
         if self.in_momenta:
             return self.base.dim
-        return math.prod(self.base.element_shape) * (2 if self.base.is_complex else 1)
+        return width_of(self.base)
 
     @cached_property
     def site(self) -> Any:
@@ -70,6 +75,8 @@ class OfEdge(Record):
                     own = [*own, x]
             mu, g = (there, None) if self.in_momenta else (None, shaped(self.base, there))
             found = [*found, type(self.site)(mu, g, None, *own)]
+        if self.species is not None:
+            found = [self.species.seen(k, site) for k, site in zip(self.of, found)]
         values: list[Any] = []
         for each in inside(self.term, Each):
             values = [*values, _taken(numbers, at, each.shape)]
@@ -85,8 +92,9 @@ class OfEdge(Record):
         """The derivative by the momentum of the site, or the force on it.  numbers : (n,)."""
         term, sites = self.sites(numbers)
         if self.in_momenta:
-            return term.slope(self.role, *sites)
-        return term.force(self.base, self.role, *sites)
+            return filled(term.slope(self.role, *sites), self.base.dim)
+        group = self.base if self.species is None else self.species.groups[self.of[self.role]]
+        return filled(term.force(group, self.role, *sites), self.base.dim)
 
 
 def _taken(numbers: Any, at: int, shape: tuple[int, ...]) -> Any:
@@ -122,7 +130,7 @@ def slopes_of(terms: Any, states: np.ndarray, in_momenta: bool) -> np.ndarray:
 
 def _of_edge(terms: Any, part: BoundTerm, role: int, in_momenta: bool) -> OfEdge:
     given = part.term, terms.group.base, part.graph.arity, role, in_momenta
-    return OfEdge(*given, terms.names, terms.own)
+    return OfEdge(*given, terms.names, terms.own, terms.species, part.of)
 
 
 def _rows(of_edge: OfEdge, states: np.ndarray, ends: np.ndarray, numbers: Any) -> np.ndarray:
@@ -148,12 +156,11 @@ def _blocks(
 ) -> Iterator[tuple[slice, np.ndarray, Any]]:
     """Some samples and some edges at a time: the samples, the ends of the edges, and their numbers."""
     graph, samples = part.graph, len(states)
-    if isinstance(graph, Within) and isinstance(part.term, NearPairs):
+    if is_near(graph) and isinstance(part.term, NearPairs):
+        near: Any = graph
         for i, one in enumerate(states):
-            ends = graph.pairs(
-                places_of(terms.group.base, one.reshape(len(one), *terms.group.base.element_shape)),
-                graph.cutoff,
-            )
+            g = one.reshape(len(one), *terms.group.base.element_shape)
+            ends = near.pairs(places_of_sites(terms.group, g), near.cutoff)
             for first in range(0, len(ends), ROWS):
                 yield slice(i, i + 1), ends[first : first + ROWS], None
         return

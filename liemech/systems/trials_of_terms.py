@@ -10,8 +10,9 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas.of_each import Each
-from ..formulas.pytree import inside, with_fields
+from ..formulas.pytree import inside, names_of, with_fields
 from ..formulas.vectors import small
+from .among import has_places, places_of_sites
 from .bound_terms import BoundTerm
 from .graphs import require_no_duplicates
 from .hamiltonian import Hamiltonian
@@ -63,8 +64,8 @@ def tried(terms: Any, part: BoundTerm) -> BoundTerm:
             except Exception:  # a formula may fail anywhere but where it is meant to be used
                 continue
         if force and pairs:
-            _require_size(terms, name, pairs[0][0])
-        if force or len(ends) != 2 or not pairs:
+            _require_size(terms.group.base_of(ends[0]), name, pairs[0][0])
+        if force or len(ends) != 2 or not pairs or len({*part.of}) > 1:
             continue
         found = True
         size = max(max(abs(a), abs(b)) for a, b in pairs)
@@ -88,18 +89,27 @@ def tried(terms: Any, part: BoundTerm) -> BoundTerm:
 def require_apart(name: str, terms: Any, g: np.ndarray) -> None:
     """Raise InvalidInput for two sites in one place whose energy is not finite there, with the edge.
 
-    terms : the potential.  g : (sites, ...), or (members, sites, ...).
+    terms : the potential.  g : (sites, ...), or (members, sites, ...); of several species in a row.
     """
     group = terms.group
-    members = np.ascontiguousarray(g).reshape(-1, group.copies, *group.base.element_shape)
-    for member in members:
-        for i, j in _in_one_place(member.reshape(group.copies, -1)):
+    rows = np.asarray(group.in_a_row(np.asarray(g), "Element"))
+    for member in rows.reshape(-1, *group.element_shape):
+        for i, j in in_one_place(_places(group, member)):
             for part in terms.parts:
                 if part.graph.arity == 2 and part.graph.ties(i, j):
                     _require_finite(name, terms, part, member, (i, j))
 
 
-def _in_one_place(rows: np.ndarray) -> list[tuple[int, int]]:
+def _places(group: Any, member: np.ndarray) -> np.ndarray:
+    """Where all sites are, or their elements, (sites, n).  member : elements in a row."""
+    elements = group.by_site(member, "Element")
+    bases = {group.base_of(i) for i in group.examples}
+    if all(map(has_places, bases)):
+        return places_of_sites(group, elements)
+    return np.ascontiguousarray(elements).reshape(group.copies, -1)
+
+
+def in_one_place(rows: np.ndarray) -> list[tuple[int, int]]:
     """Some pairs of equal rows, told by the order of a number made of each."""
     weights = np.random.default_rng(3).uniform(0.5, 1.0, rows.shape[1])
     order = np.argsort(np.abs(rows @ weights), kind="stable")
@@ -108,9 +118,12 @@ def _in_one_place(rows: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _require_finite(
-    name: str, terms: Any, part: BoundTerm, g: np.ndarray, ends: tuple[int, int]
+    name: str, terms: Any, part: BoundTerm, row: np.ndarray, ends: tuple[int, int]
 ) -> None:
-    sites = [terms.site_with(i, None, small(np.asarray(g[i]))) for i in ends]
+    group = terms.group
+    order = ends if not part.of or group.species_of(ends[0]) == part.of[0] else ends[::-1]
+    g = [group.site(row, i) for i in order]
+    sites = [terms.site_with(i, None, small(np.asarray(x))) for i, x in zip(order, g)]
     try:
         energy = float(part.term.energy(*sites)) if not inside(part.term, Each) else 0.0
     except ArithmeticError:
@@ -119,8 +132,8 @@ def _require_finite(
         return
     if not np.isfinite(energy):
         raise InvalidInput(
-            f"{name}: sites {ends[0]} and {ends[1]} are in one place, and the energy of the edge "
-            f"{ends} of {part!r} is not finite there"
+            f"{name}: sites {group.named(order[0])} and {group.named(order[1])} are in one place, and "
+            f"the energy of the edge {order} of {part!r} is not finite there"
         )
 
 
@@ -130,11 +143,12 @@ def _values(part: BoundTerm, number: int, sites: list[Any], force: bool) -> tupl
     if force:
         found = term.covector(0.3, *sites)
         return found, found
-    return float(term.energy(*sites)), float(term.energy(*sites[::-1])) if len(sites) == 2 else 0.0
+    alike = len(sites) == 2 and len({*part.of}) < 2
+    return float(term.energy(*sites)), float(term.energy(*sites[::-1])) if alike else 0.0
 
 
 def _some_site(terms: Any, i: int, rng: np.random.Generator) -> Any:
-    base, site_with = terms.group.base, terms.site_with
+    base, site_with = terms.group.base_of(i), terms.site_with
     numbers = small(rng.uniform(0.5, 1.0, base.dim))
     if isinstance(terms, Hamiltonian):
         return site_with(i, numbers, None)
@@ -149,8 +163,10 @@ def _has(terms: Any) -> list[str]:
 
 def _require_parameters(terms: Any, term: str, error: AttributeError) -> None:
     if isinstance(error.obj, Site):
+        kinds: Any = type(error.obj), Site
+        own = [name for name in names_of(kinds[0]) if name not in names_of(kinds[1])]
         raise InvalidInput(
-            f"{term}: a site has no {error.name!r}; it has {', '.join([*_has(terms), *terms.names])}. "
+            f"{term}: a site has no {error.name!r}; it has {', '.join([*_has(terms), *own])}. "
             f"Parameters of sites are given by name, Terms(..., {error.name}=each(values))"
         ) from error
 
@@ -167,10 +183,10 @@ def _require_known(terms: Any, term: str, error: TypeError) -> None:
         ) from error
 
 
-def _require_size(terms: Any, term: str, force: Any) -> None:
-    dim = terms.group.base.dim
+def _require_size(group: Any, term: str, force: Any) -> None:
+    dim = group.dim
     if np.shape(force) != (dim,):
         raise InvalidInput(
-            f"{term}.covector gives the force on a site of {terms.group.base!r}, a vector of {dim} "
+            f"{term}.covector gives the force on a site of {group!r}, a vector of {dim} "
             f"components; got {force!r}"
         )

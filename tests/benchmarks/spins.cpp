@@ -99,3 +99,53 @@ extern "C" void spins(long n, int cubic, double *s, double h, long steps, const 
   if (cubic) run<true>(found, h, steps, shares, turns); else run<false>(found, h, steps, shares, turns);
   found.store(n, s);
 }
+
+// ------------------------------------------------------------------ bonds
+//
+// Turns of both ends of a bond about their sum, a' = a x c (a + b), c = -1, for bonds of one colour after the other; colour 2k and 2k + 1 are the even and the odd ones along axis k.  x, y, z apart, sites in their
+// order, even edges.  Along the last axis the ends lie side by side, along others in two rows.
+
+namespace {
+
+inline void turn_bond(double *__restrict x, double *__restrict y, double *__restrict z, long a, long b, double h) {
+  double u = -h * (x[a] + x[b]), v = -h * (y[a] + y[b]), w = -h * (z[a] + z[b]), s, c;
+  quick(u * u + v * v + w * w, s, c);
+  for (long k : {a, b}) {  // m + s (m x omega) + c (m x omega) x omega
+    double p = y[k] * w - z[k] * v, q = z[k] * u - x[k] * w, r = x[k] * v - y[k] * u;
+    x[k] += s * p + c * (q * w - r * v); y[k] += s * q + c * (r * u - p * w); z[k] += s * r + c * (p * v - q * u);
+  }
+}
+
+}  // namespace
+
+extern "C" void bonds(long n, int cubic, double *given, double h, long steps, const double *shares, const long *colours, long turns) {
+  long all = cubic ? n * n * n : n, axes = cubic ? 3 : 1;
+  std::vector<double> part[3];
+  for (int k = 0; k < 3; ++k) { part[k].resize(all); for (long i = 0; i < all; ++i) part[k][i] = given[3 * i + k]; }
+  double *x = part[0].data(), *y = part[1].data(), *z = part[2].data();
+  auto turn = [&](long colour, double time) {
+    long axis = colour / 2, odd = colour % 2, stride = 1;
+    for (long k = axis; k < axes - 1; ++k) stride *= n;
+    long outer = all / (n * stride);
+    for (long o = 0; o < outer; ++o) for (long j = odd; j < n; j += 2) {
+      if (stride == 1 && j == odd) {
+        double *X = x + o * n, *Y = y + o * n, *Z = z + o * n;
+        long inner = (n - odd) / 2;
+#pragma GCC ivdep
+        for (long i = 0; i < inner; ++i) turn_bond(X, Y, Z, odd + 2 * i, odd + 2 * i + 1, time);
+        if (odd) turn_bond(X, Y, Z, n - 1, 0, time);
+        break;
+      }
+      long a = (o * n + j) * stride, b = (o * n + (j + 1) % n) * stride;
+#pragma GCC ivdep
+      for (long i = 0; i < stride; ++i) turn_bond(x, y, z, a + i, b + i, time);
+    }
+  };
+  double left = 0.0;
+  for (long k = 0; k < steps; ++k) {
+    for (long i = 0; i < turns; ++i) turn(colours[i], (i == 0 ? left : 0.0) + shares[i] * h);
+    left = shares[turns] * h;
+  }
+  turn(colours[turns], left);
+  for (int k = 0; k < 3; ++k) for (long i = 0; i < all; ++i) given[3 * i + k] = part[k][i];
+}

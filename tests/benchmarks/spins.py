@@ -1,5 +1,4 @@
-"""Heisenberg spins on a ring and on cubic lattices: splittings against C++ loops of the same steps,
-and the time that methods take to an error.
+"""Heisenberg spins on a ring and on cubic lattices: splittings against C++ loops of the same steps.
 
     python tests/benchmarks/spins.py [--quick] [--large] [--out FILE]
 
@@ -25,7 +24,6 @@ from harness import table, write
 import liemech as lm
 
 SOURCE = Path(__file__).with_name("spins.cpp")
-ERROR, T = 1e-4, 2.0
 
 
 @lm.record
@@ -122,51 +120,13 @@ def pace(chosen: Any) -> dict[str, Any]:
     return kept
 
 
-def to_an_error(chosen: Any) -> dict[str, Any]:
-    """Seconds to an error of 1e-4 in every direction at T = 2, on the cubic lattice of 1000 spins."""
-    system, s = spins_of(lm.neighbours.cubic(10, 10, 10))
-    start = system.state(mu=s)
-
-    def prepared(method: Any, steps: int) -> Any:
-        plan = lm.Plan(system, method, h=T / steps, every=steps, progress=False)
-        return lambda: plan.run(start, steps=steps).mu[-1]
-
-    def run(method: Any, steps: int) -> np.ndarray:
-        found: np.ndarray = prepared(method, steps)()
-        return found
-
-    exact = run(lm.SublatticeSplitting(8), 400)
-    methods = [
-        *[lm.SublatticeSplitting(order) for order in (2, 4, 6, 8)],
-        *[lm.RKMK(order) for order in (4, 5, 8)],
-        lm.CommutatorFree(),
-    ]
-    kept: dict[str, Any] = {}
-    lines = []
-    for method in methods:
-        steps = 2
-        try:
-            while not np.abs(run(method, steps) - exact).max() < ERROR:
-                steps = int(1.15 * steps) + 1
-        except lm.errors.LiemechError as error:
-            print(f"  {method!r} does not run: {type(error).__name__}")
-            continue
-        ready = prepared(method, steps)
-        ready()
-        found = least({"run": ready}, 40)["run"]
-        kept[repr(method)] = {"steps": steps, "seconds": found}
-        lines.append([repr(method), steps, T / steps, 1e3 * found])
-    table(f"to an error of {ERROR:g} at T = {T:g}, cubic 10^3", ["", "steps", "h", "ms"], lines)
-    return kept
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--large", action="store_true", help="10^6 spins too")
     parser.add_argument("--out")
     chosen = parser.parse_args()
-    kept = {"pace": pace(chosen), "to an error": to_an_error(chosen)}
+    kept = {"pace": pace(chosen)}
     if chosen.out:
         write(chosen.out, kept)
 

@@ -14,7 +14,7 @@ from liemech.simulation.equal import StraightRun
 from liemech.simulation.options import Options
 from liemech.simulation.plan import Plan
 from liemech.simulation.prepared import Steps
-from liemech.simulation.short_steps import LONGEST, advanced, place_of
+from liemech.simulation.short import LONGEST, advanced, place_of
 
 
 class Native:

@@ -1,19 +1,28 @@
-"""A drop of rigid water beside LAMMPS: how much the energy fluctuates, and what a picosecond costs.
+"""A drop of rigid water beside LAMMPS: how much the energy fluctuates, and what a picosecond costs; and
+pair sums of water and of gravity in C++, made in four ways, beside a step of ours with one force.
 
-    python tests/benchmarks/water.py [--side 6] [--picoseconds 2] [--out water.json]
+    python tests/benchmarks/water.py [--side 6] [--picoseconds 2] [--pairs] [--out water.json]
 
 side^3 SPC molecules in open space, all pairs; both begin in the same state, after a warm-up.
-Without the package `lammps` (with RIGID) its rows are missing.
+Without the package `lammps` (with RIGID) its rows are missing, without g++ the pair sums.  --pairs : these
+alone.
 """
 
 import argparse
+import ctypes
 import importlib
 import importlib.util
 import json
+import os
+import shutil
+import subprocess
+import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import gravity
 import harness
 import numpy as np
 
@@ -24,6 +33,9 @@ SPACING = 3.104  # A, of water at 1 g/cm^3
 EV = 9648.533212  # u A^2/ps^2
 SPC = lm.models.SPC()
 SAMPLES = 200
+SOURCE = Path(__file__).with_suffix(".cpp")
+WAYS = "plain", "both ends", "once", "stored"
+"""Of making pair sums, in `water.cpp`."""
 
 
 def drop(side: int, kelvin: float = 300.0) -> tuple[Any, Any]:
@@ -133,9 +145,52 @@ def theirs(lammps: Any, system: Any, start: Any, h: float, picoseconds: float) -
     return [spent / picoseconds, fluctuation(found), trend(found, picoseconds), found[0]]
 
 
-def call_ints(values: np.ndarray) -> Any:
-    import ctypes
+def pair_sums(side: int, rounds: int) -> list[list[Any]]:
+    """Nanoseconds a pair of the ways of C++, and of a step of ours with one force."""
+    compiler = os.environ.get("CXX") or shutil.which("g++")
+    if not compiler:
+        return []
+    library = Path(tempfile.mkdtemp()) / "pairs.so"
+    flags = (*gravity.FLAGS, "-ffp-contract=off")
+    subprocess.run([compiler, *flags, str(SOURCE), "-o", str(library)], check=True)
+    call = ctypes.CDLL(str(library)).pairs
+    array = np.ctypeslib.ndpointer(np.float64, flags="C")
+    c, n = ctypes.c_long, ctypes.c_int
+    call.argtypes = [n, n, c, array, array, c, array]
+    constants = np.array([SPC.coulomb * SPC.hydrogen**2, SPC.attraction, SPC.repulsion])
+    system, start = drop(side)
+    g = np.asarray(start.g)
+    atoms = g[:, None, :3, 3] + np.einsum("nij,aj->nai", g[:, :3, :3], np.array(SPC.atoms))
+    plan = lm.Plan(system, lm.KickDrift(), h=1e-6, every=10**9, progress=False)
+    m, q, v = gravity.swarm(side**3)
+    masses = gravity.ours(m, q, v, lm.StormerVerlet(), 1e-6)
+    cases: list[tuple[str, np.ndarray, int, Callable[[int], Any]]] = [
+        ("water", atoms.reshape(-1, 9), 9, lambda steps: plan.run(start, steps=steps)),
+        ("gravity", np.column_stack([q, m]), 3, masses),
+    ]
+    rows = []
+    for name, x, width, step in cases:
+        given = np.ascontiguousarray(x)
 
+        def way(k: int, given: np.ndarray = given, width: int = width, name: str = name) -> Any:
+            f = np.zeros((len(given), width))
+            return lambda times: call(name == "water", k, len(given), given, f, times, constants)
+
+        runs = {title: way(k) for k, title in enumerate(WAYS)} | {"liemech": step}
+        pairs = len(x) * (len(x) - 1) / 2
+        found = {title: 1e3 * us / pairs for title, us in gravity.least(runs, rounds).items()}
+        rows.append(
+            [
+                name,
+                *found.values(),
+                found["liemech"] / found["plain"],
+                found["liemech"] / found["once"],
+            ]
+        )
+    return rows
+
+
+def call_ints(values: np.ndarray) -> Any:
     return (ctypes.c_int * len(values))(*values.tolist())
 
 
@@ -146,10 +201,16 @@ def main() -> None:
     parser.add_argument("--side", type=int, default=6, help="molecules along a side of the lattice")
     parser.add_argument("--picoseconds", type=float, default=2.0, help="how long")
     parser.add_argument("--out", type=Path, default=None, help="where the JSON goes")
-    parser.add_argument("--quick", action="store_true", help="eight molecules: does it run?")
+    parser.add_argument("--pairs", action="store_true", help="pair sums alone")
+    parser.add_argument("--quick", action="store_true", help="27 molecules: does it run?")
     options = parser.parse_args()
     if options.quick:
-        options.side, options.picoseconds = 2, 0.02
+        options.side, options.picoseconds = 3, 0.02
+    sums = pair_sums(options.side, 1 if options.quick else 5)
+    columns = ["C++: ", *WAYS, "liemech", "over plain", "over once"]
+    harness.table("pair sums, ns a pair", columns, sums)
+    if options.pairs:
+        return
     system, start = drop(options.side)
     start = warmed(system, start)
     rows: list[list[Any]] = []
@@ -172,7 +233,7 @@ def main() -> None:
     columns = ["", "h, fs", "s/ps", "fluctuation, eV", "trend, eV/ps"]
     harness.table(f"{options.side**3} rigid SPC molecules", columns, shown)
     if options.out:
-        about = {"machine": harness.machine(), "rows": rows}
+        about = {"machine": harness.machine(), "pairs": sums, "rows": rows}
         options.out.write_text(json.dumps(about, indent=1) + "\n")
 
 

@@ -108,3 +108,14 @@ def test_a_load_keeps_no_bracket_and_no_method_is_blamed() -> None:
     report = lm.check_method(lm.LieVerlet(), system, start, compiled=False)
     found = {f.law: f.verdict for f in report.findings}
     assert found == {"order": "holds", "symmetric": "holds", "symplectic": "not seen"}
+
+
+@pytest.mark.parametrize(("begin", "length"), [(990.0, 20.0), (-30.0, 20.0), (0.0, 0.5)])
+def test_claims_are_observed_while_a_table_has_values(begin: float, length: float) -> None:
+    """Before, a table without a value at 0 was a bare ValueError, and a short one ended the check."""
+    t = np.linspace(begin, begin + length, 21)
+    torque = lm.PiecewisePolynomial.cubic(t, np.column_stack([np.sin(t), np.cos(t), 0.1 * t]))
+    system = replace(towed(0.0), load=Towed(torque, 0.1))
+    start = system.state([0.9, 0.7, -0.6], np.eye(3))
+    report = lm.check_method(lm.LieVerlet(), system, start)
+    assert report["order"].verdict == report["symmetric"].verdict == "holds"

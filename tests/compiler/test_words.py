@@ -29,10 +29,10 @@ class Derived(Base):
 
 def looking(*reads):
     """Words of these reads: holder, how, name."""
-    found = [words.word_of(holder, how, name, value) for holder, how, name, value in reads]
-    if None in found:
+    found = [words.words_of(*read) for read in reads]
+    if [] in found:
         pytest.skip("this interpreter shows no such words")
-    return words.Words(found)
+    return words.Words([word for own in found for word in own])
 
 
 @pytest.mark.parametrize(
@@ -75,8 +75,18 @@ def test_a_class_with_another_base_shows_it():
 
 
 def test_names_that_a_class_of_classes_keeps_are_compared_by_python():
-    assert words.word_of(Base, "attribute", "__name__", "Base") is None
-    assert words.word_of(Base, "attribute", "__dict__", None) is None
+    assert words.words_of(Base, "attribute", "__name__", "Base") == []
+    assert words.words_of(Base, "attribute", "__dict__", None) == []
+
+
+@pytest.mark.parametrize("name", ["factor", "len"])
+def test_a_module_shows_names_that_are_set_in_it_or_hide_those_of_python(name):
+    space = {"factor": 2.0, "__builtins__": __builtins__}
+    function = types.FunctionType(one.__code__, space)
+    seen = looking((function, "global", name, space.get(name, len)))
+    assert seen.same()
+    space[name] = 3.0
+    assert not seen.same()
 
 
 def test_a_class_that_counts_is_given_up_and_its_formulas_still_watched():
@@ -89,7 +99,7 @@ def test_a_class_that_counts_is_given_up_and_its_formulas_still_watched():
     for _ in range(3 * LOOKS):
         Counting.asked += 1
         assert guard.verdict((body,)) is True
-    assert guard.glance[0].same()  # there are none left
+    assert guard.glance[0].same()  # they are given up
     Counting.factor = 3.0
     assert guard.verdict((body,)) is False
 

@@ -308,6 +308,9 @@ def test_index_reduction_leaves_the_manifold_and_projection_does_not() -> None:
         run = plain(PENDULUM, lm.IndexReduction(lm.RKMK(order=4)), SWINGING, h, round(2 / h))
         ends.append(np.abs(np.asarray(PENDULUM.constraint(run.q))).max())
     assert np.log2(ends[0] / ends[1]) == pytest.approx(4.0, abs=0.7)
+    assert np.array_equal(run.last.q, run.q[-1])  # beside M, and no start
+    with pytest.raises(lm.errors.InvalidInput, match="not consistent"):
+        plain(PENDULUM, lm.RATTLE(), run.last, 0.1, 1)
     run = plain(PENDULUM, lm.IndexReduction(lm.RKMK(order=4), project=True), SWINGING, 0.05, 40)
     assert np.asarray(PENDULUM.defects(run.q, run.p)).max() <= 4.0 * EPS
 

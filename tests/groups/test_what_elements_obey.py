@@ -56,8 +56,14 @@ def test_all_laws_are_found(group: lm.MatrixLieGroup) -> None:
         assert np.abs(law).max() == pytest.approx(1.0, rel=1e-15)
     det = np.linalg.det(g[0])
     assert laws.determinant == (
-        "1" if abs(det - 1.0) < 1e-9 else "unit" if abs(abs(det) - 1.0) < 1e-9 else "any"
-    )
+        "1" if abs(det - 1.0) < 1e-9
+        else "unit" if abs(abs(det) - 1.0) < 1e-9
+        else "any" if np.iscomplexobj(g[0]) else "positive"
+    )  # fmt: skip
+    for v in laws.rays:
+        assert all(np.allclose(m @ v, (v @ m @ v) * v) and v @ m @ v > 0.0 for m in g)
+    for t in laws.cubic:
+        assert all(np.allclose(np.einsum("abc,ai,bj,ck", t, m, m, m), t, atol=1e-9) for m in g)
     assert laws.enough == (group in ENOUGH)
 
 
@@ -76,7 +82,7 @@ def test_formulas_and_arrays_measure_the_same(group: lm.MatrixLieGroup) -> None:
             off = scale * g + noise * rng.normal(size=g.shape)
             assert group.defect(off) == pytest.approx(worst(off), rel=1e-9, abs=1e-15)
             assert (group.objection(off) is None) == (worst(off) <= 1e-6)
-    if group.invariants.determinant == "any" and group.invariants.enough:
+    if group.invariants.determinant in ("any", "positive") and group.invariants.enough:
         assert group.defect(0.0 * g) == worst(0.0 * g) == 1.0
 
 

@@ -144,7 +144,7 @@ class Case:
     @property
     def needs(self) -> list[str]:
         """Which libraries its bits depend on."""
-        blas = self.way == "tangent"  # the maps of steps are multiplied by it
+        blas = self.way == "tangent"  # frames are inverted by it
         return ["libm"] * self.scene.libm + ["blas"] * blas
 
     def plan(self, compiled: bool) -> lm.Plan:

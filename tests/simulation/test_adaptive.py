@@ -5,6 +5,7 @@ they end early.
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -349,3 +350,18 @@ def test_a_default_tolerance_that_controls_no_digit_is_warned_of(unit, bodies):
         rest = body.state(0.0 * mu)
         lm.integrate(body, lm.RKMK(order=5), rest, t_end=1.0)
         assert len([w for w in caught if "atol" in str(w.message)]) == len(told)
+
+
+@pytest.mark.parametrize("many", [False, True])
+@pytest.mark.parametrize("options", [{"h": 0.1, "steps": 20}, {"t_end": 2.0}])
+def test_an_event_that_is_nan_is_named(options: dict[str, Any], many: bool) -> None:
+    """Its zeros would be lost without a word."""
+
+    def root_of_height(t: float, state: Any) -> float:
+        return float("nan") if t > 1.0 else 0.9 - t
+
+    start = BODY.state(np.tile(START.mu, (2, 1)), np.tile(np.eye(3), (2, 1, 1))) if many else START
+    with pytest.warns(RuntimeWarning, match="root_of_height was nan at t = 1"):
+        run = lm.integrate(BODY, DP5, start, events=root_of_height, **options)
+    times = [met[0] for met in (run.events[0] if many else run.events)]
+    assert all(np.allclose(found, [0.9], atol=1e-12) for found in times)

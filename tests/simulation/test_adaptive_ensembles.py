@@ -186,6 +186,20 @@ def test_a_body_that_fails_stands_at_its_last_accepted_state(compiled: bool, t_e
     assert np.array_equal(rest.mu[-1, 1], single.mu[-1]) and rest.stopped[1].steps == 40
 
 
+def test_a_body_that_fails_has_its_own_time_where_bodies_have() -> None:
+    """Where it stands no time goes by; bodies that share their times go on sharing them."""
+    kepler = lm.Kepler()
+    start = kepler.state(q=[[0.6, 0.0], [0.5, 0.0]], p=[[0.0, 1.4], [0.0, 0.0]])
+    plan, t = lm.Plan(kepler, METHOD, rtol=1e-4, progress=False), np.linspace(0.0, 2.0, 5)
+    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early: body 1"):
+        own = plan.run(start, t_end=[2.0, 2.0], t_eval=np.stack([t, t], axis=1))
+    assert np.array_equal(own.t[:, 0], t)
+    assert 0.3 < own.carry.t[1] < 0.4 and set(own.t[:, 1]) == {0.0, own.carry.t[1]}
+    with pytest.warns(RuntimeWarning, match="1 of 2 bodies stopped early: body 1"):
+        shared = plan.run(start, t_end=2.0, t_eval=t)
+    assert np.array_equal(shared.t, t) and np.array_equal(shared.q, own.q)
+
+
 @pytest.mark.parametrize("compiled", [True, False])
 def test_a_body_whose_step_becomes_too_small(compiled: bool, tmp_path: Path) -> None:
     """A planet falls into the sun: alone and beside others it fails at the same step."""

@@ -279,3 +279,59 @@ def test_threads_may_share_a_plan_and_a_run() -> None:
 
     with ThreadPoolExecutor(4) as pool:
         assert all(pool.map(look, range(8)))
+
+
+@pytest.mark.parametrize("method", [RKMK4, lm.KickDrift(order=4)], ids=["no memory", "a memory"])
+@pytest.mark.parametrize("bodies", [5, 16])
+def test_a_short_run_of_systems_of_their_own_is_the_run_in_pieces(
+    method: lm.Method, bodies: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tops = [
+        lm.models.HeavyTop([1.0, 1.5, 2.0], 1.0 + 0.1 * i, [0.0, 0.0, 0.5]) for i in range(bodies)
+    ]
+    plan = lm.Plan(tops, method, 0.05, every=2, compiled=True)
+    rng = np.random.default_rng(4)
+    start = tops[0].state(mu=rng.normal(size=(bodies, 3)), g=np.array([np.eye(3)] * bodies))
+    for _ in range(6):  # until the beginning of the method is native, too
+        plan.run(start, steps=4)
+    whole = StraightRun(plan, start, 0.0, 20, None, None).trajectory()
+    resumed = plan.resume(whole, steps=4)
+    monkeypatch.setattr(StraightRun, "trajectory", None)  # one native call, or nothing
+    short = plan.run(start, t_end=1.0)
+    assert np.array_equal(short.t, whole.t) and short.system == whole.system
+    for name, array in whole.states.items():
+        assert np.array_equal(short.states[name], array)
+    monkeypatch.undo()
+    assert np.array_equal(plan.resume(short, steps=4).g, resumed.g)
+
+
+def test_other_starts_of_systems_of_their_own_are_refused_as_ever() -> None:
+    systems = [body(0.1 * i) for i in range(4)]
+    plan = lm.Plan(systems, RKMK4, 0.1, compiled=True)
+    four = systems[0].state(mu=np.ones((4, 3)))
+    for _ in range(3):
+        plan.run(four, steps=4)
+    with pytest.raises(InvalidInput, match="4 systems for 5 bodies"):
+        plan.run(systems[0].state(mu=np.ones((5, 3))), steps=4)
+    with pytest.raises(InvalidInput, match="give steps or t_end"):
+        plan.run(four, steps=4, t_end=0.4)
+
+
+def test_a_run_between_two_others_keeps_its_numbers() -> None:
+    """Runs with adaptive steps write into memory that they share, one after the other."""
+    plan = lm.Plan(body(0.0), lm.RKMK(order=5), rtol=1e-9, compiled=True)
+    starts = [body(0.0).state(mu=mu, g=np.eye(3)) for mu in MOMENTA]
+    plan.run(starts[0], t_end=1.0)
+    first = plan.run(starts[0], t_end=10.0)
+    shown = first.mu.copy()
+    second = plan.run(starts[1], t_end=20.0)
+    assert np.array_equal(first.mu, shown) and not np.array_equal(second.mu[1], shown[1])
+    alone = lm.Plan(body(0.0), lm.RKMK(order=5), rtol=1e-9, compiled=False)
+    plain = [alone.run(start, t_end=t) for start, t in zip(starts, (10.0, 20.0), strict=True)]
+    for run, other in zip((first, second), plain, strict=True):
+        assert np.array_equal(run.mu, other.mu) and np.array_equal(run.t, other.t)
+        assert np.array_equal(run.at(0.123).g, other.at(0.123).g)
+        assert run.carry.t == other.carry.t and run.rejected == other.rejected
+    with ThreadPoolExecutor(4) as pool:
+        found = [*pool.map(lambda k: plan.run(starts[k % 2], t_end=10.0).mu[-1], range(64))]
+    assert all(np.array_equal(x, found[k % 2]) for k, x in enumerate(found))

@@ -62,3 +62,14 @@ def test_at_a_jump_of_the_velocity_they_have_one_value(compiled: bool) -> None:
     for each in (plans[0], *[plans[3]] * 4):  # native code has the events from the third run on
         runs = each.run(body.state(mu=[mu, mu]), t_end=1.7, t_eval=times)
         assert np.array_equal(runs.mu[:, 1], wanted)
+
+
+@BOTH
+def test_at_a_jump_of_the_velocity_where_the_run_ends(compiled: bool) -> None:
+    """The last step has one length, for samples at times as for those that `at` finds later."""
+    plan = lm.Plan(BODY, METHOD, rtol=1e-5, breaks=(2.0,), compiled=compiled)
+    whole = plan.run(START, t_end=2.0)
+    times = sorted([*np.linspace(whole.t[-2], 2.0, 20), np.nextafter(2.0, 0.0)])
+    run = plan.run(START, t_end=2.0, t_eval=times)
+    assert np.array_equal(whole.at(times).mu, run.mu) and run.t[-1] == whole.t[-1] == 2.0
+    assert np.array_equal(whole.mu[-1], run.mu[-1])

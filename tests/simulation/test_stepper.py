@@ -20,7 +20,7 @@ from liemech.errors import (
     InvalidInput,
     InvalidType,
 )
-from liemech.simulation import short_steps
+from liemech.simulation import short
 from liemech.simulation.stepper import InPlace
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
@@ -103,7 +103,7 @@ def test_native_code_takes_over_when_it_is_there(monkeypatch: pytest.MonkeyPatch
     stepper.step(2)
     plan.replace(compiled=True).run(start, steps=1)
     stepper.step(3)
-    monkeypatch.setattr(short_steps, "LONGEST", 1000)  # more steps than native code makes at once
+    monkeypatch.setattr(short, "LONGEST", 1000)  # more steps than native code makes at once
     stepper.refresh()
     stepper.step(4)
     stands(stepper, run, 9)

@@ -122,5 +122,18 @@ def test_what_is_no_parameter():
     with pytest.raises(errors.InvalidInput, match="adaptive ones are held fixed"):
         lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6).tangent(TURNING, t_end=1.0, by="h")
     powers = lm.Composition(lm.LiePoissonHamiltonJacobi(4, lm.Cayley()), order=6)
-    with pytest.raises(errors.IncompatibleSystem, match="in powers of h"):
-        lm.Plan(BODY, powers, h=0.1).tangent(TURNING, steps=1, by="h")
+    for method in (powers, lm.Taylor(order=6)):
+        with pytest.raises(errors.IncompatibleSystem, match="in powers of h"):
+            lm.Plan(BODY, method, h=0.1).tangent(TURNING, steps=1, by="h")
+
+
+@pytest.mark.parametrize("by", ["start", "h"])
+@pytest.mark.parametrize("kind", ["qP", "qQ", "pP"])
+def test_classical_hamilton_jacobi_methods_say_that_they_carry_no_derivative(
+    kind: str, by: str
+) -> None:
+    """Before, "'Dual' object is not subscriptable"."""
+    system = lm.models.HenonHeiles()
+    plan = lm.Plan(system, lm.SymmetricHamiltonJacobi(4, kind), h=0.1, compiled=False)
+    with pytest.raises(errors.IncompatibleSystem, match="power series"):
+        plan.tangent(system.state([0.1, 0.2], [0.2, 0.1]), steps=1, by=by)

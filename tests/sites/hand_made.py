@@ -17,7 +17,7 @@ from liemech.formulas.vectors import small
 from liemech.simulation.control import FRESH, LIMIT
 from liemech.simulation.equal import Equal
 from liemech.simulation.prepared import Steps
-from liemech.simulation.sites_driver import Shown, advance_sites, begin_sites
+from liemech.simulation.sites_driver import PLACE, Shown, Sighted, advance_sites, begin_sites
 from liemech.systems.lie_poisson import BodyState
 
 
@@ -52,7 +52,7 @@ class Everyone(lm.Hamiltonian):
 
     def gradient(self, mu: Any) -> Any:
         others = meet(mu)
-        return others.all(lambda b, j: self.pull(mu, b), -self.B)
+        return others.pairs(lambda a, b: (self.pull(a, b), self.pull(b, a)), -self.B)
 
 
 @lm.record
@@ -105,23 +105,27 @@ def run(
     sites, seen = Planes.of_rows(2 * memory.width, n), Planes.of_rows(steps * shown.width, n)
     goals, clocks = np.array([np.inf, 0, 0, 0, 0, 0.0]), np.array([0.0, h, *FRESH])
     goals[LIMIT] = steps
-    place, out, done, totals = np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1)
+    place, out, done = np.zeros(1), np.zeros(1), np.zeros(1)
+    shared = np.zeros(1), np.zeros(1), np.zeros(1)
+    told = np.append(h * np.arange(1.0, steps + 1.0), np.nan), np.zeros(2), np.zeros(3)
     start = method, system, given, started, memory, h, starts, sites, done
-    samples = Shown(True, shown, (), layout_of(()))
-    step = method, system, Equal(), memory, samples, 1, steps, sites, seen
+    samples = Sighted(Shown(True, shown, (), layout_of(())), (), layout_of(()), ())
+    step = method, system, Equal(), memory, PLACE, samples, steps, sites, seen
     if lanes:
+        one, two = (tuple(map(kernel.Shared, x)) for x in (shared, told))
+        rest = *one, goals, place, clocks, out, *two
         calls = [
             SiteCalls(kernel.kernel(driver, *arguments, lanes=lanes), n)
             for driver, arguments in (
                 (begin_sites, (*start, None)),
-                (advance_sites, (*step, kernel.Shared(totals), goals, place, clocks, out, None)),
+                (advance_sites, (*step, *rest, None)),
             )
         ]
         calls[0](*start, None)
-        calls[1](*step, kernel.Shared(totals), goals, place, clocks, out, None)
+        calls[1](*step, *rest, None)
     else:
         begin_sites(*start, [])
-        advance_sites(*step, totals, goals, place, clocks, out, [])
+        advance_sites(*step, *shared, goals, place, clocks, out, *told, [])
     assert done[0] == 1.0
     assert clocks[3] == steps
     return seen.array.reshape(steps, shown.width, padded(n))[:, :, :n]

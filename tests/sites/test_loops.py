@@ -15,7 +15,7 @@ import liemech as lm
 from liemech.compiler import kernel
 from liemech.compiler.planes import Planes
 from liemech.compiler.site_calls import SiteCalls, scratch_rows
-from liemech.errors import InvalidInput
+from liemech.errors import InvalidInput, NotCompilable
 from liemech.formulas.sites import (
     SiteArray,
     SiteTable,
@@ -25,6 +25,7 @@ from liemech.formulas.sites import (
     one_site,
     own,
     padded,
+    partners,
     present_site,
     total,
 )
@@ -113,6 +114,40 @@ def test_any_number_of_sites(n: int) -> None:
             assert np.array_equal(run(lm.RKMK(), system, spins(n), None, 0.01, 2, lanes), plain)
 
 
+@pytest.mark.parametrize("count", [1, 2, 8, 9, 21])
+def test_sites_meet_all_others_once(count: int) -> None:
+    met = {i: list(partners(i, count)) for i in range(count)}
+    for i, them in met.items():
+        assert sorted(j for j, _ in them) == [j for j in range(count) if j != i]
+        for j, first in them:
+            if i // 8 != j // 8:  # one of the two is the first, and both say the same
+                assert first == (i < j) and (i, not first) in met[j]
+
+
+@native
+@pytest.mark.parametrize("n", [1, 8, 9, 16, 33])
+def test_pairs_taken_once_have_the_bits_of_those_taken_from_both_ends(n: int) -> None:
+    system = lm.LiePoissonSystem(lm.SO3(), Everyone(B))
+    plain = run(lm.RKMK(order=2), system, spins(n), None, 0.01, 2, 0)
+    for lanes in (1, 8, 16):
+        assert np.array_equal(run(lm.RKMK(order=2), system, spins(n), None, 0.01, 2, lanes), plain)
+
+
+@lm.record
+class Lopsided(Everyone):
+    """What it does to a pair depends on who asks."""
+
+    def gradient(self, mu: Any) -> Any:
+        return meet(mu).pairs(lambda a, b: (lm.cross(mu, b), lm.cross(mu, a)), -self.B)
+
+
+@native
+def test_a_formula_of_pairs_that_asks_for_one_site_is_refused() -> None:
+    system = lm.LiePoissonSystem(lm.SO3(), Lopsided(B))
+    with pytest.raises(NotCompilable, match="numbers of one site alone"):
+        run(lm.RKMK(order=2), system, spins(9), None, 0.01, 2, 8)
+
+
 def test_against_scipy() -> None:
     s = spins(N)
 
@@ -146,14 +181,14 @@ def test_rows_of_scratch_memory() -> None:
     system, none = field(), np.empty(0)
     from liemech.formulas.pytree import carried_layout, layout_of
     from liemech.simulation.equal import Equal
-    from liemech.simulation.sites_driver import Shown, advance_sites
+    from liemech.simulation.sites_driver import PLACE, Shown, Sighted, advance_sites
     from liemech.systems.lie_poisson import BodyState
 
     memory = carried_layout(BodyState(lm.vec(0.0, 0.0, 0.0)))
     planes, shared = Planes.of_rows(1, 1), kernel.Shared(none)
-    shown = Shown(True, memory, (), layout_of(()))
-    arguments = lm.RKMK(), system, Equal(), memory, shown, 1, 1, planes, planes, shared
-    made = kernel.kernel(advance_sites, *arguments, none, none, none, none, None, lanes=8)
+    shown = Sighted(Shown(True, memory, (), layout_of(())), (), layout_of(()), ())
+    arguments = lm.RKMK(), system, Equal(), memory, PLACE, shown, 1, planes, planes, *[shared] * 3
+    made = kernel.kernel(advance_sites, *arguments, *[none] * 4, *[shared] * 3, None, lanes=8)
     assert scratch_rows(made) == 15  # twice what is published, and three velocities
     assert SiteCalls(made, 100).scratch.shape == (15, padded(100))
 
@@ -171,7 +206,7 @@ def test_words() -> None:
         others, i = meet(lm.vec(own(mass), 1.0)), present_site()
         found[i] = (
             others.of(table, 0)[0], others.at(2)[0], total(own(mass)), own(place), own(edges, 1),
-            own(table, 1), others.all(lambda b, j: b, lm.vec(0.0, 0.0)),
+            own(table, 1), others.pairs(lambda a, b: (b, a), lm.vec(0.0, 0.0)),
         )  # fmt: skip
 
     each_site(3, formula)

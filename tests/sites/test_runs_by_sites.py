@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from terms_of_spins import Exchange, Zeeman
 
 import liemech as lm
 from liemech.compiler import kernel
-from liemech.errors import IncompatibleSystem, NotFinite
+from liemech.errors import IncompatibleSystem, InvalidInput, NotFinite
 
 N = 40
 native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
@@ -164,20 +164,22 @@ def test_a_site_that_fails(compiled: Any) -> None:
     assert caught.value.trajectory.mu.shape == (1, N, 3)
 
 
-@pytest.mark.parametrize(
-    ("options", "what"),
-    [
-        ({"t_eval": [0.01]}, "t_eval"),
-        ({"events": lambda t, state: state.mu[0]}, "events"),
-        ({"breaks": [0.02]}, "breaks"),
-    ],
-)
-def test_what_large_systems_do_not_have(options: Any, what: str) -> None:
+def test_what_large_systems_do_not_have() -> None:
     system = spins(200)
-    with pytest.raises(IncompatibleSystem, match=what):
+    with pytest.raises(IncompatibleSystem, match="breaks of fixed steps"):
         lm.integrate(
-            system, lm.RKMK(order=1), system.state(mu=directions(200)), h=0.05, steps=2, **options
+            system,
+            lm.RKMK(order=1),
+            system.state(mu=directions(200)),
+            h=0.05,
+            steps=2,
+            breaks=[0.02],
         )
+    start = system.state(mu=directions(200))
+    with pytest.raises(IncompatibleSystem, match="no tangent map"):
+        lm.Plan(system, lm.RKMK(order=1), h=0.05).tangent(start, steps=1)
+    with pytest.raises(IncompatibleSystem, match="dense=True"):
+        lm.integrate(system, lm.RKMK(order=5), start, t_end=1.0, dense=True)
 
 
 @native
@@ -193,7 +195,8 @@ def test_many_sites() -> None:
 
 
 @native
-def test_workers() -> None:
+def test_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 2**11)
     n = 7000
     system = spins(n)
     start, way = system.state(mu=directions(n)), {"h": 0.05, "steps": 3, "every": 3}
@@ -215,33 +218,76 @@ def test_members_and_steps_by_hand(plan: Any, run: Any) -> None:
     carry = plan.begin(plan.system.state(mu=directions()))
     carry = plan.step(plan.step(carry, 4), 6)
     assert np.array_equal(carry.state.mu, run.mu[1])
-    with pytest.raises(IncompatibleSystem, match=r"plan\.begin"):
-        plan.stepper(plan.system.state(mu=directions()))
 
 
-def test_adaptive_steps_write_a_small_system_out() -> None:
-    """Of 75 numbers, against SciPy; larger ones are refused by name."""
-    n = 25
-    mu = np.random.default_rng(8).normal(size=(n, 3))
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.SublatticeSplitting(order=2)], ids=repr)
+def test_stepper(method: Any) -> None:
+    """By hand, on from a run and on from a stepper: the same bits."""
+    plan = lm.Plan(spins(), method, h=0.05, every=10)
+    run = plan.run(plan.system.state(mu=directions()), steps=30)
+    body = plan.stepper(plan.system.state(mu=directions()))
+    body.step()
+    body.step(9)
+    assert np.array_equal(body.mu, run.mu[1])
+    assert body.t == run.t[1]
+    body.step(10)
+    assert np.array_equal(plan.resume(body, steps=10).mu[-1], run.mu[3])
+    other = pickle.loads(pickle.dumps(body))
+    other.step(10)
+    body.refresh()
+    body.step(10)
+    assert np.array_equal(other.mu, run.mu[3])
+    assert np.array_equal(body.mu, run.mu[3])
+    assert body.steps == 30
+    again = plan.stepper(plan.run(plan.system.state(mu=directions()), steps=10))
+    again.step(20)
+    assert np.array_equal(again.mu, run.mu[3])
 
-    def rate(t: float, y: np.ndarray) -> np.ndarray:
-        m = y.reshape(n, 3)
-        xi = -np.roll(m, 1, axis=0) - np.roll(m, -1, axis=0) - [0.0, 0.0, 0.1]
-        return np.cross(m, xi).ravel()
 
-    exact = solve_ivp(rate, (0.0, 1.0), mu.ravel(), method="DOP853", rtol=1e-12, atol=1e-12).y[
-        :, -1
-    ]
-    system = spins(n)
-    run = lm.integrate(
-        system,
-        lm.RKMK(order=5),
-        system.state(mu=mu),
-        t_end=1.0,
-        rtol=1e-8,
-        atol=1e-10,
-        compiled=False,
-    )
-    assert np.abs(run.mu[-1].ravel() - exact).max() < 1e-6
-    with pytest.raises(IncompatibleSystem, match="adaptive steps"):
-        lm.integrate(spins(200), lm.RKMK(order=5), spins(200).state(mu=directions(200)), t_end=1.0)
+def test_stepper_before_a_step_that_fails() -> None:
+    mu = directions()
+    mu[17] *= 1e200
+    body = lm.Plan(spins(), lm.RKMK(order=4), h=0.05).stepper(spins().state(mu=mu))
+    for _ in range(2):
+        with pytest.raises(NotFinite, match="site 13, step 1"):
+            body.step(3)
+        assert body.steps == 0
+        assert np.array_equal(body.mu, mu)
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.SublatticeSplitting(order=2)], ids=repr)
+def test_chosen_sites(method: Any, tmp_path: Path) -> None:
+    """Of a run of many sites some are kept, and totals of all."""
+    start, way = spins().state(mu=directions()), {"h": 0.05, "steps": 57, "every": 10}
+    whole = lm.integrate(spins(), method, start, **way)
+    some = lm.integrate(spins(), method, start, record=[("mu", [39, 0, 7]), "energy"], **way)
+    assert some.mu.shape == (7, 3, 3)
+    assert np.array_equal(some.mu, whole.mu[:, [39, 0, 7]])
+    assert np.allclose(some.energy, whole.energy, rtol=1e-14)
+    assert np.array_equal(some.last.mu, whole.last.mu)
+    some.save(tmp_path / "some.npz")
+    assert np.array_equal(lm.Trajectory.load(tmp_path / "some.npz").mu, some.mu)
+    with pytest.raises(InvalidInput, match="there is no site 40; the sites are 0 to 39"):
+        lm.Plan(spins(), method, h=0.1, record=[("mu", [40])])
+    with pytest.raises(InvalidInput, match="names sites"):
+        lm.Plan(lm.RigidBody([1.0, 1.5, 2.0]), lm.RKMK(), h=0.1, record=[("mu", [1])])
+
+
+def test_chosen_sites_of_a_system_that_is_written_out() -> None:
+    start, way = spins(6).state(mu=directions(6)), {"h": 0.05, "steps": 4}
+    whole = lm.integrate(spins(6), lm.RKMK(order=4), start, **way)
+    some = lm.integrate(spins(6), lm.RKMK(order=4), start, record=[("mu", [5, 2])], **way)
+    assert np.array_equal(some.mu, whole.mu.reshape(5, 6, 3)[:, [5, 2]])
+
+
+def test_a_member_that_fails_does_not_end_the_others() -> None:
+    mu = np.stack([directions(), directions(), directions()[::-1]])
+    mu[1, 17] *= 1e200
+    with pytest.warns(RuntimeWarning, match="1 of 3 members stopped early, the first is member 1"):
+        run = lm.integrate(spins(), lm.RKMK(order=4), spins().state(mu=mu), h=0.05, steps=20)
+    alone = lm.integrate(spins(), lm.RKMK(order=4), spins().state(mu=mu[2]), h=0.05, steps=20)
+    assert np.array_equal(run.mu[:, 2], alone.mu)
+    assert np.array_equal(run.mu[:, 1], np.broadcast_to(mu[1], (21, N, 3)))
+    assert run.t.shape == (21,)
+    assert run.stopped.steps == {1: 0}
+    assert isinstance(run.stopped[1].error, NotFinite)

@@ -30,6 +30,16 @@ class Biquadratic(lm.Term):
 
 
 @lm.record
+class Unequal(lm.Term):
+    """Of the product of two spins, and of parameters of theirs that tell them apart."""
+
+    K: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        return self.K * (a.size - 2.0 * b.size) * lm.dot(a.mu, b.mu)
+
+
+@lm.record
 class EasyAxis(lm.Term):
     D: float
     n: lm.Vec
@@ -399,9 +409,7 @@ def test_waves_have_the_frequencies_of_the_closed_form() -> None:
 # ------------------------------------------------------------------ one bit for all
 
 
-@pytest.mark.parametrize(
-    ("order", "compensated", "attitudes"), [(2, None, True), (4, False, False)]
-)
+@pytest.mark.parametrize(("order", "compensated", "attitudes"), [(2, True, True), (4, None, False)])
 def test_loops_have_the_bits_of_what_is_written_out(
     order: int, compensated: Any, attitudes: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -527,3 +535,62 @@ def test_tableaus_are_looked_at() -> None:
         lm.BondSplitting(tableau=SYMPLECTIC_EULER)
     with pytest.raises(InvalidType, match="SplittingTableau"):
         lm.BondSplitting(tableau="Strang")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("attitudes", [False, True])
+@pytest.mark.parametrize("order", [2, 4])
+def test_bonds_by_sites_have_the_bits_of_what_is_written_out(
+    order: int, attitudes: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An odd ring, a chain with an end, parameters of edges and of sites, several terms."""
+    rng = np.random.default_rng(6)
+    ring, n = near.ring(5), 5
+    some = spins(
+        n,
+        Exchange(lm.each(rng.normal(size=5))).over(ring),
+        Unequal(0.7).over(near.edges([(0, 1), (3, 2), (2, 4)], ordered=True)),
+        EasyAxis(0.5, AXIS),
+        size=lm.each(rng.normal(size=n)),
+    )
+    g = lm.SO3().random(np.random.default_rng(4), n) if attitudes else None
+    start = some.state(mu=directions(n), g=g)
+    ends = []
+    for small, compiled in ((48, False), (0, False), (0, None)):
+        monkeypatch.setattr(type(some), "small", small)
+        plan = lm.Plan(
+            some, lm.BondSplitting(order), h=0.1, every=2, compiled=compiled, progress=False
+        )
+        run = plan.resume(plan.run(start, steps=3), steps=2)
+        assert isinstance(run.carry, SiteCarry) == (small == 0)
+        ends.append(run)
+    for run in ends[1:]:
+        assert np.array_equal(run.mu[-1], ends[0].mu[-1])
+        assert not attitudes or np.array_equal(run.g[-1], ends[0].g[-1])
+
+
+def test_many_bonds_keep_the_total_spin_and_their_lengths() -> None:
+    lattice = near.cubic(6, 5, 4)
+    system = spins(lattice.sites, Exchange(1.0).over(lattice), Biquadratic(0.3).over(lattice))
+    start = system.state(mu=directions(lattice.sites))
+    run = lm.integrate(system, lm.BondSplitting(order=4), start, h=0.1, steps=200, every=50)
+    total = run.mu.sum(axis=1)
+    assert np.abs(total - total[0]).max() < 1e-13 * lattice.sites
+    assert np.abs(np.linalg.norm(run.mu, axis=-1) - 1.0).max() < 1e-13
+    assert np.ptp(run.energy) < 1e-3 * abs(run.energy[0])
+
+
+@pytest.mark.parametrize("method", [lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr)
+def test_workers_share_the_sites_of_every_colour(
+    method: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if lm.compiler.kernel.available() is not None:
+        pytest.skip("needs llvmlite")
+    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 32)
+    lattice = near.cubic(7, 5, 4)  # of three colours
+    system = spins(lattice.sites, Exchange(1.0).over(lattice), EasyAxis(0.5, AXIS))
+    start = system.state(mu=directions(lattice.sites))
+    one, *more = [
+        lm.integrate(system, method, start, h=0.1, steps=7, every=3, workers=w).mu
+        for w in (1, 2, 3)
+    ]
+    assert all(np.array_equal(x, one) for x in more)

@@ -12,6 +12,8 @@ from terms_of_spins import Chiral, Exchange, Twist
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput
 from liemech.formulas.sites import each_site, present_site, total
+from liemech.systems.near_pairs import NearPairs
+from liemech.systems.terms import Site
 
 RNG = np.random.default_rng(3)
 
@@ -472,6 +474,21 @@ def test_water_attracts_as_its_authors_say() -> None:
     assert abs(np.linalg.norm(apart) - 2.75) < 0.02
 
 
+def test_forces_on_both_molecules_are_derivatives_of_the_energy_and_those_on_one() -> None:
+    water, group = lm.models.SPC(), lm.SE3()
+    near = NearPairs(water, group, group, 4.0, 2.0, lm.vec(9.0, 9.0, 9.0))
+    g = group.random(RNG, 2)
+    g[:, :3, 3] = [[0.2, 0.1, -0.3], [0.4, 8.6, 2.5]]  # across a face of the box
+    sites = [Site(g=lm.formulas.mat(*one.tolist())) for one in g]
+    for term, ends in ((water, sites), (near, sites)):
+        both = term.forces(group, *ends)
+        for k in (0, 1):
+            derived = np.array(lm.Term.force(term, group, k, *ends))
+            assert np.abs(derived).max() > 1.0
+            assert np.allclose(both[k], derived, rtol=1e-11, atol=1e-11 * np.abs(derived).max())
+            assert np.array_equal(both[k], term.force(group, k, *ends))
+
+
 @lm.record
 class Gyrostat(lm.Hamiltonian):
     inertia: lm.Vec
@@ -508,3 +525,11 @@ def test_laws_hold() -> None:
     start = system.state(mu=RNG.normal(size=(2, 3)), g=lm.SO3().random(RNG, 2))
     report = lm.check_method(lm.RKMK(order=4), system, start)
     assert "holds" in str(report)
+
+
+@pytest.mark.parametrize("slip", ["helds", "hled", "hel", "Held"])
+def test_a_slip_in_held_is_no_parameter_of_sites(slip: str) -> None:
+    """Before, the sites that were to be held moved without a word."""
+    with pytest.raises(InvalidInput, match="did you mean held"):
+        lm.Terms(Exchange(1.0).over(lm.neighbours.ring(5)), **{slip: [0]})
+    lm.Terms(Exchange(1.0).over(lm.neighbours.ring(5)), field=1.0, shell=2.0)

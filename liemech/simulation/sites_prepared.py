@@ -1,0 +1,194 @@
+"""What runs of many sites that begin alike have in common: layouts, and native code."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from typing import Any
+
+import numpy as np
+
+from ..compiler import kernel
+from ..compiler.planes import Planes, load
+from ..errors import InvalidInput
+from ..formulas import Record, record
+from ..formulas.pytree import build, carried_layout, layout_of, leaves, rounded, with_fields
+from ..formulas.sites import one_site
+from ..systems.site_state import StateOfSites
+from ..systems.terms_at_site import at_this_site
+from .control import Equal, Tolerance
+from .sites_driver import (
+    BESIDE,
+    PLACE,
+    Embedded,
+    OfSite,
+    Share,
+    Shown,
+    Sighted,
+    Whole,
+    advance_sites,
+    begin_sites,
+    first_memory,
+    look_inside,
+)
+from .sites_execution import SiteExecution
+from .sites_states import first_of
+
+SOME = 3
+"""Sites among which a formula is tried whose layout alone is asked for."""
+
+
+class Prepared:
+    """The layouts and the native code of runs of a plan whose starts are alike.
+
+    control : of the steps.  method : of one site, as the control needs it.  way : the state inside of
+    a step.  given, started : layouts of one site at the start, as it comes and in the numbers of the
+    run.  memory, state : of what the method carries along for it, and of what is shown.  place : of
+    what the control carries along.  turning : how a splitting by colours steps.
+    """
+
+    turning: Any = None
+    control: Any
+    way: Any
+
+    def __init__(
+        self, plan: Any, site: Any, start: StateOfSites, starts: Planes, curves: bool
+    ) -> None:
+        steps = plan._steps
+        self.plan, self.site, self.control, self.place = plan, site, Equal(True), PLACE
+        first = first_of(start)
+        self.given = self.started = layout_of(first)
+        if plan.adaptive:
+            self.control, self.place = Tolerance(curves, False), BESIDE
+            self.method = self.way = Embedded(steps.method, curves)
+            self.h = 0.0
+        else:
+            self.method, self.h = steps.way_of(0), steps.h
+            self.way = Whole(self.method)
+            self.started = layout_of(steps.remembering_of(site, first))
+        self.beginner = self.method, site, self.given, self.started
+        some = min(start.sites, SOME)
+        carry = one_site(some, 0, first_memory, *self.beginner, self.h, starts)
+        example = rounded(self.method.observe(carry))
+        self.memory, self.state = carried_layout(carry), layout_of(example)
+        self.shown = self._shown(example, some, starts)
+        events = plan.events
+        self.sighted = Sighted(
+            self.shown, events, carried_layout((0.0,) * len(events)), self._named()
+        )
+        none, planes = kernel.Columns(np.empty(0)), Planes.of_rows(1, 1)
+        self.beginning = SiteExecution(
+            steps.compiled, steps.progress, begin_sites, *self.beginner, self.memory, self.h, planes,
+            planes, none, None,
+        )  # fmt: skip
+
+    @functools.cached_property
+    def stepping(self) -> SiteExecution:
+        """Who runs the driver of steps."""
+        steps, planes = self.plan._steps, Planes.of_rows(1, 1)
+        none, shared = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
+        return SiteExecution(
+            steps.compiled, steps.progress, advance_sites, *self.stepper, 1, planes, planes, *[shared] * 3,
+            *[none] * 4, *[shared] * 3, None,
+        )  # fmt: skip
+
+    @functools.cached_property
+    def looking(self) -> SiteExecution:
+        """Who looks inside of a step."""
+        steps, planes = self.plan._steps, Planes.of_rows(1, 1)
+        none, shared = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
+        return SiteExecution(
+            steps.compiled, steps.progress, look_inside, *self.looker, 0.0, 0.0, 0.0, planes, planes,
+            shared, shared, none, none, None,
+        )  # fmt: skip
+
+    @functools.cached_property
+    def order(self) -> list[int] | None:
+        """For every number of a sample, which one it is of what the method carries along; None if it
+        is computed of several.
+        """
+        numbers = [1.0 + i for i in range(self.memory.width)]
+        shown = rounded(self.method.observe(build(self.memory, iter(numbers))))
+        found = leaves(shown, self.state)
+        return [int(x) - 1 for x in found] if all(x in numbers for x in found) else None
+
+    def shown_rows(self, memory: np.ndarray) -> np.ndarray:
+        """The states of all sites, (width, sites), in what the method carries along."""
+        if self.order is not None:
+            return memory[self.order]
+        columns = (build(self.memory, iter(column)) for column in memory.T.tolist())
+        states = (rounded(self.method.observe(carry)) for carry in columns)
+        return np.array([leaves(state, self.state) for state in states]).T
+
+    @property
+    def stepper(self) -> tuple[Any, ...]:
+        """The arguments of `advance_sites` that are no arrays and no counts."""
+        return self.method, self.site, self.control, self.memory, self.place, self.sighted
+
+    @property
+    def looker(self) -> tuple[Any, ...]:
+        """Those of `look_inside`."""
+        return self.way, self.site, self.memory, self.inner
+
+    @property
+    def inner(self) -> Sighted:
+        """What is looked at inside of a step: the states, even if samples have none."""
+        whole: Sighted = with_fields(self.sighted, shown=with_fields(self.shown, kept=True))
+        return whole
+
+    @property
+    def lasting(self) -> int:
+        """Of the numbers that a site carries along those that are handed on: not the way of a step."""
+        return self.memory.width - (self.memory.parts[2].width if self.plan.adaptive else 0)
+
+    def taken_up(self, numbers: np.ndarray) -> np.ndarray:
+        """What sites carry along, of what was handed on."""
+        way = self.memory.width - self.lasting
+        if numbers.shape[0] != self.lasting:
+            raise InvalidInput(
+                f"Plan.resume: the run carries {numbers.shape} numbers along; this plan has "
+                f"{self.lasting} for each site"
+            )
+        return np.concatenate([numbers, np.zeros((way, numbers.shape[1]))])
+
+    def _named(self) -> Any:
+        """An example of the totals, with their names."""
+        names = tuple(self.plan.recorder.quantities) if self.shown.quantities else ()
+        layout = self.shown.totals
+        return totals_class(names)(*build(layout, iter([0.0] * layout.width)))
+
+    def _shown(self, example: Any, count: int, starts: Planes) -> Shown:
+        """What samples have."""
+        recorder = self.plan.recorder
+        kept = recorder is None or bool(recorder.parts or recorder.chosen)
+        quantities = [] if recorder is None else [*recorder.quantities.values()]
+        found = tuple([quantity_of(self.site, wanted, example) for wanted in quantities])
+        numbers: list[Any] = []
+        for quantity in found:
+            arguments = quantity, self.site, self.given, starts
+            numbers.append(one_site(count, 0, _one_value, *arguments))
+        return Shown(kept, self.state, found, carried_layout(tuple(numbers)))
+
+
+@functools.cache
+def totals_class(names: tuple[str, ...]) -> Any:
+    """The class of totals with these names."""
+    fields = {"__annotations__": dict.fromkeys(names, Any), "__module__": __name__}
+    return record(type(f"Totals_{'_'.join(names)}", (Record,), fields))
+
+
+def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
+    """What a name or a function of a user's gives for one site."""
+    if not isinstance(wanted, str):
+        return OfSite(wanted)
+    parts = tuple(inspect.signature(getattr(site, wanted)).parameters)
+    missing = [name for name in parts if getattr(example, name, None) is None]
+    if missing:
+        raise InvalidInput(
+            f"integrate: record={wanted!r} needs {', '.join(missing)}; start from a state with it"
+        )
+    return Share(wanted, parts)
+
+
+def _one_value(quantity: Any, site: Any, given: Any, starts: Planes) -> Any:
+    return quantity(0.0, at_this_site(site), load(starts, 0, given))

@@ -1,0 +1,141 @@
+"""10^6 steps of many bodies: do energies and Casimirs keep their place?
+
+    python tests/benchmarks/long_sites.py [spins] [water] [--steps 1000000] [--minutes 30]
+        [--out long_sites.json]
+
+spins : the sublattice splitting on a cubic lattice of 1000 spins, whose energy and lengths it keeps to
+rounding.  water : 216 rigid molecules, a drop in open space; what is told is the line through the
+energies of blocks, with its standard error.  A case ends after so many minutes at the latest, and
+says how far it came.
+"""
+
+import argparse
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from harness import table, write
+from spins import spins_of
+from water import EV, drop, warmed
+
+import liemech as lm
+
+PIECES = 200
+"""Pieces of a run, each with some samples."""
+
+
+def pieces(plan: Any, start: Any, steps: int, minutes: float) -> Iterator[tuple[int, Any]]:
+    """A run, piece by piece, and how many steps there have been."""
+    begun, each = time.monotonic(), steps // PIECES
+    run = plan.run(start, steps=each)
+    yield each, run
+    for k in range(2, PIECES + 1):
+        if time.monotonic() - begun > 60.0 * minutes:
+            return
+        run = plan.resume(run, steps=each)
+        yield k * each, run
+
+
+def growth(n: np.ndarray, error: np.ndarray) -> float:
+    """The power of n with which an error grows."""
+    seen = error > 0.0
+    return float(np.polyfit(np.log(n[seen]), np.log(error[seen]), 1)[0]) if seen.sum() > 2 else 0.0
+
+
+def lengths_and_energy(order: int, compensated: bool, steps: int, minutes: float) -> dict[str, Any]:
+    """Relative errors of the energy and of the square of every spin, in the course of a run."""
+    system, s = spins_of(lm.neighbours.cubic(10, 10, 10))
+    h = 0.05 * order
+    plan = lm.Plan(
+        system,
+        lm.SublatticeSplitting(order),
+        h=h,
+        every=steps // PIECES,
+        compensated=compensated,
+        progress=False,
+    )
+    start = system.state(mu=s)
+    first, squares = float(system.energy(start.mu)), (s**2).sum(axis=1)
+    rows, begun = [], time.process_time()
+    for n, run in pieces(plan, start, steps, minutes):
+        mu = np.asarray(run.mu[-1])
+        off = (mu**2).sum(axis=1) / squares - 1.0
+        energy = float(system.energy(mu)) / first - 1.0
+        rows.append([n, energy, np.sqrt(np.mean(off**2)), np.abs(off).max(), off.mean()])
+    n, energy, rms, most, mean = np.array(rows).T
+    return {
+        "order": order,
+        "compensated": compensated,
+        "steps": int(n[-1]),
+        "minutes": (time.process_time() - begun) / 60.0,
+        "energy, rms": float(np.sqrt(np.mean(energy**2))),
+        "energy, end": float(energy[-1]),
+        "squares, rms": float(rms[-1]),
+        "squares, most": float(most[-1]),
+        "squares, mean": float(mean[-1]),
+        "power": growth(n, rms),
+    }
+
+
+def energy_of_water(order: int, h: float, steps: int, minutes: float, side: int) -> dict[str, Any]:
+    """The trend of the energy, from means of blocks, and its standard error, in eV/ns."""
+    system, start = drop(side)
+    start = warmed(system, start)
+    method = lm.KickDrift(order=order)
+    plan = lm.Plan(system, method, h=h, every=max(1, steps // PIECES // 10), progress=False)
+    means, spread, begun = [], [], time.process_time()
+    for n, run in pieces(plan, start, steps, minutes):  # noqa: B007
+        energies = np.asarray(run.energy)[1:] / EV
+        means.append(energies.mean())
+        spread.append(energies.std())
+    t = np.arange(len(means)) / max(1, len(means) - 1) * n * h * 1e-3  # ns
+    slope, error = 0.0, 0.0
+    if len(means) > 3:
+        (slope, _), covariance = np.polyfit(t, means, 1, cov=True)
+        error = float(np.sqrt(covariance[0, 0]))
+    return {
+        "order": order,
+        "h, fs": 1e3 * h,
+        "steps": n,
+        "minutes": (time.process_time() - begun) / 60.0,
+        "fluctuation, eV": float(np.sqrt(np.mean(np.square(spread)))),
+        "trend, eV/ns": float(slope),
+        "its error": error,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("cases", nargs="*", default=["spins", "water"], metavar="case")
+    parser.add_argument("--steps", type=int, default=10**6)
+    parser.add_argument("--minutes", type=float, default=30.0, help="of each case")
+    parser.add_argument("--order", type=int, default=2, help="of the steps of water")
+    parser.add_argument("--step", type=float, default=1.0, help="of water, in fs")
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--quick", action="store_true", help="1000 steps: does it run?")
+    chosen = parser.parse_args()
+    side = 3 if chosen.quick else 6
+    chosen.steps = 1000 if chosen.quick else chosen.steps
+    kept: dict[str, Any] = {}
+    if "spins" in chosen.cases:
+        kept["spins"] = [
+            lengths_and_energy(order, compensated, chosen.steps, chosen.minutes)
+            for order in (2, 4)
+            for compensated in (False, True)
+        ]
+    if "water" in chosen.cases:
+        given = chosen.order, 1e-3 * chosen.step, chosen.steps, chosen.minutes, side
+        kept["water"] = [energy_of_water(*given)]
+    for name, rows in kept.items():
+        shown = [[f"{x:.3g}" if type(x) is float else x for x in r.values()] for r in rows]
+        table(name, list(rows[0]), shown)
+    if chosen.out:
+        write(chosen.out, kept)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,117 @@
+"""Events of systems of many sites: zeros of functions of time and of totals over all sites."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from test_runs_by_sites import N, directions, native, spins
+
+import liemech as lm
+
+START = spins().state(mu=directions())
+LEVEL = 0.9 * float(directions()[:, 0].sum())
+SPIN = ("spin", lambda t, site: site.mu)
+
+
+def falls(t: float, total: Any) -> float:
+    return total.spin[0] - LEVEL
+
+
+def ends(t: float, total: Any) -> float:
+    return total.spin[0] - LEVEL
+
+
+ends.terminal = 1  # type: ignore[attr-defined]
+
+
+@pytest.fixture(scope="module")
+def zero() -> float:
+    """When the total spin falls to that level, by SciPy."""
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        m = y.reshape(N, 3)
+        xi = -np.roll(m, 1, axis=0) - np.roll(m, -1, axis=0) - [0.0, 0.0, 0.1]
+        return np.cross(m, xi).ravel()
+
+    start = directions().ravel()
+    found = solve_ivp(rate, (0.0, 9.0), start, "DOP853", rtol=1e-12, atol=1e-12, dense_output=True)
+    level = lambda t: found.sol(t).reshape(N, 3)[:, 0].sum() - LEVEL  # noqa: E731
+    return float(brentq(level, 7.0, 9.0, xtol=1e-13))
+
+
+@native
+@pytest.mark.parametrize(
+    ("how", "span", "close"),
+    [({"rtol": 1e-9}, {"t_end": 9.0}, 1e-7), ({"h": 0.05, "every": 60}, {"steps": 180}, 1e-6)],
+)
+def test_zeros(zero: float, how: Any, span: Any, close: float) -> None:
+    """Inside of an adaptive step on its way, inside of a fixed one by a shorter one."""
+    plan = lm.Plan(spins(), lm.RKMK(order=5), record=["mu", SPIN], events=[falls], **how)
+    run = plan.run(START, **span)
+    times, states = run.events[0]
+    assert np.abs(times - zero).max() < close
+    assert times.shape == (1,)
+    assert abs(states.mu[0].sum(axis=0)[0] - LEVEL) < 1e-13
+    if "h" in how:
+        assert np.array_equal(run.mu, plan.replace(events=()).run(START, **span).mu)
+        up = lambda t, total: total.spin[0] - LEVEL  # noqa: E731
+        up.direction = 1.0  # type: ignore[attr-defined]
+        assert not len(plan.replace(events=[up]).run(START, **span).events[0][0])
+
+
+@native
+def test_terminal(zero: float, tmp_path: Path) -> None:
+    plan = lm.Plan(spins(), lm.RKMK(order=5), rtol=1e-9, record=[SPIN], events=[ends])
+    run = plan.run(START, t_end=9.0)
+    assert run.ended == 0
+    assert abs(run.t[-1] - zero) < 1e-7
+    assert abs(run.spin[-1, 0] - LEVEL) < 1e-13
+    assert run.events[0][1].mu.shape == (1, 0, 3)  # no states, as nobody asked for them
+    run.save(tmp_path / "run.npz")
+    for before in (run, lm.Trajectory.load(tmp_path / "run.npz")):
+        rest = plan.resume(before, t_end=9.0)
+        assert rest.ended is None
+        assert (rest.t[0], rest.t[-1]) == (run.t[-1], 9.0)
+    fixed = lm.Plan(spins(), lm.RKMK(order=5), h=0.05, every=60, record=[SPIN], events=[ends])
+    run = fixed.run(START, steps=180)
+    assert np.allclose(run.t, [0.0, 3.0, 6.0, zero], atol=1e-5)
+    assert run.carry is None
+    assert run.ended == 0
+
+
+@native
+def test_bits() -> None:
+    """An event soon after the start, in plain Python and natively; with chosen sites."""
+    first = spins(17).state(mu=directions(17))
+
+    def soon(t: float, total: Any) -> float:
+        return 0.03 - t
+
+    plan = lm.Plan(
+        spins(17), lm.RKMK(order=5), rtol=1e-4, record=[SPIN, ("mu", [3, 16])], events=[soon]
+    )
+    plain, quick = (
+        plan.replace(compiled=c).run(first, t_end=0.06, t_eval=[0.0, 0.01, 0.05, 0.06])
+        for c in (False, True)
+    )
+    assert plain.mu.shape == (4, 2, 3)
+    assert np.array_equal(plain.mu, quick.mu)
+    assert np.array_equal(plain.spin, quick.spin)
+    assert abs(quick.events[0][0][0] - 0.03) < 1e-15
+    assert np.array_equal(plain.events[0][1].mu, quick.events[0][1].mu)
+    assert quick.events[0][1].mu.shape == (1, 2, 3)
+
+
+@pytest.mark.parametrize("compiled", [None, False])
+def test_an_event_that_fails(compiled: Any) -> None:
+    plan = lm.Plan(
+        spins(17), lm.RKMK(order=4), h=0.01, record=[SPIN], compiled=compiled, progress=False,
+        events=[lambda t, total: 1.0 / (total.spin[0] - total.spin[0])],
+    )  # fmt: skip
+    with pytest.raises(lm.errors.NotFinite, match="in an event at t = 0"):
+        plan.run(spins(17).state(mu=directions(17)), steps=3)
