@@ -459,7 +459,7 @@ def test_redundant_conditions_are_named():
     pose[2, 3] = -0.5
     with pytest.raises(
         lm.errors.InvalidInput,
-        match="the 6 conditions have rank 3 here; conditions 0, 1, 2, 3, 4, 5 depend",
+        match="the 6 conditions have rank 3 here; those of joint 0, joint 1 depend",
     ):
         twice.assembled([pose])
 

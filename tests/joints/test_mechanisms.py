@@ -143,7 +143,7 @@ def test_the_reduced_equation_is_that_of_minimal_coordinates(links: int) -> None
 def test_the_variational_motion_is_that_of_minimal_coordinates(links: int) -> None:
     it = arm(links)
     moved = run(
-        it.linkage, lm.Composition(lm.LieRATTLE(), order=6), it.start(*START[links]), 0.0025, 60
+        it.linkage, lm.Composition(lm.LieRATTLE(), order=6), it.start(*START[links]), 0.15 / 80, 80
     )
     assert coordinates(moved) == pytest.approx(it.at(0.15, *START[links]), rel=0.0, abs=1e-10)
 
@@ -441,4 +441,29 @@ def test_forces_at_joints_compile() -> None:
         )
         for c in (False, True)
     )
+    assert np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)
+
+
+@lm.record
+class Pushed(lm.Force):
+    push: lm.PiecewisePolynomial
+
+    def covector(self, t: float, xi: lm.Vec, g: Any) -> lm.Vec:
+        return lm.vec(self.push(t), *[0.0 for _ in range(5)])
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_tables_compile_where_elements_have_constant_entries() -> None:
+    """Poses have a last row (0, 0, 0, 1), which carries no rest in compensated sums."""
+    table = lm.PiecewisePolynomial.constant([0.0, 0.45, 1.0], [1.0, -1.0])
+    free = lm.models.KirchhoffBody([1.0, 1.5, 0.7, 2.0, 2.0, 2.0])
+    body = lm.MechanicalSystem(free, lm.NoPotential(), load=Pushed(table))
+    plain, native = (
+        lm.integrate(
+            body, lm.LieVerlet(), body.state(np.ones(6), np.eye(4)), h=0.1, steps=8, compiled=c
+        )
+        for c in (False, True)
+    )
+    assert native.compiled
     assert np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)
