@@ -95,8 +95,11 @@ def test_what_is_off_or_has_no_logarithm_is_refused(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(matrix_basis, "SMALL", 1)
     monkeypatch.setattr(matrix_basis, "_known", {})
     slow_plane = MatrixLieGroup.of([[[1.0, 0.0], [0.0, 0.0]]])
-    with pytest.raises(lm.errors.InvalidInput, match="no principal logarithm"):
+    with pytest.raises(lm.errors.InvalidInput, match="does not stretch"):
         slow_plane.log(np.diag([-1.0, 1.0]))
+    turns = MatrixLieGroup.of([[[0.0, -1.0], [1.0, 0.0]]])
+    with pytest.raises(lm.errors.InvalidInput, match="no principal logarithm"):
+        turns.log(-np.eye(2))
     jordan = MatrixLieGroup.of([[[1.0, 1.0], [0.0, 1.0]], [[0.0, 1.0], [0.0, 0.0]]])
     with pytest.raises(lm.errors.LawViolation, match=r"linearly dependent: 2 matrices of rank 1"):
         MatrixLieGroup.of([[[1.0, 1.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 0.0]]])
