@@ -6,11 +6,12 @@ seen beyond the place where the run stands.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure
+from ..errors import IntegrationFailure, IntegrationInterrupted
 
 ROWS = 2**17
 """Samples inside of steps whose states are found at once."""
@@ -315,3 +316,43 @@ class Dense:
     def rows(self) -> np.ndarray:
         """All of them so far."""
         return self.array[: self.filled]
+
+
+class Quantities:
+    """Functions of the samples that the first observer of a run has, kept instead of these.
+
+    kept : times, and the values by name, of some samples after others.
+    """
+
+    def __init__(self, run: Any, recorder: Any) -> None:
+        self.run, self.recorder, self.kept = run, recorder, []  # type: Any, Any, list[Any]
+
+    def flush(self) -> None:
+        """Keep what is asked for of the samples so far, which are needed no longer.
+
+        What a function raises has, as `kept`, what there is of the samples before.
+        """
+        run = self.run
+        t, numbers = run.flush()
+        if not len(t) and self.kept:
+            return
+        states, about = (
+            run.view.arrays(numbers),
+            SimpleNamespace(system=run.plan.system, bodies=run.bodies),
+        )
+        try:
+            kept = self.recorder.values(about, run.view.kind, t, states, run.asked_for)
+        except (Exception, IntegrationInterrupted) as caught:
+            error: Any = caught
+            n, kept = error.kept
+            self.kept.append((t[:n], kept))
+            raise
+        self.kept.append((t, kept))
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a trajectory that are samples."""
+        some = [one for one in self.kept if len(one[0])] or self.kept[:1]
+        states = {
+            name: np.concatenate([kept[name] for _, kept in some]) for name in self.recorder.names
+        }
+        return {"t": np.concatenate([t for t, _ in some]), "states": states}

@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import Any
 
+import numpy as np
+
 from ..compiler import kernel
 from ..compiler.kernel import Several
 from ..errors import (
@@ -35,11 +37,11 @@ from ..formulas.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
-from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
+from .carry import Carry
 from .checkpoint import Checkpoint
 from .equal import EqualRun, StraightRun
 from .execution import like
-from .fictive import FictiveCarry
+from .fictive import FictiveCarry, Origin
 from .fictive_run import FictiveRun, StraightFictiveRun
 from .options import EQUAL, FICTIVE, TOLERANCE, Options
 from .prepared import Steps
@@ -51,7 +53,7 @@ from .sites_states import by_site, first_of
 from .stepper import Stepper
 from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
-from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
+from .trajectory import TangentTrajectory, Trajectory
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -369,7 +371,10 @@ class Plan:
 
     def _apart(self, start: Any, t_end: Any, t_eval: Any) -> bool:
         """Has every body a clock and a goal of its own?  Otherwise they make the same steps."""
-        if self.events or isinstance(start, Carries):
+        inner = getattr(start, "inner", start)
+        if self.events or getattr(start, "here", None) is not None:
+            return True
+        if isinstance(inner, Carry) and inner.bodies and not inner.together:
             return True
         many = start.bodies is not None
         if self.fictive:
@@ -402,7 +407,7 @@ class Plan:
         made = kind(self, start, t0, steps, t_end, t_eval, kept, recorder)
         if recorder is self.recorder:
             return made.trajectory()
-        own, keeper = type(made.begun(0).state), self.recorder  # type: Any, Any
+        own, keeper = type(made.start_of(0)), self.recorder  # type: Any, Any
         if kept is not None:
             kept.shown = functools.partial(keeper.presented, kind=own, compiled=way.compiled)
         shown: Trajectory = keeper.instead(made.trajectory, own, way.compiled)
@@ -528,7 +533,8 @@ class Plan:
             carry = self._of_this_plan(run, "resume")
         else:
             raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        if self._plain and t_eval is kept is None and type(carry) is Carry and carry.bodies is None:
+        plain = self._plain and not self.adaptive and t_eval is kept is None
+        if plain and type(carry) is Carry and carry.bodies is None:
             shape: Any = carry.shape
             count = self._count(steps, t_end, carry.t0, carry.step)
             if self._steps.owns(shape):
@@ -589,13 +595,12 @@ class Plan:
                 f"Plan.{what}: this run was interrupted, has failed or was ended "
                 "by an event, and carries nothing on; start from run.last"
             )
-        given = carry.origin.given if isinstance(carry, FictiveCarry) else run.system
-        if isinstance(run, TransformedTrajectory) and isinstance(run.origin, tuple):
-            given = run.system if not self._one.fictive else None
-            if isinstance(self.system, OfBodies) and given is None:
-                given = Systems(tuple([origin.given for origin in run.origin]))
-            elif given is None:
-                given = run.origin[0].given
+        given, origin = run.system, getattr(carry, "origin", None)  # type: Any, Any
+        if isinstance(origin, Origin):
+            given = origin.given
+        elif origin and self._one.fictive:  # of each body
+            found = tuple([one.given for one in origin])
+            given = Systems(found) if isinstance(self.system, OfBodies) else found[0]
         of_bodies = []
         for name, mine, theirs in (
             ("system", self.system, given),
@@ -625,23 +630,7 @@ class Plan:
                     f"{', '.join(differing(mine, theirs))}; start a new one from run.last, or make "
                     "a plan of what it was made with"
                 )
-        wanted: Any = AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
-        wanted = wanted if self.fictive else (wanted, SiteCarry)
-        several = isinstance(carry, Carries)
-        for body, one in enumerate(carry.members if several else (carry,)):
-            if isinstance(one, (Waiting, Ended)):
-                continue
-            if not isinstance(one, wanted):
-                raise InvalidInput(
-                    f"Plan.{what}: the run was made with other steps; start a new one from run.last"
-                )
-            inner: Any = one.inner if isinstance(one, FictiveCarry) else one
-            h = None if self.adaptive else self._steps.h_of(body) if several else self._steps.h
-            if not self.adaptive and inner.h != h:
-                raise InvalidInput(
-                    f"Plan.{what}: the run was made with h = {inner.h!r} instead of {h!r}; "
-                    "start a new one from run.last"
-                )
+        self._require_steps(carry, what)
         return carry
 
     def tangent(
@@ -787,7 +776,8 @@ class Plan:
         run = Advance(like(self, _steps=way, events=()), carry, 0.0, steps, None, None).trajectory()
         if run.carry is None:  # all bodies have stopped
             raise run.stopped[min(run.stopped)].error
-        return dataclasses.replace(run.carry, met=carry.met)
+        run.carry.met.update(carry.met)
+        return run.carry
 
     def stepper(self, start: Any, t0: float | None = None) -> Stepper:
         """A run that is advanced by hand, a step or some at a time, at a cost of a microsecond.
@@ -815,6 +805,22 @@ class Plan:
         self._require_mine(carry, "stepper")
         return Stepper(self, carry)
 
+    def _require_steps(self, carry: Any, what: str) -> None:
+        """Refuse to go on from other steps than those of this plan."""
+        fictive = isinstance(carry, FictiveCarry)
+        inner: Any = carry.inner if fictive else carry
+        adaptive = inner.clock is not None if isinstance(inner, SiteCarry) else inner.t0 is None
+        if fictive != self.fictive or adaptive != self.adaptive:
+            raise InvalidInput(
+                f"Plan.{what}: the run was made with other steps; start a new one from run.last"
+            )
+        h = None if adaptive else self._steps.h
+        if not adaptive and not alike(inner.h, h):
+            raise InvalidInput(
+                f"Plan.{what}: the run was made with h = {inner.h!r} instead of {h!r}; "
+                "start a new one from run.last"
+            )
+
     def _require_mine(self, carry: Any, what: str) -> None:
         """Refuse what fixed steps do not go on from.  what : the method that was called."""
         self._one_length(what)
@@ -825,7 +831,7 @@ class Plan:
                 f"or a stepper; got {carry!r}"
             )
         inner: Any = carry.inner if isinstance(carry, FictiveCarry) else carry
-        if inner.h != self._steps.h:
+        if not alike(inner.h, self._steps.h):
             raise InvalidInput(
                 f"Plan.{what}: the carry is of steps of h = "
                 f"{inner.h!r}, the plan has {self._steps.h!r}"
@@ -877,6 +883,14 @@ class Advance(StraightRun):
     def tell(self, stopped: Any) -> None:
         if any(not self.over[i] for i in stopped):
             super().tell(stopped)
+
+
+def alike(one: Any, other: Any) -> bool:
+    """Are two steps equal, numbers or numbers for each body?"""
+    if type(one) is type(other) is float:
+        return one == other
+    shapes = {np.shape(x) for x in (one, other)} - {()}
+    return len(shapes) <= 1 and bool(np.all(np.equal(one, other)))
 
 
 def kind_of_many(start: Any) -> Any:
