@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
 from typing import Any
 
 from ..errors import InvalidInput, warn
@@ -19,14 +18,13 @@ class Checkpoint:
 
     A disk that is full, or may not be written to, does not end the run: a warning tells of it, the
     next checkpoint is tried in its turn, and at the end a warning tells if the last one failed.
-    steps : None for seconds.  shown : of a run as it is made the one that is written.
+    steps : None for seconds.
     """
 
     def __init__(
         self, path: str | os.PathLike[str], seconds: float, steps: int | None = None
     ) -> None:
         self.path, self.seconds, self.steps = path, seconds, steps
-        self.shown: Callable[[Any], Any] = lambda run: run
         self.next, self.taken = time.perf_counter() + seconds, 0
         self.failed: Exception | None = None  # why the last one is not there
         self.failures, self.written = 0, ""  # how many are not, and what was written before
@@ -60,9 +58,8 @@ class Checkpoint:
     def save(self, run: Any) -> None:
         """Write the run as far as it came."""
         begun, self.taken = time.perf_counter(), 0
-        made = self.shown(run)
         try:
-            made.save(self.path)
+            run.save(self.path)
         except (OSError, MemoryError, InvalidInput) as error:
             self.failures, self.failed = self.failures + 1, error
             if self.failures == 1:
@@ -72,7 +69,7 @@ class Checkpoint:
                     RuntimeWarning,
                 )
         else:
-            self.failed, self.written = None, f"up to step {made.steps}"
+            self.failed, self.written = None, f"up to step {run.steps}"
         ended = time.perf_counter()
         self.next = ended + max(self.seconds, (ended - begun) / SHARE)
 

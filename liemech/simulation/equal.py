@@ -330,6 +330,7 @@ class StraightRun(EqualRun):
 
     control = STRAIGHT
     straight = True
+    streams = property(lambda run: run.asked is None)  # type: ignore[assignment]
 
     def aim(self, ends: list[Any], steps: Any) -> None:
         before, count = self.before, self.count
@@ -351,7 +352,7 @@ class StraightRun(EqualRun):
     def _heads(self, width: int, columns: int) -> np.ndarray:
         before, end, every = self.done, self.done + self.steps, self.way.every
         rows = len(self.asked) if self.asked is not None else self.steps // every
-        room = rows + 2 if not self.recorded else max(2, SAMPLES // columns)
+        room = rows + 2 if not (self.recorded and self.streams) else max(2, SAMPLES // columns)
         affordable(max(min(room, rows + 2) * width * columns, rows) * 8, self.steps, every)
         if self.asked is None:
             numbers = np.arange(before // every * every, end + every, every)

@@ -44,6 +44,7 @@ class OfClocked(EqualRun):
     """
 
     run_of: ClassVar[Any] = TransformedTrajectory
+    streams = False
     origin: Any
     wholes: list[Any]
 

@@ -319,29 +319,39 @@ class Dense:
 
 
 class Quantities:
-    """Functions of the samples that the first observer of a run has, kept instead of these.
+    """Functions of the samples that the first observer of a run has, kept instead of these: as the run
+    goes, of what it hands on, or at its end.
 
     kept : times, and the values by name, of some samples after others.
+    until : the number of the first sample at which a function failed, at the end of a run.
     """
 
     def __init__(self, run: Any, recorder: Any) -> None:
         self.run, self.recorder, self.kept = run, recorder, []  # type: Any, Any, list[Any]
+        self.until: int | None = None
 
-    def flush(self) -> None:
-        """Keep what is asked for of the samples so far, which are needed no longer.
-
-        What a function raises has, as `kept`, what there is of the samples before.
+    def _values(self, t: np.ndarray, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """What is asked for of some samples.  What a function raises has, as `kept`, how many samples
+        are before the one at which it failed, and what there is of them.
         """
         run = self.run
-        t, numbers = run.flush()
+        about = SimpleNamespace(
+            system=run.known(None).get("system", run.plan.system), bodies=run.bodies
+        )
+        found: dict[str, np.ndarray] = self.recorder.values(
+            about, run.view.kind, t, states, run.asked_for
+        )
+        return found
+
+    def flush(self) -> None:
+        """Keep what is asked for of the samples so far, which are needed no longer."""
+        if not self.run.streams:
+            return
+        t, numbers = self.run.flush()
         if not len(t) and self.kept:
             return
-        states, about = (
-            run.view.arrays(numbers),
-            SimpleNamespace(system=run.plan.system, bodies=run.bodies),
-        )
         try:
-            kept = self.recorder.values(about, run.view.kind, t, states, run.asked_for)
+            kept = self._values(t, self.run.view.arrays(numbers))
         except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
             n, kept = error.kept
@@ -349,10 +359,21 @@ class Quantities:
             raise
         self.kept.append((t, kept))
 
-    def fields(self) -> dict[str, Any]:
-        """The fields of a trajectory that are samples."""
-        some = [one for one in self.kept if len(one[0])] or self.kept[:1]
-        states = {
-            name: np.concatenate([kept[name] for _, kept in some]) for name in self.recorder.names
-        }
-        return {"t": np.concatenate([t for t, _ in some]), "states": states}
+    def fields(self, samples: Any) -> dict[str, Any]:
+        """The fields of a trajectory that are samples.  samples : makes those of the states."""
+        if self.kept:
+            some = [one for one in self.kept if len(one[0])] or self.kept[:1]
+            names = self.recorder.names
+            states = {name: np.concatenate([kept[name] for _, kept in some]) for name in names}
+            return {"t": np.concatenate([t for t, _ in some]), "states": states}
+        found: dict[str, Any] = samples()
+        if self.until is not None:
+            states = {name: x[: self.until] for name, x in found.pop("states").items()}
+            found = {name: x if x is None else x[: self.until] for name, x in found.items()}
+            found["states"] = states
+        try:
+            return found | {"states": self._values(found["t"], found["states"])}
+        except (Exception, IntegrationInterrupted) as caught:
+            error: Any = caught
+            self.until = error.kept[0]
+            raise

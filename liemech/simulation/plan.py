@@ -397,21 +397,10 @@ class Plan:
     def _in_pieces(
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
-        """A run of bodies each of which goes its own way."""
-        way, recorder = self._steps, self.recorder
+        """A run of any kind that is more than a short one."""
         kind: Any = self.kind_of_run(start, t_end, t_eval)
-        straight = kind is StraightRun
-        instead = t_eval is not None if straight else start.bodies is not None
-        if recorder is not None and (self.fictive or instead):
-            recorder = None
-        made = kind(self, start, t0, steps, t_end, t_eval, kept, recorder)
-        if recorder is self.recorder:
-            return made.trajectory()
-        own, keeper = type(made.start_of(0)), self.recorder  # type: Any, Any
-        if kept is not None:
-            kept.shown = functools.partial(keeper.presented, kind=own, compiled=way.compiled)
-        shown: Trajectory = keeper.instead(made.trajectory, own, way.compiled)
-        return shown
+        made: Trajectory = kind(self, start, t0, steps, t_end, t_eval, kept).trajectory()
+        return made
 
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
@@ -728,7 +717,11 @@ class Plan:
             return like(self, events=()).run(start, steps=0, t0=t0).carry
         start, t0 = self._started(start), arguments.real(t0, "t0")
         with self._beginning(start, t0):
-            return StraightRun(like(self, events=()), start, t0, 0, None, None).trajectory().carry
+            return (
+                StraightRun(like(self, events=(), recorder=None), start, t0, 0, None, None)
+                .trajectory()
+                .carry
+            )
 
     def step(self, carry: Carry, steps: int = 1) -> Carry:
         """What the method carries along after some more steps: its `t` and `state` are those of
@@ -773,7 +766,9 @@ class Plan:
             return made
         # of a failing step it says why
         way = dataclasses.replace(self._steps, every=steps)
-        run = Advance(like(self, _steps=way, events=()), carry, 0.0, steps, None, None).trajectory()
+        run = Advance(
+            like(self, _steps=way, events=(), recorder=None), carry, 0.0, steps, None, None
+        ).trajectory()
         if run.carry is None:  # all bodies have stopped
             raise run.stopped[min(run.stopped)].error
         run.carry.met.update(carry.met)

@@ -107,13 +107,11 @@ def of_run(run: Any, goes_on: bool = True) -> Any:
 
 
 def of_body(run: Any, i: int, goes_on: bool = True) -> Any:
-    """The run of one body as it would be alone."""
-    kept = run.quantities if run.bodies is None and run.quantities and run.quantities.kept else None
-    samples = kept.fields() if kept else run.view.fields(*run.samples(i))
+    """The run of one body as it would be alone; beside others with its states."""
+    quantities = None if run.bodies else run.quantities
     system, method = run.of(i)
     watch = run.events.each.get(i) if run.events else None
-    carry = functools.partial(run.carry_of, i) if goes_on else lambda: None
-    fields = _of_all_kinds(run) | {
+    fields = _fields(run, quantities) | {
         "system": system,
         "method": method,
         "bodies": None,
@@ -122,39 +120,44 @@ def of_body(run: Any, i: int, goes_on: bool = True) -> Any:
         "ended": None if watch is None else watch.ended,
         "stopped": NONE,
     }
-    return run.run_of.promised(SimpleNamespace(carry=carry), **fields | samples | run.known(i))
+    samples = _samples(lambda: run.view.fields(*run.samples(i)), quantities)
+    carry = functools.partial(run.carry_of, i) if goes_on else lambda: None
+    known = run.known(i) | ({"dense": None} if quantities else {})
+    return run.run_of.promised(SimpleNamespace(carry=carry), **fields | samples | known)
 
 
 def of_bodies(run: Any, goes_on: bool = True) -> Any:
     """The runs of all bodies as one."""
-    rest = SimpleNamespace(carry=run.carry if goes_on else lambda: None)
-    samples: dict[str, Any] = {}
-    if run.quantities and run.quantities.kept:
-        samples = run.quantities.fields()
-    elif run.lazy and run.view.lazy:
-        made = functools.cache(run.together)
-        rest.t, rest.states = lambda: made()[0], lambda: run.view.arrays(made()[1])
-    else:
-        samples = run.view.fields(*run.together())
-    events = (
-        zip(*[run.events.shown(i) for i in range(run.count)], strict=True) if run.events else ()
-    )
-    fields = _of_all_kinds(run) | {
+    events = (run.events.shown(i) for i in range(run.count)) if run.events else ()
+    fields = _fields(run, run.quantities) | {
         "system": run.plan.system,
         "method": run.plan.method,
         "bodies": run.count,
         "steps": run.most,
-        "events": tuple(events),
+        "events": tuple(zip(*events, strict=True)),
         "stopped": Stopped(run.stops, run.why),
     }
+    rest = SimpleNamespace(carry=run.carry if goes_on else lambda: None)
+    samples: dict[str, Any] = {}
+    if run.lazy and run.view.lazy and not run.quantities:
+        made = functools.cache(run.together)
+        rest.t, rest.states = lambda: made()[0], lambda: run.view.arrays(made()[1])
+    else:
+        samples = _samples(lambda: run.view.fields(*run.together()), run.quantities)
     return run.run_of.promised(rest, **fields | samples | run.known(None))
 
 
-def _of_all_kinds(run: Any) -> dict[str, Any]:
+def _samples(make: Any, quantities: Any) -> dict[str, Any]:
+    """The fields that are samples: of states, or of functions of them."""
+    found: dict[str, Any] = quantities.fields(make) if quantities else make()
+    return found
+
+
+def _fields(run: Any, quantities: Any) -> dict[str, Any]:
     """Fields of runs of one body and of many."""
     return {
         "compiled": run.compiled or run.lanes.stepping.native is not None,
-        "observed": run.quantities.recorder.observed if run.quantities else (),
+        "observed": quantities.recorder.observed if quantities else (),
         "dense": None,
         "rejected": None,
     }

@@ -52,6 +52,8 @@ class Run:
 
     run_of: ClassVar[Any] = Trajectory
     adaptive: ClassVar[bool] = False
+    # are samples handed on as the run goes, where functions of them are kept?
+    streams: bool = property(lambda run: not run.bodies)  # type: ignore[assignment]
     lazy: bool = False  # are samples views of what is there, made when somebody looks at them?
     rows: bool = True
     lanes: Lanes
@@ -62,7 +64,7 @@ class Run:
 
     def __init__(
         self, plan: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
-        kept: Any = None, recorder: Any = None,
+        kept: Any = None,
     ) -> None:  # fmt: skip
         self.plan, self.way, self.kept = plan, plan._steps, kept
         self.start, self.bodies, self.count = start, start.bodies, start.bodies or 1
@@ -77,7 +79,7 @@ class Run:
         if self.before is not None:
             self.over[[*self.before.ended]] = True
             self.errors = {i: e for i, e in self.before.ended.items() if e is not None}
-        self.recorded = recorder is not None
+        self.recorded = plan.recorder is not None
         self.cuts: dict[int, int] = {}
         self.first = np.zeros(self.count)  # how many steps there were before
         self.compiled = self.native = False
@@ -95,8 +97,8 @@ class Run:
         self.numbers, self.clocks, self.goals, *_ = self.lanes.parts(self.table[:, : self.count])
         self.limit = self.goals[LIMIT]
         self.observers = self.observe()
-        if recorder is not None:
-            self.quantities = Quantities(self, recorder)
+        if self.recorded:
+            self.quantities = Quantities(self, plan.recorder)
         self.events: Any = None
         try:
             self.events = Events(self, plan.events) if plan.events else None
