@@ -32,7 +32,8 @@ class Checkpoint:
     def __enter__(self) -> Checkpoint:
         return self
 
-    def __exit__(self, *ended: object) -> None:
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        self.end(getattr(error, "trajectory", None))
         if self.failed is not None:
             there = (
                 f"the file has the run {self.written}" if self.written else "nothing is there of it"
@@ -43,6 +44,14 @@ class Checkpoint:
                 "run itself",
                 RuntimeWarning,
             )
+
+    def end(self, run: Any) -> Any:
+        """The run that has come to its end, or to where it was ended; one that was too short for a
+        checkpoint on its way leaves it here.
+        """
+        if run is not None and not self.written and not self.failures:
+            self.save(run)
+        return run
 
     def within(self, steps: int) -> int:
         """So many steps, or those that are left until it is written."""

@@ -330,7 +330,7 @@ class StraightRun(EqualRun):
 
     control = STRAIGHT
     straight = True
-    streams = property(lambda run: run.asked is None)  # type: ignore[assignment]
+    streams = property(lambda run: run.asked is None)
 
     def aim(self, ends: list[Any], steps: Any) -> None:
         before, count = self.before, self.count
@@ -587,6 +587,24 @@ class StraightRun(EqualRun):
             at = f"step {int(self.clocks[TAKEN, i]) + 1}, t = {self.here[0, i]:g}"
             found[i] = failure((self.failures.get(i) or [None])[-1], f"body {i}", at)
         return found
+
+
+class Advance(StraightRun):
+    """Steps that warn of a body only when it stops, and of which an interrupt leaves all bodies at the
+    same one.
+    """
+
+    def _sweep(self, turns: int, every: int, pace: int) -> int:
+        before = self.table.copy()
+        try:
+            return super()._sweep(turns, every, pace)
+        except KeyboardInterrupt:
+            self.table[:] = before
+            raise
+
+    def tell(self, stopped: Any) -> None:
+        if any(not self.over[i] for i in stopped):
+            super().tell(stopped)
 
 
 def steps_before(times: np.ndarray, t0: float, h: float) -> tuple[np.ndarray, np.ndarray]:

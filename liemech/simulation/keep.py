@@ -16,9 +16,6 @@ from ..errors import IntegrationFailure, IntegrationInterrupted
 ROWS = 2**17
 """Samples inside of steps whose states are found at once."""
 
-FEW = 8
-"""Times that are compared one after another, and not looked for body after body."""
-
 
 class Piece:
     """Some more steps of some bodies, listed body after body.
@@ -234,16 +231,12 @@ class At:
             return np.zeros(len(t), dtype=np.intp)
         if asked.strides[1] == 0 or asked.shape[1] == 1:  # all are asked for at the same
             return np.searchsorted(sign[0] * asked[:, 0], sign * t, "right")
-        found = np.zeros(len(t), dtype=np.intp)
-        if len(asked) <= FEW:
-            for times in asked:
-                found += sign * times[body] <= sign * t
-            return found
-        for i in np.unique(body).tolist():
-            of = body == i
-            sign = self.run.sign[i]
-            found[of] = np.searchsorted(sign * asked[:, i], sign * t[of], "right")
-        return found
+        low, high = np.zeros(len(t), dtype=np.intp), np.full(len(t), len(asked))
+        for _ in range(len(asked).bit_length()):  # bisection, of all bodies at once
+            middle = (low + high) // 2
+            there = (low < high) & (sign * asked[middle % len(asked), body] <= sign * t)
+            low, high = np.where(there, middle + 1, low), np.where(there, high, middle)
+        return low
 
     def move(self) -> None:
         """Find the states inside of steps that were asked for."""

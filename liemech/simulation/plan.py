@@ -12,10 +12,7 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import Any
 
-import numpy as np
-
 from ..compiler import kernel
-from ..compiler.kernel import Several
 from ..errors import (
     IntegrationInterrupted,
     InvalidInput,
@@ -23,11 +20,8 @@ from ..errors import (
     StepWarning,
     warn,
 )
-from ..formulas import Record
 from ..formulas.pytree import (
     Layout,
-    exact,
-    fields_of,
     known_layout,
     layout_of,
     names_of,
@@ -39,19 +33,18 @@ from ..systems.system import State, System, member
 from . import arguments
 from .carry import Carry
 from .checkpoint import Checkpoint
-from .equal import EqualRun, StraightRun
+from .equal import Advance, EqualRun, StraightRun
 from .execution import like
-from .fictive import FictiveCarry, Origin
+from .fictive import FictiveCarry
 from .fictive_run import FictiveRun, StraightFictiveRun
+from .going_on import carry_of
 from .options import EQUAL, FICTIVE, TOLERANCE, Options
 from .prepared import Steps
 from .recorded import recorder_of
 from .short import advanced, short, short_steps, short_steps_of_many
 from .sites_carry import SiteCarry
-from .sites_plan import SitesOfPlan
-from .sites_states import by_site, first_of
 from .stepper import Stepper
-from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
+from .systems import OfBodies, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory
 
@@ -149,7 +142,7 @@ class Plan:
             own = h, options.every, compensated, precision, compiled, progress, options.workers
             self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
-        self._sites = SitesOfPlan.of(self)  # of a system of many sites
+        self._sites = self._of_sites()
         of_each = {*self.of_each} - (set() if self.adaptive else {"system", "method"})
         kinds_of_methods = {type(way) for way in each_of(self.method)}
         self._warns = any(k.step_warning is not Method.step_warning for k in kinds_of_methods)
@@ -193,8 +186,16 @@ class Plan:
         given, steps = self._given | {"system": system}, self._steps.of_system(system)
         other: Plan = like(self, system=system, _one=system, _given=given, _steps=steps)
         if self._sites is not None:
-            other._sites = SitesOfPlan.of(other)
+            other._sites = other._of_sites()
         return other
+
+    def _of_sites(self) -> Any:
+        """The runs of a system of many sites; None for all others."""
+        if self._one.site_form is None:
+            return None
+        from .sites_plan import SitesOfPlan
+
+        return SitesOfPlan.of(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """What it was made with; layouts and native code are found again where it arrives."""
@@ -245,7 +246,7 @@ class Plan:
             if checkpoint is None:
                 return self._run(start, steps, t_end, t0, t_eval, None)
             with self._kept(checkpoint, checkpoint_every) as kept:
-                return self._run(start, steps, t_end, t0, t_eval, kept)
+                return kept.end(self._run(start, steps, t_end, t0, t_eval, kept))
         except IntegrationInterrupted:
             raise
         except KeyboardInterrupt:
@@ -255,6 +256,8 @@ class Plan:
         self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, path: Any, seconds: Any
     ) -> Trajectory | None:
         """A run of a system of many sites, site by site; None if it is to be written out."""
+        from .sites_states import by_site, first_of
+
         sites: Any = self._sites
         if sites.knows(start):
             start, t0 = arguments.known(self._one, start), arguments.real(t0, "t0")
@@ -267,7 +270,7 @@ class Plan:
             return made
         with self._kept(path, seconds) as kept:
             made = sites.trajectory(start, steps, t_end, t0, kept, t_eval)
-        return made
+            return kept.end(made)
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
         """The run of no step."""
@@ -493,7 +496,7 @@ class Plan:
             if checkpoint is None:
                 return self._gone_on(run, steps, t_end, t_eval, None)
             with self._kept(checkpoint, checkpoint_every) as kept:
-                return self._gone_on(run, steps, t_end, t_eval, kept)
+                return kept.end(self._gone_on(run, steps, t_end, t_eval, kept))
         except IntegrationInterrupted:
             raise
         except KeyboardInterrupt:
@@ -504,24 +507,10 @@ class Plan:
         self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
         """What comes after a run of any kind."""
-        if isinstance(getattr(run, "carry", None), SiteCarry):
-            carry = run.carry
-            if isinstance(run, Stepper):
-                self._require_mine(carry, "resume")
-            else:
-                carry = self._of_this_plan(run, "resume")
-            made = None if self._sites is None else self._sites.trajectory(
-                carry, steps, t_end, 0.0, kept, t_eval
-            )  # fmt: skip
-            if made is not None:
-                return made
-        if isinstance(run, Stepper):
-            carry = run.carry
-            self._require_mine(carry, "resume")
-        elif isinstance(run, Trajectory):
-            carry = self._of_this_plan(run, "resume")
-        else:
-            raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
+        carry = carry_of(self, run, "resume")
+        if isinstance(carry, SiteCarry):
+            by_sites: Any = self._sites.trajectory(carry, steps, t_end, 0.0, kept, t_eval)
+            return by_sites
         plain = self._plain and not self.adaptive and t_eval is kept is None
         if plain and type(carry) is Carry and carry.bodies is None:
             shape: Any = carry.shape
@@ -568,59 +557,6 @@ class Plan:
         for one in {min(h, key=abs), max(h, key=abs)} if isinstance(h, tuple) else (h,):
             arguments.affordable_times(t0, one, before + steps)
         return steps
-
-    def _of_this_plan(self, run: Trajectory, what: str) -> Any:
-        """What the run carries along, if it is this plan's to go on with.  what : the method that was
-        called.
-        """
-        carry: Any = run.carry
-        if isinstance(run, TangentTrajectory):
-            raise InvalidInput(
-                f"Plan.{what}: a run with its tangent map carries nothing on; go on with "
-                "plan.tangent(run.last, ...) and multiply the maps"
-            )
-        if carry is None:
-            raise InvalidInput(
-                f"Plan.{what}: this run was interrupted, has failed or was ended "
-                "by an event, and carries nothing on; start from run.last"
-            )
-        given, origin = run.system, getattr(carry, "origin", None)  # type: Any, Any
-        if isinstance(origin, Origin):
-            given = origin.given
-        elif origin and self._one.fictive:  # of each body
-            found = tuple([one.given for one in origin])
-            given = Systems(found) if isinstance(self.system, OfBodies) else found[0]
-        of_bodies = []
-        for name, mine, theirs in (
-            ("system", self.system, given),
-            ("method", self.method, run.method),
-        ):
-            pairs = each_of(mine), each_of(theirs)
-            if len(pairs[0]) != len(pairs[1]):
-                raise InvalidInput(
-                    f"Plan.{what}: the run was made with {len(pairs[1])} "
-                    f"{name}s, the plan with {len(pairs[0])}"
-                )
-            of_bodies += [(name, *pair) for pair in zip(*pairs, strict=True)]
-        record = (self.record,) if isinstance(self.record, str) else self.record
-        if self.recorder is not None:
-            record = self.recorder.names
-        if (record is not None and sorted(run.states) != sorted(record)) or (
-            run.observed and self.recorder is None
-        ):
-            raise InvalidInput(
-                f"Plan.{what}: the run recorded "
-                f"{', '.join(run.states)}, the plan records {self.record}"
-            )
-        for name, mine, theirs in of_bodies:
-            if mine is not theirs and exact(mine) != exact(theirs):
-                raise InvalidInput(
-                    f"Plan.{what}: the run was made with another {name}: "
-                    f"{', '.join(differing(mine, theirs))}; start a new one from run.last, or make "
-                    "a plan of what it was made with"
-                )
-        self._require_steps(carry, what)
-        return carry
 
     def tangent(
         self,
@@ -733,20 +669,18 @@ class Plan:
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
         given: Any = carry
-        if isinstance(given, Stepper):
-            given = given.carry
+        if type(given) is Carry and self._steps.owns(given.shape):
+            return self._advanced(given, steps)
+        given = carry_of(self, given, "step")
         if isinstance(given, SiteCarry):
-            self._require_mine(given, "step")
             run = self.by_hand(given)
             run.advance(steps)
             after: Any = run.standing
             return after
-        if type(given) is not Carry or not self._steps.owns(given.shape):
-            self._require_mine(given, "step")
-            if isinstance(given, FictiveCarry):
-                inner = self.in_fictive_time(given.origin)._advanced(given.inner, steps)
-                made: Any = FictiveCarry(given.origin, inner, met=given.met)
-                return made
+        if isinstance(given, FictiveCarry):
+            inner = self.in_fictive_time(given.origin)._advanced(given.inner, steps)
+            made: Any = FictiveCarry(given.origin, inner, met=given.met)
+            return made
         return self._advanced(given, steps)
 
     def by_hand(self, carry: SiteCarry) -> Any:
@@ -794,56 +728,7 @@ class Plan:
             raise InvalidInput(
                 f"Plan.stepper: t0 = {t0!r} is for a state; what goes on has its time"
             )
-        carry = start.carry if isinstance(start, Stepper) else start
-        if isinstance(start, Trajectory):
-            carry = self._of_this_plan(start, "stepper")
-        self._require_mine(carry, "stepper")
-        return Stepper(self, carry)
-
-    def _require_steps(self, carry: Any, what: str) -> None:
-        """Refuse to go on from other steps than those of this plan."""
-        fictive = isinstance(carry, FictiveCarry)
-        inner: Any = carry.inner if fictive else carry
-        adaptive = inner.clock is not None if isinstance(inner, SiteCarry) else inner.t0 is None
-        if fictive != self.fictive or adaptive != self.adaptive:
-            raise InvalidInput(
-                f"Plan.{what}: the run was made with other steps; start a new one from run.last"
-            )
-        h = None if adaptive else self._steps.h
-        if not adaptive and not alike(inner.h, h):
-            raise InvalidInput(
-                f"Plan.{what}: the run was made with h = {inner.h!r} instead of {h!r}; "
-                "start a new one from run.last"
-            )
-
-    def _require_mine(self, carry: Any, what: str) -> None:
-        """Refuse what fixed steps do not go on from.  what : the method that was called."""
-        self._one_length(what)
-        kinds: Any = FictiveCarry if self.fictive else (Carry, SiteCarry)
-        if not isinstance(carry, kinds) or (isinstance(carry, SiteCarry) and not self._sites):
-            raise InvalidType(
-                f"Plan.{what} goes on from what `begin` or `step` gave, or from the `carry` of a run "
-                f"or a stepper; got {carry!r}"
-            )
-        inner: Any = carry.inner if isinstance(carry, FictiveCarry) else carry
-        if not alike(inner.h, self._steps.h):
-            raise InvalidInput(
-                f"Plan.{what}: the carry is of steps of h = "
-                f"{inner.h!r}, the plan has {self._steps.h!r}"
-            )
-        theirs, way = None, self.method  # type: Any, Any
-        if isinstance(carry, FictiveCarry):
-            theirs = carry.origin.given, carry.origin.method
-        elif getattr(inner, "shape", None) is not None:
-            method, system, *_ = next(iter(inner.shape.lanes.values())).arguments
-            theirs = tuple([x.values if isinstance(x, Several) else x for x in (system, method)])
-            way = self._steps.way
-        mine = tuple([x.members if isinstance(x, OfBodies) else x for x in (self.system, way)])
-        if theirs is not None and exact(theirs) != exact(mine):
-            raise InvalidInput(
-                f"Plan.{what}: the carry is of another system or method; begin anew there, with "
-                "plan.begin(carry.state, carry.t), or plan.stepper for begin"
-            )
+        return Stepper(self, carry_of(self, start, "stepper"))
 
     def _one_length(self, what: str) -> None:
         if self.adaptive:
@@ -862,56 +747,8 @@ class Plan:
         return f"Plan({', '.join([repr(self.system), repr(self.method), *given])})"
 
 
-class Advance(StraightRun):
-    """Steps that warn of a body only when it stops, and of which an interrupt leaves all bodies at the
-    same one.
-    """
-
-    def _sweep(self, turns: int, every: int, pace: int) -> int:
-        before = self.table.copy()
-        try:
-            return super()._sweep(turns, every, pace)
-        except KeyboardInterrupt:
-            self.table[:] = before
-            raise
-
-    def tell(self, stopped: Any) -> None:
-        if any(not self.over[i] for i in stopped):
-            super().tell(stopped)
-
-
-def alike(one: Any, other: Any) -> bool:
-    """Are two steps equal, numbers or numbers for each body?"""
-    if type(one) is type(other) is float:
-        return one == other
-    shapes = {np.shape(x) for x in (one, other)} - {()}
-    return len(shapes) <= 1 and bool(np.all(np.equal(one, other)))
-
-
 def kind_of_many(start: Any) -> Any:
     """What the starts of two ensembles have in common that are laid out in the same way."""
     kind: Any = type(start)
     parts = [getattr(start, name) for name in names_of(kind)]
     return kind, *[x if x is None else (x.shape, x.dtype.char) for x in parts]
-
-
-def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:
-    """The first fields in which two records differ, with both values: those that a user gave, or
-    else derived ones.
-    """
-    if type(mine) is not type(theirs) or not isinstance(mine, Record) or not fields_of(mine):
-        return (
-            []
-            if exact(mine) == exact(theirs)
-            else [f"{name or type(theirs).__name__} = {theirs!r} instead of {mine!r}"]
-        )
-    given = inspect.signature(type(mine)).parameters
-    fields = sorted(fields_of(mine), key=lambda field: field not in given)
-    parts = {
-        n: differing(getattr(mine, n), getattr(theirs, n), f"{name}.{n}".lstrip("."))
-        for n in fields
-    }
-    found = [text for n, part in parts.items() if n in given for text in part] or [
-        text for part in parts.values() for text in part
-    ]
-    return found[:3]

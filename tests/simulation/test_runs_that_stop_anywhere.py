@@ -369,8 +369,9 @@ def test_a_checkpoint_of_what_cannot_be_recorded(compiled: bool, adaptive: bool,
 def test_how_often_a_checkpoint_is_written(tmp_path: Path):
     path = tmp_path / "run.npz"
     plan = lm.Plan(BODY, lm.RKMK(order=2), 0.1, compiled=False)
-    plan.run(START, steps=30, checkpoint=path, checkpoint_every=timedelta(days=1))
-    assert not path.exists()
+    short = plan.run(START, steps=30, checkpoint=path, checkpoint_every=timedelta(days=1))
+    assert lm.Trajectory.load(path) == short  # at its end
+    path.unlink()
     plan.run(START, steps=30, checkpoint=path, checkpoint_every=timedelta(0))
     assert path.exists()
     for wrong in "ten steps", "10", "3.5 steps", "10 s":
