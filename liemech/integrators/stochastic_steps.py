@@ -43,19 +43,31 @@ class NoisySteps(Method):
 
     method : for the drift.  increments : "normal", or bounded ones, "three-point" and "two-point", for methods
     that solve an equation: its solution may not exist for rare large increments.
+    fine : so many increments make that of a step, so that steps of h with fine=8 and steps of h/8 follow the same path.
     """
 
     noisy: ClassVar[bool] = True
+    strong_order: ClassVar[float] = 0.5
     weak_order: ClassVar[int]
 
     method: Method = RKMK(order=4)
     increments: str = "normal"
+    fine: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.increments not in INCREMENTS:
             raise InvalidInput(
                 f"{type(self).__name__}: increments is one of {', '.join(map(repr, INCREMENTS))}; got {self.increments!r}"
+            )
+        if self.method.order < 2:  # type: ignore[attr-defined]
+            raise InvalidInput(
+                f"{type(self).__name__}: a method of order 1 takes the noise in another sense than Stratonovich's; take "
+                f"one of order 2 or more, such as RKMK(order=4); got {self.method!r}"
+            )
+        if self.fine < 1:
+            raise InvalidInput(
+                f"{type(self).__name__}: fine is a number of increments, 1 at least; got {self.fine!r}"
             )
 
     @property
@@ -101,7 +113,16 @@ class NoisySteps(Method):
         return NoisyMemory(moved, memory.path, memory.number + 1.0)
 
     def random(self, system: Stochastic, path: float, number: float) -> tuple[Vec, float]:
-        """Increments over the root of the step, one for each field, and another number, between 0 and 1."""
+        """Increments over the root of the step, one for each field, and another number, between 0 and 1: the
+        mean of `fine` increments times the root of their number.
+        """
+        total, coin = self.increment(system, path, self.fine * number)
+        for i in range(1, self.fine):
+            total = total + self.increment(system, path, self.fine * number + i)[0]
+        return total / sqrt(float(self.fine)), coin
+
+    def increment(self, system: Stochastic, path: float, number: float) -> tuple[Vec, float]:
+        """One increment for each field, of mean 0 and variance 1, and another number."""
         count, seed = len(system.fields), system.seed
         coin, _ = uniforms(seed, path, number, (count + 1) // 2)
         if self.increments == "normal":
@@ -131,7 +152,6 @@ class WongZakai(NoisySteps):
 
     method : for the drift: RKMK, commutator-free and Cayley steps, and for a drift without damping symplectic ones,
     ImplicitMidpoint, LiePoissonHamiltonJacobi, which move every path by a Poisson map.
-    fine : so many increments make that of a step, so that steps of h with fine=8 and steps of h/8 follow the same path.
 
     Raises IncompatibleSystem for a system that is not Stochastic.
     Source: Wong and Zakai, Ann. Math. Statist. 36 (1965); Malham and Wiese, SIAM J. Sci. Comput. 30 (2008); Milstein and
@@ -140,26 +160,10 @@ class WongZakai(NoisySteps):
 
     weak_order: ClassVar[int] = 1
 
-    fine: int = 1
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.fine < 1:
-            raise InvalidInput(
-                f"WongZakai: fine is a number of increments, 1 at least; got {self.fine!r}"
-            )
-
     @property
     def name(self) -> str:
         """Wong-Zakai and the method."""
         return f"Wong-Zakai, {self.method.name}"
-
-    def random(self, system: Stochastic, path: float, number: float) -> tuple[Vec, float]:
-        """The mean of `fine` increments times the root of their number."""
-        total, coin = NoisySteps.random(self, system, path, self.fine * number)
-        for i in range(1, self.fine):
-            total = total + NoisySteps.random(self, system, path, self.fine * number + i)[0]
-        return total / sqrt(float(self.fine)), coin
 
     def moved(
         self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float

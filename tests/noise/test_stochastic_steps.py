@@ -334,6 +334,35 @@ def test_equilibrium_is_boltzmanns(of: str) -> None:
     assert (np.abs(each.mean(axis=0) - squares) < 4.0 * each.std(axis=0) / n**0.5).all()
 
 
+# ------------------------------------------------------------------ check_method
+
+
+@lm.record
+class OnlyForwards(lm.NinomiyaVictoir):
+    """The fields always in one order."""
+
+    def moved(self, system: Any, t: float, memory: Any, h: float, z: Any, coin: float) -> Any:
+        return lm.NinomiyaVictoir.moved(self, system, t, memory, h, z, 0.25)
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(
+    ("method", "broken"),
+    [
+        (lm.NinomiyaVictoir(), ()),
+        (OnlyForwards(), ("weak order",)),
+        (lm.WongZakai(), ()),
+        (lm.WongZakai(lm.SphericalMidpoint()), ()),
+    ],
+    ids=lambda x: getattr(x, "name", ""),
+)
+def test_check_method_observes_strong_and_weak_orders(method: Any, broken: tuple[str, ...]) -> None:
+    system = noisy([0.9, 0.0, 0.2], [0.6, 0.8, 0.0], seed=5)
+    report = lm.check_method(method, system, system.state(START), raises=False)
+    assert {x.law for x in report.broken} == set(broken)
+    assert {"strong order", "weak order", "Casimir 1"} <= {x.law for x in report.findings}
+
+
 # ------------------------------------------------------------------ what is refused
 
 
@@ -366,5 +395,7 @@ def test_what_cannot_be_meant_is_named() -> None:
         lm.integrate(system, lm.WongZakai(), start, h=0.1, steps=10, breaks=[0.35])
     with pytest.raises(lm.errors.InvalidInput, match="order 4"):
         lm.NinomiyaVictoir(lm.ImplicitMidpoint())
+    with pytest.raises(lm.errors.InvalidInput, match="another sense"):
+        lm.WongZakai(lm.RKMK(order=1))
     with pytest.raises(lm.errors.InvalidInput, match="increments"):
         lm.WongZakai(increments="uniform")
