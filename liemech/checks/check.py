@@ -215,11 +215,11 @@ def check_method(
         )
     if start.bodies is not None:
         raise InvalidInput(f"check_method: start is an ensemble of {start.bodies}; give one start")
+    start = members(system._written_out(start))[0]
     if isinstance(method, NoisySteps):
         method.require(system)
         noisy = noisy_claims(method, system, start, h, compiled)  # type: ignore[arg-type]
         return finished(f"{method!r} on {system!r}", noisy, raises)
-    start = members(system._written_out(start))[0]
     place = Place("the start", method, system, start, 0.0, compiled)
     method.require(place.whole)
     base = place.base

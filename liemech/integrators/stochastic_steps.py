@@ -94,7 +94,9 @@ class NoisySteps(Method):
         self.method.require(system.motion)
 
     def start(self, system: Stochastic, state: NoisyState, h: float) -> NoisyMemory:
-        """The memory of the method, the path, and no step."""
+        """The memory of the method, the path, and no step.  Raises InvalidInput backwards in time."""
+        if h < 0.0:
+            raise InvalidInput(f"{type(self).__name__}: noise goes forwards in time, h > 0")
         inner = self.method.start(system.motion, BodyState(state.mu, state.g), h)
         return NoisyMemory(inner, state.path, 0.0)
 
@@ -104,9 +106,7 @@ class NoisySteps(Method):
         return NoisyState(state.mu, state.g, memory.path)
 
     def step(self, system: Stochastic, t: float, memory: NoisyMemory, h: float) -> NoisyMemory:
-        """A step with the random numbers of its path and its number.  Raises InvalidInput backwards in time."""
-        if h < 0.0:
-            raise InvalidInput(f"{type(self).__name__}: noise goes forwards in time, h > 0")
+        """A step with the random numbers of its path and its number."""
         path, number = plain(memory.path), plain(memory.number)
         z, coin = self.random(system, path, number)
         moved = self.moved(system, t, memory.memory, h, z, coin)

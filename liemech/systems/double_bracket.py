@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,6 +11,7 @@ from ..errors import InvalidInput, InvalidType
 from ..formulas import Mat, Vec, record, solve
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
+from ..groups.power import PowerGroup
 from .hamiltonian import Hamiltonian
 from .lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem
 
@@ -51,6 +53,10 @@ class DoubleBracket(LiePoissonMotion):
             )
         if self.metric is not None:
             require_metric("DoubleBracket", self.metric, self.system.group.dim)
+            if isinstance(self.system.group, PowerGroup):
+                raise InvalidInput(
+                    "DoubleBracket: leave metric out for many sites; each has that of its basis"
+                )
         super().__post_init__()
 
     @property
@@ -62,6 +68,12 @@ class DoubleBracket(LiePoissonMotion):
     def hamiltonian(self) -> Hamiltonian:
         """The energy that falls."""
         return self.system.hamiltonian
+
+    @cached_property
+    def site_form(self) -> DoubleBracket | None:
+        """Of many sites the damping of one, by what the others make of its energy."""
+        site = self.system.site_form
+        return None if site is None else DoubleBracket(site, self.damping)
 
     def velocity(self, mu: Vec) -> Vec:
         """xi + eta, by which momentum and attitude move.  mu : (dim,)."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Record, Vec, dot, record
 from ..formulas.fields import frozen_array
 from ..formulas.philox import LARGEST
@@ -17,6 +18,7 @@ from ..retractions import Retraction
 from .double_bracket import DoubleBracket
 from .hamiltonian import Hamiltonian
 from .lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem
+from .site_state import NoisySites, SiteState
 
 
 @record
@@ -126,6 +128,9 @@ class Stochastic(LiePoissonMotion):
     """
 
     noisy: ClassVar[bool] = True
+    small: ClassVar[int] = (
+        0  # many sites are stepped site by site, each with the noise of its own path
+    )
     alternatives: ClassVar[str] = (
         "WongZakai(RKMK(order=4)) steps it, and NinomiyaVictoir() steps it in mean"
     )
@@ -149,12 +154,14 @@ class Stochastic(LiePoissonMotion):
                 "coadjoint orbits: add -1/2 sum_i ad*_xi_i (ad*_xi_i mu) to the drift of an Ito equation to write it so"
             )
         require_whole(f"{name}: seed", np.asarray(self.seed))
-        fields = tuple([_field(name, x, drift.group.dim) for x in self.fields])
+        fields = tuple([_field(name, x, one_of(drift).dim) for x in self.fields])
         object.__setattr__(self, "fields", fields)
         still = 1.0, Vec.of([0.0] * len(fields))
-        if isinstance(drift, LiePoissonSystem):
+        if drift.site_form is not None:
+            motion: Any = drift  # of which the steps are those of its sites
+        elif isinstance(drift, LiePoissonSystem):
             energy = NoisyEnergy(drift.hamiltonian, fields, *still)
-            motion: Any = LiePoissonSystem(drift.group, energy)
+            motion = LiePoissonSystem(drift.group, energy)
         else:
             motion = NoisyMotion(drift, fields, *still)
         object.__setattr__(self, "motion", motion)
@@ -167,6 +174,21 @@ class Stochastic(LiePoissonMotion):
     def group(self) -> LieGroup:
         """The group of the drift."""
         return self.system.group
+
+    @cached_property
+    def site_form(self) -> Stochastic | None:
+        """Of many sites the noise of one, on a path of its own."""
+        site: Any = self.system.site_form
+        return None if site is None else Stochastic(site, self.fields, self.seed)
+
+    def _written_out(self, state: Any) -> Any:
+        """The state of one body; raises IncompatibleSystem for many sites."""
+        if isinstance(state, NoisySites):
+            raise IncompatibleSystem(
+                f"the noise of many sites is that of each, by h and steps, with samples at ends of steps; {self!r:.90} has "
+                "no other runs"
+            )
+        return state
 
     def along(self, share: float, weights: Any) -> Any:
         """The motion by share xi + sum_i weights_i xi_i, without noise."""
@@ -202,8 +224,17 @@ class Stochastic(LiePoissonMotion):
         Raises InvalidInput as that does, and for paths that are no such numbers.
         """
         name = f"{type(self).__name__}.state: path"
-        body = self.system.state(mu, g, xi=xi)
+        body: Any = self.system.state(mu, g, xi=xi)
         bodies = body.bodies
+        if isinstance(body, SiteState):
+            shape = body.mu.shape[:-1]
+            given = np.arange(math.prod(shape)).reshape(shape) if path is None else np.asarray(path)
+            require_whole(name, given)
+            if given.shape != shape:
+                raise InvalidInput(f"{name} has shape {given.shape}; the sites have shape {shape}")
+            return self._vouched(
+                NoisySites(body.mu, body.g, frozen_array(given.astype(float), "array"))
+            )
         numbers = np.asarray(
             (0.0 if bodies is None else np.arange(bodies)) if path is None else path
         )
@@ -241,7 +272,7 @@ def _field(name: str, field: Any, dim: int) -> Hamiltonian:
             ) from None
         if direction.shape != (dim,) or not np.isfinite(direction).all():
             raise InvalidInput(
-                f"{name}: a direction of noise has {dim} finite components here; got {field!r}"
+                f"{name}: a direction of noise has {dim} finite components here; got {field!r:.90}"
             )
         return ConstantField(Vec.of(direction.tolist()))
     shape = field._shape("mu", "Vec")
@@ -269,5 +300,12 @@ def thermal_bath(
     if not temperature >= 0.0:
         raise InvalidInput(f"thermal_bath: temperature is not negative; got {temperature!r}")
     damped = DoubleBracket(system, damping)
-    strength = math.sqrt(2.0 * damping * temperature)
-    return Stochastic(damped, tuple((strength * np.eye(system.group.dim)).tolist()), seed)
+    strength, group = math.sqrt(2.0 * damping * temperature), one_of(system)
+    return Stochastic(damped, tuple((strength * np.eye(group.dim)).tolist()), seed)
+
+
+def one_of(system: Any) -> LieGroup:
+    """The group of one of many sites; of a single body that of the system."""
+    group: Any = system.group
+    made: LieGroup = group if system.site_form is None else group.base
+    return made
