@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..errors import IncompatibleSystem, InvalidInput
+from ..errors import IncompatibleSystem, InvalidInput, undefined
 from ..formulas import Record, Vec, plain, record, sqrt, vec, where
 from ..formulas.philox import normals, uniforms
 from ..systems.lie_poisson import BodyState
@@ -140,7 +140,7 @@ class NoisySteps(Method):
         self, system: Stochastic, t: float, memory: Any, h: float, z: Vec, coin: float
     ) -> Any:
         """The memory of the method after a step with these random numbers."""
-        raise NotImplementedError
+        raise undefined(self, "moved")
 
 
 @record

@@ -14,6 +14,8 @@ from ..formulas.fields import frozen_array
 from ..formulas.philox import LARGEST
 from ..formulas.pytree import with_fields
 from ..groups.lie_group import LieGroup
+from ..groups.power import PowerGroup
+from ..groups.species import SpeciesGroup
 from ..retractions import Retraction
 from .double_bracket import DoubleBracket
 from .hamiltonian import Hamiltonian
@@ -128,9 +130,7 @@ class Stochastic(LiePoissonMotion):
     """
 
     noisy: ClassVar[bool] = True
-    small: ClassVar[int] = (
-        0  # many sites are stepped site by site, each with the noise of its own path
-    )
+    small: ClassVar[int] = 0  # many sites are never written out: each has the noise of its path
     alternatives: ClassVar[str] = (
         "WongZakai(RKMK(order=4)) steps it, and NinomiyaVictoir() steps it in mean"
     )
@@ -152,6 +152,13 @@ class Stochastic(LiePoissonMotion):
             raise InvalidInput(
                 f"{name}: calculus is 'stratonovich'; got {self.calculus!r}. By Ito's the same fields leave the "
                 "coadjoint orbits: add -1/2 sum_i ad*_xi_i (ad*_xi_i mu) to the drift of an Ito equation to write it so"
+            )
+        if isinstance(drift.group, (PowerGroup, SpeciesGroup)) and (
+            drift.site_form is None or isinstance(drift.group, SpeciesGroup)
+        ):
+            raise InvalidInput(
+                f"{name}: the energy of many sites must be lm.Terms on a power of one group, so that each has noise of its "
+                f"own; got {drift!r:.90}"
             )
         require_whole(f"{name}: seed", np.asarray(self.seed))
         fields = tuple([_field(name, x, one_of(drift).dim) for x in self.fields])
