@@ -157,7 +157,7 @@ class Stochastic(LiePoissonMotion):
             drift.site_form is None or isinstance(drift.group, SpeciesGroup)
         ):
             raise InvalidInput(
-                f"{name}: the energy of many sites must be lm.Terms on a power of one group, so that each has noise of its "
+                f"{name}: the energy of many sites must be Terms on a power of one group, so that each has noise of its "
                 f"own; got {drift!r:.90}"
             )
         require_whole(f"{name}: seed", np.asarray(self.seed))

@@ -113,7 +113,7 @@ def test_what_cannot_be_meant_is_named() -> None:
     with pytest.raises(lm.errors.InvalidInput, match="sites have shape"):
         bath.state(mu=directions(20), path=[1, 2, 3])
     whole = lm.LiePoissonSystem(lm.SO3() ** 2, lm.KineticEnergy(np.linspace(1.0, 2.0, 6)))
-    with pytest.raises(lm.errors.InvalidInput, match="lm.Terms"):
+    with pytest.raises(lm.errors.InvalidInput, match="Terms on a power"):
         lm.thermal_bath(whole, 0.1, 0.1)
     with pytest.raises(lm.errors.InvalidInput, match="leave metric out"):
         lm.DoubleBracket(system, 0.1, np.eye(60).tolist())
