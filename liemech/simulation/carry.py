@@ -61,11 +61,13 @@ class Carry:
     @classmethod
     def quickly(
         cls, shape: Any, t0: float, h: float, step: int, numbers: np.ndarray, last: np.ndarray,
-        met: Any = None,
+        met: Any = None, bodies: int | None = None,
     ) -> Carry:  # fmt: skip
-        """The carry of one body after so many fixed steps."""
+        """The carry of bodies that have made so many fixed steps."""
         clock = np.array([t0 + step * h, h, 0.0, float(step), 0.0, 0.0, 0.0])
-        return cls.made(shape, t0, numbers, clock, last, None, met)
+        if bodies is not None:
+            clock = np.repeat(clock[:, None], bodies, axis=1)
+        return cls.made(shape, t0, numbers, clock, last, bodies, met)
 
     # ---------------------------------------------------------------- when and where
 
