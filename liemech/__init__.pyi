@@ -4,6 +4,7 @@ from . import class_functions as class_functions
 from . import errors as errors
 from . import formulas as formulas
 from . import joints as joints
+from . import loops as loops
 from . import models as models
 from . import neighbours as neighbours
 from . import parts as parts
