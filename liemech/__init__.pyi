@@ -133,6 +133,7 @@ from .systems.constraint import VelocityConstraint as VelocityConstraint
 from .systems.driven import DrivenHamiltonianSystem as DrivenHamiltonianSystem
 from .systems.driven import DrivenLiePoissonSystem as DrivenLiePoissonSystem
 from .systems.driven_hamiltonian import DrivenHamiltonian as DrivenHamiltonian
+from .systems.driven_kinetic_energy import DrivenKineticEnergy as DrivenKineticEnergy
 from .systems.group_equation import GroupEquation as GroupEquation
 from .systems.group_equation import LinearGroupEquation as LinearGroupEquation
 from .systems.hamiltonian import Hamiltonian as Hamiltonian
