@@ -76,7 +76,10 @@ def require_fixed(plan: Any, given: Any, carry: Any, what: str) -> None:
     """Refuse what is no carry of fixed steps like those of the plan."""
     plan._one_length(what)
     kinds: Any = FictiveCarry if plan.fictive else (Carry, SiteCarry)
-    if not isinstance(carry, kinds) or (isinstance(carry, SiteCarry) and not plan._sites):
+    known = isinstance(carry, kinds) and not (isinstance(carry, SiteCarry) and not plan._sites)
+    if known and not isinstance(carry, SiteCarry) and carry.bodies is not None:  # side by side
+        known = inner_of(carry).together and not isinstance(getattr(carry, "origin", None), tuple)
+    if not known:
         raise InvalidType(
             f"Plan.{what} goes on from what `begin` or `step` gave, or from the `carry` of a run "
             f"or a stepper; got {given!r}"

@@ -730,6 +730,34 @@ class Plan:
             )
         return Stepper(self, carry_of(self, start, "stepper"))
 
+    def export(
+        self,
+        path: str | os.PathLike[str],
+        start: State | None = None,
+        *,
+        inputs: Sequence[str] | None = None,
+        target: str | None = None,
+    ) -> Any:
+        """Write the steps as C code that needs no Python: "attitude" makes the object file
+        attitude.o, the header attitude.h, which says how the state lies in memory, and
+        attitude_example.c, a program that makes the run.
+
+        start : a state, which says what the state in C has; left out, that of former runs.
+        inputs : names of fields of the system that are arguments of the C function, as those of
+        `stepper.step`.
+        target : the processor: None is the simplest one of this platform, "native" this one; other
+        platforms in LLVM's words, such as "aarch64-linux-gnu:cortex-a72".
+
+        Returns what was written, with a bound on what a step does.  The numbers are those of
+        `stepper`, to the bit, with the same C library.
+        Raises NotCompilable for formulas that ask Python, IncompatibleSystem for steps that are not
+        fixed ones of one body, InvalidInput for a name that is none in C and for inputs of which
+        other numbers are made.
+        """
+        from .export import export
+
+        return export(self, path, start, inputs, target)
+
     def _one_length(self, what: str) -> None:
         if self.adaptive:
             raise InvalidInput(

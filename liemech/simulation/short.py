@@ -139,9 +139,17 @@ class Place(Places):
 
     def advance(self, buffers: Any, turns: int, every: int) -> None:
         """Make `turns` samples, each after `every` steps."""
+        self.stepping.on_memory(self.block(buffers, turns, every), buffers)
+
+    def block(self, buffers: Any, turns: int, every: int) -> bytes:
+        """The arguments of native code; number 4 of the words is `every`, the constants are at
+        `words`.
+        """
         (goal, _), (states, _), (clock, _), (rows, _) = buffers
-        block = self.call(1, 0, 1, turns, every, goal, states, clock, rows, self.constants)
-        self.stepping.on_memory(block, buffers)
+        made: bytes = self.call(1, 0, 1, turns, every, goal, states, clock, rows, self.constants)
+        return made
+
+    words = 8 * 9
 
 
 def place_of(steps: Steps, shape: Shape) -> Place:

@@ -5,7 +5,6 @@ same steps.
 from __future__ import annotations
 
 import functools
-import inspect
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 
 from ..compiler.driver import attempt, read
 from ..errors import IncompatibleSystem, InvalidInput
-from ..formulas import Record, Vec, derivative, record
+from ..formulas import Vec, derivative, record
 from ..formulas.dual import Dual
 from ..formulas.frozen import frozen
 from ..formulas.pytree import (
@@ -39,6 +38,7 @@ from .dense import evaluated, flat, told, unpacked
 from .equal import StraightRun
 from .execution import like
 from .fictive import Origin
+from .parameters import parameter, with_parameter
 from .prepared import Steps
 from .result import AsItIs, beside
 from .systems import Methods, Systems
@@ -456,27 +456,6 @@ def parameter_moves(system: Any, name: str) -> list[Any]:
 
         found.append((moved, np.ldexp(1.0, int(np.frexp(abs(x) or 1.0)[1]) - 7)))
     return found
-
-
-def parameter(system: Any, name: str) -> Any:
-    """The value of a parameter, such as "inertia" or "hamiltonian.rotor"."""
-    for part in name.split("."):
-        if not isinstance(system, Record) or part not in inspect.signature(type(system)).parameters:
-            known = ", ".join(inspect.signature(type(system)).parameters)
-            raise InvalidInput(
-                f"Plan.tangent: {part} is no parameter of {system!r}; there are {known}, "
-                "and the start; of the method method.name, and the step h"
-            )
-        system = getattr(system, part)
-    return system
-
-
-def with_parameter(system: Any, name: str, value: Any) -> Any:
-    """The same system made with another parameter."""
-    first, _, rest = name.partition(".")
-    given = {n: getattr(system, n) for n in inspect.signature(type(system)).parameters}
-    given[first] = with_parameter(given[first], rest, value) if rest else value
-    return type(system)(**given)
 
 
 class Directionless(AsItIs):

@@ -196,7 +196,11 @@ class Trajectory:
         needed = [*inspect.signature(formula).parameters]
         self._recorded(name, [part for part in needed if part != "t"])
         known = {
-            "t": self.t if self.bodies is None or self.t.ndim == 2 else self.t[:, None],
+            "t": self.t
+            if self.bodies is None
+            else np.broadcast_to(
+                self.t if self.t.ndim == 2 else self.t[:, None], (len(self.t), self.bodies)
+            ),
             **self.states,
         }
         return formula(*(known[part] for part in needed))

@@ -69,7 +69,7 @@ class BoundBody(System):
                 f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a "
                 f"MechanicalSystem; got {body!r}"
             )
-        if not isinstance(body.body.lagrangian, KineticEnergy):
+        if not isinstance(getattr(body.body, "lagrangian", None), KineticEnergy):
             raise InvalidInput(
                 f"{name}: the kinetic energy must be quadratic, a "
                 f"KineticEnergy; {body.body!r} has another one"
