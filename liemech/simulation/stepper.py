@@ -473,8 +473,9 @@ class InPlace:
         """Let the method begin with the state here, as far as it carries more along."""
         place, memory = self.place, self.memory
         beginning: Any = place.beginning
-        alike = place.shape.given == place.shape.shown
-        if not alike or (beginning.native is None and not beginning.ready(0.0)):
+        if beginning.native is None:
+            beginning.compile()  # commands come often
+        if beginning.native is None or place.shape.given != place.shape.shown:
             return False
         beginning.on_memory(*self.again)
         mark = place.clock + MARK
