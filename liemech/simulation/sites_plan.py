@@ -12,6 +12,7 @@ import numpy as np
 from ..compiler.planes import Planes
 from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable, warn
 from ..formulas.pytree import layout_of
+from ..integrators.ending_at_jumps import AT_ENDS
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import StateOfSites
 from ..systems.system import State
@@ -76,6 +77,8 @@ class SitesOfPlan:
         if steps.breaks:
             return "breaks of fixed steps (adaptive ones end there)"
         method = steps.way_of(0)
+        if method.noisy and (plan.events or t_eval is not None):
+            return f"events and t_eval of {method!r}, {AT_ENDS}"
         if isinstance(method, TermSplitting):
             asked = {"events": plan.events or None, "t_eval": t_eval}
             return next(
