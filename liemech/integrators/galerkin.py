@@ -286,7 +286,8 @@ def _body(system: Any, t: float = 0.0) -> Any:
     """The body without the field, with the energy that it has at time t."""
     if not isinstance(system, MechanicalSystem):
         return system
-    return system.body._at(t) if system.driven else system.body
+    body: Any = system.body
+    return body._at(t) if system.driven else body
 
 
 def _half(y: Vec, which: int) -> Vec:

@@ -52,8 +52,9 @@ class FieldSplitting(Remembering):
             raise IncompatibleSystem(
                 f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {told}"
             )
+        body: Any = system.body
         frozen = self._frozen(system)
-        self.free.require(system.body.at(0.0) if frozen else system.body)  # type: ignore[attr-defined]
+        self.free.require(body.at(0.0) if frozen else body)  # type: ignore[attr-defined]
         if frozen and self.tableau.order > 2:  # type: ignore[attr-defined]
             raise IncompatibleSystem(
                 f"{self!r}: with an energy that changes with time drifts of {self.free!r} are of order "  # type: ignore[attr-defined]

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from ..compiler import kernel
-from ..compiler.object_files import Bound, object_file
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType, NotCompilable
 from ..formulas.frozen import frozen
 from ..formulas.pytree import Layout, gatherer, layout_of, leaves
@@ -36,7 +35,7 @@ class Exported:
     object: Path
     header: Path
     example: Path
-    bound: Bound | None
+    bound: Any
     platform: str
     processor: str
 
@@ -51,6 +50,8 @@ def export(
         raise InvalidInput(f"Plan.export: {name!r} is no name in C")
     if why := kernel.available():
         raise NotCompilable(f"Plan.export: {why}")
+    from ..compiler.object_files import object_file
+
     shape, start = laid_out(plan, start)
     steps = plan._steps
     lanes = shape.lanes_of(steps, STRAIGHT, (), shape.side)
@@ -121,7 +122,7 @@ class Header:
 
     def __init__(
         self, name: str, plan: Any, shape: Shape, lanes: Any, inputs: dict[str, Input],
-        bound: Bound | None, platform: str, processor: str,
+        bound: Any, platform: str, processor: str,
     ) -> None:  # fmt: skip
         self.name, self.plan, self.shape, self.lanes, self.inputs = name, plan, shape, lanes, inputs
         self.bound, self.platform, self.processor = bound, platform, processor

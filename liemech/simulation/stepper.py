@@ -281,7 +281,7 @@ class Stepper:
         key = next((key for key, shape in old.items() if shape is carry.shape), None)
         shape = plan._steps.shapes.get(key)
         if shape is None or (anew and shape.order is None):
-            begun = plan.begin(state, carry.t0 + carry.step * carry.h)
+            begun = plan.begin(state, carry.t0)  # no method begins by the time
             shape = begun.shape
             if shape.order is None and anew:
                 carry = dataclasses.replace(carry, numbers=begun.numbers)
@@ -473,8 +473,9 @@ class InPlace:
         """Let the method begin with the state here, as far as it carries more along."""
         place, memory = self.place, self.memory
         beginning: Any = place.beginning
-        alike = place.shape.given == place.shape.shown
-        if not alike or (beginning.native is None and not beginning.ready(0.0)):
+        if beginning.native is None:
+            beginning.compile()  # commands come often
+        if beginning.native is None or place.shape.given != place.shape.shown:
             return False
         beginning.on_memory(*self.again)
         mark = place.clock + MARK
@@ -511,6 +512,7 @@ class BodiesInPlace:
     def __init__(self, steps: Steps, lanes: Any, begun: Carry, workers: int) -> None:
         shape: Any = begun.shape
         self.begun, self.lanes, self.workers, self.count = begun, lanes, workers, begun.bodies or 1
+        self.steps = steps
         columns, self.whole = shape.columns(self.count), shape.whole(self.count)
         self.table, self.now = np.zeros((lanes.height, columns)), 0
         self.rows = np.zeros((2, 1, shape.shown.width, columns))
@@ -567,14 +569,14 @@ class BodiesInPlace:
 
     def take(self, new: list[Held], held: dict[str, Held]) -> bool:
         """Take the new inputs; False if that is more than to write them down."""
-        if self.begun.shape.order is None or any(x.input.places is None for x in new):  # type: ignore[union-attr]
+        if any(x.input.places is None for x in new):
             return False
         if isinstance(self.lanes.arguments[1], Several):
             for x in new:
                 for place in x.input.places:  # type: ignore[union-attr]
                     self.own[-1][place : place + x.input.width, : self.count] = x.numbers
             self._fill(self.own[-1])
-            return True
+            return self._begin_again()
         if any(x.numbers.shape[1] > 1 for x in new):
             return False
         constants = bytearray(self.lanes.constants)
@@ -584,6 +586,24 @@ class BodiesInPlace:
             for place in x.input.places:  # type: ignore[union-attr]
                 x.input.pack(constants, begin + 8 * place, *x.numbers[:, 0])
         self.lanes = like(self.lanes, constants=bytes(constants))
+        return self._begin_again()
+
+    def _begin_again(self) -> bool:
+        """Let the method begin with the states here, as far as it carries more along."""
+        shape: Any = self.begun.shape
+        if shape.order is not None:
+            return True
+        beginning = shape.beginning(self.steps, self.lanes)
+        if beginning.native is None:
+            beginning.compile()  # commands come often
+        if beginning.native is None or shape.given != shape.shown:
+            return False
+        here, before = self.rows[self.now, 0], self.table.copy()
+        arrays = *self.own, here, self.clocks, self.numbers, here
+        beginning.run(self.lanes.constants, (), arrays, here.shape[1], 0, self.whole)
+        if self.clocks[MARK, : self.whole].any():
+            self.table[:] = before
+            return False
         return True
 
     @property

@@ -71,10 +71,9 @@ class MechanicalSystem(System):
             load = load_of(type(self).__name__, self.body.group, self.load)
             if load is not self.load:
                 object.__setattr__(self, "load", load)
-        kinds: Any = LiePoissonSystem, DrivenLiePoissonSystem
-        kind = DrivenLiePoissonSystem if isinstance(self.body, kinds[1]) else LiePoissonSystem
+        body = DrivenLiePoissonSystem if self.driven else LiePoissonSystem
         given: tuple[tuple[str, Any, type, str], ...] = (
-            ("body", self.body, kind, "such as RigidBody([1.0, 1.5, 2.0])"),
+            ("body", self.body, body, "such as RigidBody([1.0, 1.5, 2.0])"),
             ("potential", self.potential, Potential, "a subclass with an `energy(g)`"),
             ("load", self.load or _NO_FORCE, Force, "a subclass with a `covector(t, xi, g)`"),
         )
