@@ -83,13 +83,13 @@ class Recorder:
         wanted = [name for name, x in system.essential_part(start).parts.items() if x is not None]
         for quantity in self.quantities.values():
             parts = inspect.signature(getattr(system, str(quantity))).parameters
-            if not set(parts) <= set(start.parts):
+            if not {*parts} <= {*start.parts, "t"}:
                 raise InvalidInput(
                     f"integrate: record={quantity!r} is a formula of {', '.join(parts)}, not of "
                     f"the state, which is {', '.join(start.parts)}; "
                     "record a function of time and state"
                 )
-            wanted += parts
+            wanted += [part for part in parts if part != "t"]
         return tuple(dict.fromkeys([*wanted, *self.parts, *self.chosen]))
 
     # ---------------------------------------------------------------- what is kept
@@ -125,8 +125,10 @@ class Recorder:
         for name, quantity in self.quantities.items():
             if isinstance(quantity, str):
                 formula = getattr(run.system, quantity)
+                time = t if run.bodies is None or t.ndim == 2 else t[:, None]
+                known = {"t": time, **states}
                 found[name] = np.asarray(
-                    formula(*(states[part] for part in inspect.signature(formula).parameters))
+                    formula(*(known[part] for part in inspect.signature(formula).parameters))
                 )
             elif len(t):
                 found[name] = self._of_function(
