@@ -87,7 +87,7 @@ def encoded(value: Any) -> Any:
 
 @frozen
 class Decoder:
-    """What was encoded.
+    """The value that was encoded.
 
     where : the file, for messages.  modules : which the user has named, and which are imported.
     trusted : are modules that the file names imported?
