@@ -4,6 +4,7 @@ from . import class_functions as class_functions
 from . import errors as errors
 from . import formulas as formulas
 from . import joints as joints
+from . import loops as loops
 from . import models as models
 from . import neighbours as neighbours
 from . import parts as parts
@@ -136,6 +137,7 @@ from .systems.double_bracket import DoubleBracket as DoubleBracket
 from .systems.driven import DrivenHamiltonianSystem as DrivenHamiltonianSystem
 from .systems.driven import DrivenLiePoissonSystem as DrivenLiePoissonSystem
 from .systems.driven_hamiltonian import DrivenHamiltonian as DrivenHamiltonian
+from .systems.driven_kinetic_energy import DrivenKineticEnergy as DrivenKineticEnergy
 from .systems.group_equation import GroupEquation as GroupEquation
 from .systems.group_equation import LinearGroupEquation as LinearGroupEquation
 from .systems.hamiltonian import Hamiltonian as Hamiltonian
