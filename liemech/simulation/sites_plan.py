@@ -5,6 +5,8 @@ method of one site.
 from __future__ import annotations
 
 import functools
+import inspect
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from ..formulas.pytree import layout_of
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import StateOfSites
 from ..systems.system import State
+from .events import name_of
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
 from .sites_states import by_site, first_of
@@ -23,6 +26,25 @@ from .trajectory import Trajectory
 
 LARGE = 300
 """Numbers of momenta beyond which a system is not written out."""
+
+SIDE_BY_SIDE = 4
+"""Members of an ensemble, which are stepped in lanes where they are written out, are so up to so many
+times as many numbers as a single system.
+"""
+
+OF_SITES = "site", "total"
+"""Names that the second argument of a function of a user's may have, which say of what it is: of one
+site, or of totals over all sites.  Any other is the state of all sites.
+"""
+
+
+def second(function: Any) -> str:
+    """The name of the argument of a function of time that comes behind it."""
+    try:
+        names = [*inspect.signature(function).parameters]
+    except (TypeError, ValueError):
+        return ""
+    return names[1] if len(names) > 1 else ""
 
 
 class SitesOfPlan:
@@ -60,9 +82,28 @@ class SitesOfPlan:
             return False
         return True
 
+    @functools.cached_property
+    def functions(self) -> list[tuple[str, str, Callable[..., Any]]]:
+        """What a user's functions are called, of what they are, and the functions themselves."""
+        recorder = self.plan.recorder
+        found = [] if recorder is None else [*recorder.quantities.items()]
+        found += [(name_of(event), event) for event in self.plan.events]
+        return [(name, second(x), x) for name, x in found if not isinstance(x, str)]
+
+    @functools.cached_property
+    def of_sites(self) -> str | None:
+        """A function of one site or of totals, for which a run of any size goes by sites."""
+        return next((name for name, of, _ in self.functions if of in OF_SITES), None)
+
     def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
         """What is asked for that runs by sites do not have yet; None if nothing is."""
         plan, steps = self.plan, self.plan._steps
+        whole = next((name for name, of, _ in self.functions if of not in OF_SITES), None)
+        if whole is not None:
+            return (
+                f"function of the state of all sites, as {whole} is: with the arguments (t, site) it is "
+                "of one site, and summed over all; an event (t, total) is of such sums"
+            )
         if plan.fictive:
             return "steps in fictive time"
         if plan.of_each:
@@ -97,7 +138,8 @@ class SitesOfPlan:
         if not self.knows(start):
             return False
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
-        return numbers > self.plan._one.small or not self.as_one_body
+        few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
+        return numbers > few or self.of_sites is not None or not self.as_one_body
 
     def trajectory(
         self, start: Any, steps: int | None, t_end: Any, t0: float, kept: Any, t_eval: Any = None
@@ -121,13 +163,15 @@ class SitesOfPlan:
                 return run.trajectory()
             except NotCompilable as error:
                 why = f"{self.plan.method!r} for sites one by one ({error})"
-                numbers += LARGE if self.plan.events else 0  # which would be of other things
+        if self.of_sites is not None:
+            raise IncompatibleSystem(
+                f"integrate: {self.of_sites} is of one site or of totals, and a run by sites has no {why}"
+            )
         if numbers <= LARGE and self.as_one_body and not isinstance(start, SiteCarry):
             return None
         raise IncompatibleSystem(
-            f"integrate: there is no {why}, for systems of many sites, here {state.sites}: RKMK and "
-            f"KickDrift with h and steps take any number; up to {LARGE} numbers are written out as one "
-            "body, which takes everything"
+            f"integrate: there is no {why}; that is for systems of many sites, here {state.sites}, of "
+            f"which up to {LARGE} numbers are written out as one body, which takes everything"
         )
 
     def require_small(self, start: Any, what: str) -> None:
