@@ -20,7 +20,7 @@ from ..systems.system import State
 from .events import name_of
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
-from .sites_states import by_site, first_of
+from .sites_states import by_site
 from .stopped import Stopped
 from .trajectory import Trajectory
 
@@ -60,15 +60,17 @@ class SitesOfPlan:
         site = plan._one.site_form
         return None if site is None else cls(plan, with_lists(plan._one, site))
 
-    def prepared(self, start: StateOfSites, starts: Planes, curves: bool) -> Any:
-        """Layouts and native code for starts like this one.  curves : is the way of adaptive steps
-        needed?
+    def prepared(
+        self, first: State, starts: Planes, curves: bool, level: float | None = None
+    ) -> Any:
+        """Layouts and native code for starts whose first site is like this one.  curves : is the way of
+        adaptive steps needed?  level : of the derivative that its numbers carry along.
         """
         from .sites_prepared import Prepared
 
-        key = layout_of(first_of(start)), curves
+        key = layout_of(first), curves
         if key not in self.known:
-            self.known[key] = Prepared(self.plan, self.site, start, starts, curves)
+            self.known[key] = Prepared(self.plan, self.site, first, starts, curves, level)
         return self.known[key]
 
     # ---------------------------------------------------------------- which runs
@@ -159,7 +161,7 @@ class SitesOfPlan:
             return self._members(state, steps, t_end, t0, t_eval)
         if why is None:
             try:
-                run = self._kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
+                run = self.kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
                 return run.trajectory()
             except NotCompilable as error:
                 why = f"{self.plan.method!r} for sites one by one ({error})"
@@ -169,25 +171,40 @@ class SitesOfPlan:
             )
         if numbers <= LARGE and self.as_one_body and not isinstance(start, SiteCarry):
             return None
-        raise IncompatibleSystem(
-            f"integrate: there is no {why}; that is for systems of many sites, here {state.sites}, of "
+        raise self._too_many(why, state)
+
+    def tangent(self, start: Any, steps: Any, t_end: Any, t0: float, names: Any, given: Any) -> Any:
+        """The run with its tangent map; None if the system is to be written out instead.  Raises
+        IncompatibleSystem for one that is too large for that.
+        """
+        wanted = [f"the derivative by {name}" for name in names if name != "start"]
+        if self.plan.adaptive:
+            wanted.append("the derivative of adaptive steps")
+        if start.bodies is not None:
+            wanted.append("the derivative of members")
+        why = wanted[0] if wanted else self.missing(None, None, False)
+        if why is None:
+            from .sites_tangent import tangent_by_sites
+
+            count = self.plan._count(steps, t_end, t0)
+            return tangent_by_sites(self, start, count, t0, given)
+        if start.width // (start.bodies or 1) <= LARGE and self.as_one_body:
+            return None
+        raise self._too_many(why, start)
+
+    def _too_many(self, why: str, start: Any) -> IncompatibleSystem:
+        """The error of what runs by sites do not have."""
+        return IncompatibleSystem(
+            f"integrate: there is no {why}; that is for systems of many sites, here {start.sites}, of "
             f"which up to {LARGE} numbers are written out as one body, which takes everything"
         )
 
-    def require_small(self, start: Any, what: str) -> None:
-        """Raise IncompatibleSystem for a system that is too large to be written out."""
-        if isinstance(start, StateOfSites) and start.width // (start.bodies or 1) > LARGE:
-            raise IncompatibleSystem(
-                f"integrate: there is no {what}, for systems of many sites, here {start.sites}; up to "
-                f"{LARGE} numbers are written out as one body"
-            )
-
     def by_hand(self, carry: SiteCarry) -> Any:
         """A run that goes on as it is told, without samples."""
-        return self._kind(self.plan, self.site, carry, carry.t0, 0, None, None, None)
+        return self.kind(self.plan, self.site, carry, carry.t0, 0, None, None, None)
 
     @property
-    def _kind(self) -> Any:
+    def kind(self) -> Any:
         """What a run is."""
         from .sites_run import SiteRun
         from .turns_of_sites import TurnsRun

@@ -21,7 +21,7 @@ from ..errors import (
     failure,
     is_mistake,
 )
-from ..formulas.pytree import inside
+from ..formulas.pytree import inside, layout_of
 from ..formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
 from ..systems.site_state import StateOfSites
 from ..systems.tabulated import has_inputs
@@ -62,7 +62,7 @@ from .sites_driver import (
 from .sites_events import Sightings
 from .sites_lists import STEP as SHORT
 from .sites_lists import Lists
-from .sites_states import as_users_see, by_site, site_rows, state_of_rows
+from .sites_states import as_users_see, by_site, first_of, site_rows, state_of_rows
 from .stopped import NONE
 from .tolerance import stretches, too_small
 from .trajectory import Trajectory
@@ -98,6 +98,7 @@ class SiteRun:
     """
 
     ended: int | None = None  # by which event
+    level: float | None = None  # of the derivative that numbers carry along
 
     def __init__(
         self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
@@ -119,8 +120,9 @@ class SiteRun:
         self.aim(steps, t_end, t_eval)
         inner = (self.asked != self.begun) & (self.asked != self.t_end)
         curves = self.adaptive and bool(plan.events or inner.any())
-        self.starts = Planes(rows_of(site_rows(state)), self.count)
-        self.shape = shape = plan._sites.prepared(state, self.starts, curves)
+        first, rows = self.laid_out(state)
+        self.starts = Planes(rows_of(rows), self.count)
+        self.shape = shape = plan._sites.prepared(first, self.starts, curves, self.level)
         self.h, samples = shape.h, len(self.asked)
         self.wide = shape.state.width if shape.shown.kept else 0
         self.chosen = None if plan.recorder is None else plan.recorder.sites
@@ -142,6 +144,10 @@ class SiteRun:
         else:
             self._take_up(start)
         self.events = Sightings(self, plan.events, start) if plan.events else None
+
+    def laid_out(self, state: Any) -> tuple[Any, np.ndarray]:
+        """The state of the first site, and the numbers of all, (width, sites)."""
+        return first_of(state), site_rows(state)
 
     # ---------------------------------------------------------------- what is asked for
 
@@ -380,8 +386,11 @@ class SiteRun:
 
     def _elements(self) -> np.ndarray:
         """Where the sites are."""
-        rows = self.shape.shown_rows(self._memory)
-        return unpacked(self.shape.state, rows.T)["g"]
+        return self.elements(self.shape.shown_rows(self._memory))
+
+    def elements(self, rows: np.ndarray) -> np.ndarray:
+        """The elements of sites, of the numbers of their states."""
+        return unpacked(layout_of(first_of(self.state)), rows.T)["g"]
 
     # ---------------------------------------------------------------- between two calls
 
