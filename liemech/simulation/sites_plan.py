@@ -12,7 +12,13 @@ from typing import Any
 import numpy as np
 
 from ..compiler.planes import Planes
-from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable, warn
+from ..errors import (
+    IncompatibleSystem,
+    IntegrationFailure,
+    InvalidInput,
+    NotCompilable,
+    warn,
+)
 from ..formulas.pytree import layout_of
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import StateOfSites
@@ -106,6 +112,12 @@ class SitesOfPlan:
                 f"function of the state of all sites, as {whole} is: with the arguments (t, site) it is "
                 "of one site, and summed over all; an event (t, total) is of such sums"
             )
+        event = next((name for name, of, _ in self.functions if of == "total"), None)
+        if event is not None and (plan.recorder is None or not plan.recorder.quantities):
+            raise InvalidInput(
+                f"integrate: {event} is of totals over all sites, and record= names no totals: "
+                'record=[("spin", lambda t, site: site.mu)]'
+            )
         if plan.fictive:
             return "steps in fictive time"
         if plan.of_each:
@@ -118,12 +130,6 @@ class SitesOfPlan:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         if steps.breaks:
             return "breaks of fixed steps (adaptive ones end there)"
-        method = steps.way_of(0)
-        if isinstance(method, TermSplitting):
-            asked = {"events": plan.events or None, "t_eval": t_eval}
-            return next(
-                (f"{x} of {method!r}" for x, value in asked.items() if value is not None), None
-            )
         return None
 
     def knows(self, start: Any) -> bool:
