@@ -17,6 +17,7 @@ from ..errors import (
     IntegrationInterrupted,
     InvalidInput,
     NoConvergence,
+    NotFinite,
     StepTooSmall,
     failure,
     is_mistake,
@@ -55,6 +56,7 @@ from .sites_driver import (
     look_inside,
     one_inside,
     one_look,
+    one_rate,
     one_remake,
     one_start,
     one_step,
@@ -72,6 +74,9 @@ PATIENCE = 0.1
 
 MOST = 2**30
 """Steps of a call, at most."""
+
+AROUND = 20
+"""Sites on both sides of one that failed, among which that is looked for of which it failed."""
 
 LONG = 50
 """Steps that an adaptive run is expected to take."""
@@ -484,7 +489,7 @@ class SiteRun:
             error = self._why(
                 failures, self.notes, lambda i: one_site(self.count, i, one_step, *given)
             )
-            raise self._ended(error, at)
+            raise self._ended(self._origin(error, t), at)
         if clock[MARK] == STUCK and clock[ANEW] == 0.0:
             error = failures[-1] if failures else None
             raise (
@@ -550,6 +555,25 @@ class SiteRun:
                 f"does not settle. The step h = {self.h:g} may be too large; try {0.25 * self.h:g}"
             )
         return None
+
+    def _origin(self, error: Any, t: float) -> Any:
+        """The error of the first site whose own velocity is not finite before the step that failed: in
+        the stages of a step that goes over to its neighbours.
+        """
+        near = getattr(error, "site", None)
+        some = range(self.count)
+        if self.count > FEW:
+            some = range(0) if near is None else some[max(0, near - AROUND) : near + AROUND]
+        given: Any = self.shape.method, self.site, t, self.sites, self._copy, self.shape.memory
+        if isinstance(error, (NotFinite, NoConvergence)):
+            for i in some:
+                try:
+                    one_site(self.count, i, one_rate, *given)
+                except TooManySites:
+                    break
+                except Exception as found:
+                    return found
+        return error
 
     def _too_small(self, error: Any) -> Any:
         """The error of a run whose steps became too small."""
