@@ -183,11 +183,11 @@ class SitesOfPlan:
         """The run with its tangent map; None if the system is to be written out instead.  Raises
         IncompatibleSystem for one that is too large for that.
         """
-        wanted = [f"the derivative by {name}" for name in names if name != "start"]
+        wanted = [f"derivative by {name}" for name in names if name != "start"]
         if self.plan.adaptive:
-            wanted.append("the derivative of adaptive steps")
+            wanted.append("derivative of adaptive steps")
         if start.bodies is not None:
-            wanted.append("the derivative of members")
+            wanted.append("derivative of members")
         why = wanted[0] if wanted else self.missing(None, None, False)
         if why is None:
             from .sites_tangent import tangent_by_sites

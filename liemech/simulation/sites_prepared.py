@@ -12,7 +12,15 @@ from ..compiler import kernel
 from ..compiler.planes import Planes, load
 from ..errors import InvalidInput
 from ..formulas import Record, record
-from ..formulas.pytree import build, carried_layout, layout_of, leaves, rounded, with_fields, with_slopes
+from ..formulas.pytree import (
+    build,
+    carried_layout,
+    layout_of,
+    leaves,
+    rounded,
+    with_fields,
+    with_slopes,
+)
 from ..formulas.sites import one_site
 from ..systems.system import State
 from ..systems.terms_at_site import at_this_site

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas.pytree import build, layout_of, with_slopes
-from .arguments import directions
+from . import arguments
 from .dense import unpacked
 from .equal import affordable
 from .sites_states import first_of, site_rows
@@ -97,11 +97,12 @@ def tangent_by_sites(sites: Any, start: Any, steps: int, t0: float, given: Any) 
     """
     plan, frames = sites.plan, Frames(sites.site, start)
     n, every = frames.components, plan.options.every
-    name, some = ("start", None) if given is None else (given[0], directions(*given, n))
+    name, wanted = given or ("start", None)
+    some: Any = None if wanted is None else arguments.directions(name, wanted, n)
     out = n if some is None else 1 if some.ndim == 1 else some.shape[1]
     affordable(8 * n * out * (steps // every + 2), steps, every)
     products = []
-    for direction in np.atleast_2d(some.T) if name == "along" else np.eye(n):  # type: ignore[union-attr]
+    for direction in np.atleast_2d(some.T) if name == "along" else np.eye(n):
         kind = type("RunAlong", (Along, sites.kind), {"slopes": frames.numbers(direction)})
         run = kind(plan, sites.site, start, t0, steps, None, None, None)
         made = run.trajectory()

@@ -33,7 +33,7 @@ from ..integrators.method import Method, Wrapping
 from ..integrators.taylor import Taylor
 from ..systems.clocked import Clocked
 from ..systems.system import State
-from .arguments import directions
+from . import arguments
 from .control import TAKEN
 from .dense import evaluated, flat, told, unpacked
 from .equal import StraightRun
@@ -393,7 +393,7 @@ def multiplied(run: TangentTrajectory, name: str, given: Any) -> TangentTrajecto
     """The run with products of its map by the start, `along` or `against` directions, instead of it."""
     map_ = run.tangent["start"]
     map_ = map_ if name == "along" else np.swapaxes(map_, -1, -2)
-    return replace(run, tangent={name: map_ @ directions(name, given, map_.shape[-1])})
+    return replace(run, tangent={name: map_ @ arguments.directions(name, given, map_.shape[-1])})
 
 
 def frame(system: Any, name: str, part: Any) -> Any:

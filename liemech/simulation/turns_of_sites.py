@@ -16,9 +16,11 @@ from ..formulas import Record, plain, record
 from ..formulas.pytree import NUMBER
 from ..formulas.sites import padded, rows_of
 from ..formulas.tables import Table, entry
+from ..integrators.sublattices import terms_of
 from ..systems.bonds_at_site import BondsOfSite
 from ..systems.lie_poisson import BodyState
 from ..systems.sublattices import turned
+from ..systems.terms import at_time
 from ..systems.terms_at_site import at_this_site
 from .control import MARK, STUCK, TAKEN, TIME
 from .sites_driver import CROSSED
@@ -36,7 +38,8 @@ ROWS = 2**21
 
 @record
 class Turns(Record):
-    """The turns of a step: for each four numbers, of which the last is its share of the step; abstract.
+    """The turns of a step: for each five numbers, of which the last two are its share of the step, and
+    at which share of it terms are taken that change with time; abstract.
 
     The first one begins with what the step before has left, which is the share `last`.
 
@@ -53,9 +56,17 @@ class Turns(Record):
         return self.name
 
     def make(
-        self, k: int, time: float, sites: Any, here: int, there: Any, row: int, layout: Any
+        self,
+        k: int,
+        t: float,
+        time: float,
+        sites: Any,
+        here: int,
+        there: Any,
+        row: int,
+        layout: Any,
     ) -> None:
-        """Turn number k, of this time, from one copy of the sites to a row of others."""
+        """Turn number k, at a time and for another, from one copy of the sites to a row of others."""
         raise undefined(self, "make")
 
     def after(self, here: int) -> int:
@@ -64,11 +75,15 @@ class Turns(Record):
 
     def number(self, k: int, which: int) -> int:
         """One of the whole numbers of turn number k."""
-        return int(entry(self.numbers, 4 * k + which))
+        return int(entry(self.numbers, 5 * k + which))
 
     def share(self, k: int) -> float:
         """The share of turn number k."""
-        return entry(self.numbers, 4 * k + 3)
+        return entry(self.numbers, 5 * k + 3)
+
+    def at(self, k: int) -> float:
+        """The share of the step at which turn number k sees terms that change."""
+        return entry(self.numbers, 5 * k + 4)
 
 
 @record
@@ -80,12 +95,20 @@ class TurnsOfColours(Turns):
     """
 
     def make(
-        self, k: int, time: float, sites: Any, here: int, there: Any, row: int, layout: Any
+        self,
+        k: int,
+        t: float,
+        time: float,
+        sites: Any,
+        here: int,
+        there: Any,
+        row: int,
+        layout: Any,
     ) -> None:
         """Turn number k: of the sites of a colour."""
         begin, end, part = self.number(k, 0), self.number(k, 1), self.number(k, 2)
         some(
-            sites, begin, end, turned_site, self.group, self.form, part, time, sites, there, row,
+            sites, begin, end, turned_site, self.group, self.form, part, t, time, sites, there, row,
             layout,
         )  # fmt: skip
 
@@ -95,11 +118,12 @@ class TurnsOfColours(Turns):
 
 
 def turned_site(
-    group: Any, field: Any, part: int, time: float, here: Any, there: Any, row: int, layout: Any
-) -> None:
+    group: Any, field: Any, part: int, t: float, time: float, here: Any, there: Any, row: int,
+    layout: Any,
+) -> None:  # fmt: skip
     """The turn of one site."""
     state = load(here, 0, layout)
-    xi = field.velocity(part, plain(state.mu))
+    xi = at_time(field, t).velocity(part, plain(state.mu))
     save(there, row, BodyState(*turned(group, state.mu, state.g, time * xi)), layout)
 
 
@@ -112,14 +136,22 @@ class TurnsOfBonds(Turns):
     """
 
     def make(
-        self, k: int, time: float, sites: Any, here: int, there: Any, row: int, layout: Any
+        self,
+        k: int,
+        t: float,
+        time: float,
+        sites: Any,
+        here: int,
+        there: Any,
+        row: int,
+        layout: Any,
     ) -> None:
         """Turn number k: of all sites, along one term."""
         which, colour = self.number(k, 0), self.number(k, 1)
         for i in range(len(self.form)):
             for _ in range(int(which == i)):
                 each(
-                    sites, turned_by_bond, self.group, self.form[i], colour, time, sites, here,
+                    sites, turned_by_bond, self.group, self.form[i], colour, t, time, sites, here,
                     there, row, layout,
                 )  # fmt: skip
 
@@ -129,10 +161,11 @@ class TurnsOfBonds(Turns):
 
 
 def turned_by_bond(
-    group: Any, term: Any, colour: int, time: float, sites: Any, here: int, there: Any, row: int,
-    layout: Any,
+    group: Any, term: Any, colour: int, t: float, time: float, sites: Any, here: int, there: Any,
+    row: int, layout: Any,
 ) -> None:  # fmt: skip
     """The turn of one site along its bond of a colour, or along its own energy."""
+    term = at_time(term, t)
     state = load(sites, here, layout)
     mu = plain(state.mu)
     if isinstance(term, BondsOfSite):
@@ -153,6 +186,7 @@ def advance_turns(
     layout: Any,
     h: float,
     count: int,
+    t0: float,
     steps: int,
     samples: int,
     shown: int,
@@ -163,25 +197,30 @@ def advance_turns(
     """The driver: `samples` times so many steps of so many turns, and a sample if it is to be shown,
     1; 0 if not.
 
-    layout : of the state of one site.  sites : before the last turn of a step, of which the time is
-    left on the clock, with the copy in which they are.  seen : the states, one sample behind the other.
+    layout : of the state of one site.  t0 : the time of step 0.  sites : before the last turn of a step.
+    clock : the time that is left for it, the copy in which they are, the number of steps made.
+    seen : the states, one sample behind the other.
     """
     for k in range(samples):
         left, here = read(clock, 0, NUMBER), int(read(clock, 1, NUMBER))
-        for _ in range(steps):
+        taken = read(clock, 2, NUMBER)
+        for n in range(steps):
+            t = t0 + (taken + n) * h
             for i in range(count):
                 time = turns.share(i) * h
                 if i == 0:
                     time = left + time
                 there = turns.after(here)
-                turns.make(i, time, sites, here, sites, there, layout)
+                turns.make(i, t + turns.at(i) * h, time, sites, here, sites, there, layout)
                 here = there
             left = turns.last * h
+        taken = taken + steps
         write(clock, 0, left, NUMBER)
         write(clock, 1, float(here), NUMBER)
+        write(clock, 2, taken, NUMBER)
         for _ in range(shown):
             each(sites, copied_site, sites, here, seen, k, layout)
-            turns.make(count, left, sites, here, seen, k, layout)
+            turns.make(count, t0 + taken * h, left, sites, here, seen, k, layout)
 
 
 # ------------------------------------------------------------------ Python's side
@@ -195,22 +234,22 @@ class Turning:
     def __init__(self, plan: Any, layout: Any) -> None:
         steps, system = plan._steps, plan._one
         method = steps.way_of(0)
-        motions = method._motions(system.hamiltonian)
+        motions = method._motions(terms_of(system))
         self.places = motions.places
         form, numbers = motions.of_site(self.places)
-        rows = [(*numbers[part], share) for part, share in method.turns(motions)]
+        rows = [(*numbers[part], share, at) for part, share, at in method.turns(motions)]
         kind, self.copies = (TurnsOfBonds, 2) if isinstance(form, tuple) else (TurnsOfColours, 1)
         last = rows[-1]
         if len(rows) == 1:  # one turn is a step, and leaves nothing
-            last = *last[:3], 0.0
+            last = *last[:3], 0.0, 0.0
             rows = [*rows, last]
         table = Table(np.array(rows, dtype=float).ravel())
         turns = kind(system.group.base, form, table, last[3], repr(method))
         self.arguments = turns, layout, steps.h, len(rows) - 1
         planes, shared = Planes.of_rows(1, 1), kernel.Shared(np.empty(0))
         self.execution = SiteExecution(
-            steps.compiled, steps.progress, advance_turns, *self.arguments, 1, 1, 1, planes, planes,
-            shared,
+            steps.compiled, steps.progress, advance_turns, *self.arguments, 0.0, 1, 1, 1, planes,
+            planes, shared,
         )  # fmt: skip
 
     def spread(self, rows: np.ndarray) -> Planes:
@@ -303,7 +342,11 @@ class TurnsRun(SiteRun):
         if not turns:
             return
         if not self.plan.events:  # nothing happens until the next time
-            due = self.times[self.made] if self.made < len(self.times) else np.copysign(np.inf, self.h)
+            due = (
+                self.times[self.made]
+                if self.made < len(self.times)
+                else np.copysign(np.inf, self.h)
+            )
             far = int(min((due - t) / self.h, turns + 1.0)) - 1
             if far > 0:
                 self._turned(far, 1, 1)
@@ -377,7 +420,8 @@ class TurnsRun(SiteRun):
         fresh[order] = self.old[order]
         start = Planes(rows_of(np.tile(fresh, (turning.copies, 1))), fresh.shape[1])
         seen = Planes.of_rows(len(fresh), start.count)
-        self._make((turns, layout, at - begun, number, 1, 1, 1, start, seen), np.zeros(2))
+        given = turns, layout, at - begun, number, begun, 1, 1, 1, start, seen
+        self._make(given, np.zeros(3))
         rows = self._seen(seen.array[:, : start.count])
         if not np.isfinite(rows).all():
             raise self._ended(NotFinite(OVERFLOW), f"inside of a step, t = {at:g}")
@@ -409,10 +453,10 @@ class TurnsRun(SiteRun):
         turning = shape.turning
         if self.turned is None:
             self.turned = turning.spread(self._memory[width : 2 * width])
-            self.clock = np.array([self._memory[2 * width, 0], 0.0])
+            self.clock = np.array([self._memory[2 * width, 0], 0.0, self.taken])
         count = self.turned.count
         seen = Planes.of_rows(width * samples * shown, count)
-        arguments: Any = *turning.arguments, turns, samples, shown, self.turned, seen
+        arguments: Any = *turning.arguments, self.t0, turns, samples, shown, self.turned, seen
         self.notes, self.failures = -1, []
         self._make(arguments, self.clock)
         if not shown:
