@@ -66,6 +66,7 @@ SECTIONS = {
         "eccentric_orbit",
     ),
     "Many bodies": ("binary_asteroid", "drop_of_water"),
+    "Damping and noise": ("paramagnet", "relaxing_body"),
     "From measurements": ("fit_inertia",),
     "In the browser": (
         "flip_in_the_browser",

@@ -18,7 +18,6 @@ from ..integrators.method import Method
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
 from ..systems.poisson import PoissonState
-from ..systems.site_state import SiteState
 from ..systems.system import State, System, small_state
 from .arrival import FictiveMotion
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
@@ -28,6 +27,7 @@ from .events import Met
 from .fictive import FictiveCarry, Origin
 from .files import read, write
 from .sites_carry import SiteCarry
+from .sites_states import kind_of
 from .stopped import Stopped
 from .systems import Methods, OfBodies, Systems, of_body
 
@@ -137,7 +137,7 @@ def _carry_of(
         parts = {part: arrays[f"{name}.state.{part}"] for part in kept["sites"]}
         kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
         by_site = "mu" in parts and np.ndim(parts["mu"]) == 2  # else of several species, in a row
-        there = SiteState(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
+        there = kind_of(parts)(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
         met = Met([(event, n) for event, n in kept.get("met", ())])
         rest = arrays[f"{name}.numbers"], there, met, arrays.get(f"{name}.clock")
         return SiteCarry(kept["t0"], kept["h"], kept["step"], *rest, kept.get("ended"))

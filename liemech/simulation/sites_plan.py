@@ -20,6 +20,7 @@ from ..errors import (
     warn,
 )
 from ..formulas.pytree import layout_of
+from ..integrators.ending_at_jumps import AT_ENDS
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import StateOfSites
 from ..systems.system import State
@@ -130,6 +131,9 @@ class SitesOfPlan:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         if steps.breaks:
             return "breaks of fixed steps (adaptive ones end there)"
+        method = steps.way_of(0)
+        if method.noisy and (plan.events or t_eval is not None):
+            return f"events and t_eval of {method!r}, {AT_ENDS}"
         return None
 
     def knows(self, start: Any) -> bool:
