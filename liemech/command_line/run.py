@@ -58,7 +58,7 @@ def run(arguments: Sequence[str]) -> int:
         print(f"liemech: {text}", file=sys.stderr)
     if not len(done):
         return status
-    files, refused = _files(scene, done, options)
+    files, refused = _files(scene, done, options, said)
     for text in refused:
         print(f"liemech: {text}", file=sys.stderr)
     if options.json:
@@ -135,18 +135,16 @@ def _scene(options: Any) -> Scene:
     return scene.changed(h=options.h, steps=options.steps, method=method)
 
 
-def _files(scene: Scene, done: lm.Trajectory, options: Any) -> tuple[list[str], list[str]]:
+def _files(
+    scene: Scene, done: lm.Trajectory, options: Any, said: str
+) -> tuple[list[str], list[str]]:
     """Write what was asked for: the files, and what went wrong."""
     files: list[str] = []
     refused: list[str] = []
     name = Path(options.scene).stem
 
     def view(path: Path) -> None:
-        # a page shows one of them
-        first = (
-            0 if done.bodies is not None and isinstance(done.system, lm.HamiltonianSystem) else None
-        )
-        lm.viewer.Scene(done, scene.view, title=scene.title, body=first).save(path)
+        lm.viewer.Scene(done, scene.view, title=scene.title, note=said).save(path)
 
     def plot(path: Path) -> None:
         lm.plots.save(lm.plots.plot(done, title=scene.title).figure, path)  # type: ignore[arg-type]

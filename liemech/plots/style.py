@@ -16,14 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput, InvalidType, MissingExtra
+from ..models.sites import base_of, is_spin
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Okabe and Ito's palette, told apart by every kind of colour vision: blue, vermilion, green,
-purple, orange, sky.
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#7B1E5B", "#5C4A12", "#5A3FE0")
+"""Blue, vermilion, green, plum, umber, indigo: the first three are Okabe and Ito's; all are told
+apart by every kind of colour vision, and are dark enough for lines on white (3:1).
 """
 MARKERS = ("o", "s", "^", "D", "v", "P")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
@@ -129,6 +130,11 @@ def thinned(n: int, most: int = MOST_DOTS) -> Any:
     them.
     """
     return slice(None) if n <= most else np.unique(np.linspace(0, n - 1, most).round().astype(int))
+
+
+def time_unit(system: Any) -> str:
+    """The unit of the time of a system, "s", or "" where there is none, as of spins."""
+    return "" if is_spin(base_of(system)) else system.time_unit
 
 
 def save(figure: Figure, path: str | PathLike[str], dpi: int = 200) -> None:

@@ -61,14 +61,14 @@ def described(scene: Scene) -> dict[str, Any]:
         "title": scene.title,
         "legend": [{"name": one.name, "color": one.color} for one in named] + scene.legend(),
         "notes": scene.notes(),
-        "axes": any(content.filling for one in scene.shown for content in one.contents),
-        "panels": [
-            {
-                "path": panel.path,
-                "title": panel.title,
-                "corners": None if panel.corners is None else panel.corners.tolist(),
-            }
+        "unit": scene.unit,
+        "axes": any(content.of_space for one in scene.shown for content in one.contents),
+        "panels": [{"path": panel.path, "title": panel.title} for panel in panels],
+        "labels": [
+            {"path": node.path, "text": node.label}
             for panel in panels
+            for node in panel.nodes.values()
+            if node.label
         ],
         "commands": commands(panels),
         "clocks": scene.clocks(),
@@ -87,6 +87,7 @@ def tracks(node: Node) -> list[dict[str, Any]]:
         track: dict[str, Any] = {"path": node.path, "channel": channel, "clock": node.clock}
         if channel == "reveal" and node.shape is not None:
             track |= {"each": node.shape.per_segment, "first": node.shape.per_start}
+            track["fading"] = node.fading
         elif channel in MANY:
             largest = float(np.abs(rows).max()) or 1.0
             track |= {
