@@ -20,7 +20,7 @@ from .style import COLORS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PI = ("$\\pi_1$", "$\\pi_2$", "$\\pi_3$")
+MU = ("$\\mu_1$", "$\\mu_2$", "$\\mu_3$")
 GAMMA = ("$\\Gamma_1$", "$\\Gamma_2$", "$\\Gamma_3$")
 
 
@@ -72,7 +72,7 @@ def momentum_sphere(
         raise InvalidInput(
             f"the sphere needs a positive finite radius; got {size!r} (is the first momentum zero?)"
         )
-    ax, frame = globe(ax, view, title, PI)
+    ax, frame = globe(ax, view, title, MU)
     if inertia is not None:
         _of_inertia(ax, frame, inertia, levels)
     draw_energies(ax, frame, system, size, levels)
