@@ -103,7 +103,9 @@ def main_job(arguments: Sequence[str] | None = None) -> int:
         exact = body.exact(start, t)
     except lm.errors.LiemechError as wrong:
         parser.error(str(wrong))
-    costs, how = ([math.nan] * len(runs), "") if options.quiet else timed(body, start, runs)
+    costs, how = [math.nan] * len(runs), "Interrupted: steps were not timed."
+    if not (options.quiet or interrupted):
+        costs, how = timed(body, start, runs)
     rows = [
         compare(body, name, run, t[: len(run)], _until(exact, len(run)), cost)
         for (name, run), cost in zip(runs, costs, strict=True)

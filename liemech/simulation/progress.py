@@ -23,11 +23,12 @@ class Wanted(threading.local):
     """Whether anybody waits for the runs of this thread.
 
     unless : a file; when it is there, nobody does, as after Ctrl-C where they were asked for.
-    name : of the run, which its bar shows.
+    name : of the run, which its bar shows.  compiled : the seconds that compiling took so far.
     """
 
     unless: str | None = None
     name: str | None = None
+    compiled: float = 0.0
 
 
 WANTED = Wanted()
@@ -95,7 +96,7 @@ def named(name: str) -> Iterator[None]:
 @contextmanager
 def notice(wanted: bool | None, text: str) -> Iterator[None]:
     """A line for what takes longer than a second."""
-    shown: list[float] = []
+    shown, begun = list[float](), time.perf_counter()
 
     def show() -> None:
         shown.append(time.perf_counter())
@@ -109,5 +110,6 @@ def notice(wanted: bool | None, text: str) -> Iterator[None]:
         yield
     finally:
         timer.cancel()
+        WANTED.compiled += time.perf_counter() - begun
         if shown:
             print(f" {NOTICE + time.perf_counter() - shown[0]:.1f} s", file=sys.stderr, flush=True)
