@@ -416,7 +416,7 @@ def test_labels_of_steps_do_not_overlap(count: int) -> None:
 def test_of_many_curves_each_has_its_name_at_its_end() -> None:
     from liemech.plots.style import look, marked
 
-    figure, ax = lm.plots.subplots()
+    ax = lm.plots.subplots()[1]
     t = np.geomspace(1.0, 100.0, 50)
     for k in range(14):
         ax.loglog(t, t * 1.01**k, label=f"curve {k}", **look(k))
