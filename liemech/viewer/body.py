@@ -102,9 +102,7 @@ class Body(Content):
         elif isinstance(system, KirchhoffBody):
             _octants(drawing, 0.5 * box_of_inertia(inertia_of(system)), color)
         else:
-            edges = box_of_inertia(inertia_of(system))
-            drawing.add("body/box", box(edges, color))
-            drawing.add("body/edges", box_edges(edges * 1.001, mixed(color, "#000000", 0.45)))
+            _box(drawing, "body", box_of_inertia(inertia_of(system)), color)
         if self.triad:
             for k, axis in enumerate(AXES):
                 drawing.add(
@@ -112,14 +110,13 @@ class Body(Content):
                     rod(axis, 0.014),
                     "" if flies(system) else "e" + "\u2081\u2082\u2083"[k],
                     direction=np.eye(3)[k],
-                    scale=TRIAD if top else 1.25 if flies(system) else 1.0,
+                    scale=TRIAD if top else 1.2,
                 )
 
     def note(self, motion: Motion) -> str:
         """Bodies that fly would be points."""
-        if not flies(motion.system) or isinstance(_constraint(motion.system), (Blade, Rolling)):
-            return ""
-        return "the path is to scale, the body is not"
+        scaled = not flies(motion.system) or _constraint(motion.system) is not None
+        return "" if scaled else "the path is to scale, the body is not"
 
 
 @dataclass(frozen=True)
@@ -179,13 +176,17 @@ def _octants(drawing: Drawing, half: Array, color: str) -> None:
     drawing.add("body/ellipsoid", shape, cloud=np.zeros((1, 3)))
 
 
+def _box(drawing: Drawing, path: str, edges: Array, color: str) -> None:
+    """A box whose edges are seen."""
+    drawing.add(f"{path}/box", box(edges, color))
+    drawing.add(f"{path}/edges", box_edges(edges * 1.001, mixed(color, "#000000", 0.45)))
+
+
 def _sleigh(drawing: Drawing, color: str) -> None:
     """A deck on a blade, which is one unit behind the centre of mass, and a ball in that."""
-    dark = mixed(color, "#000000", 0.55)
-    deck, blade = np.array([2.4, 1.1, 0.16]), np.array([0.9, 0.05, 0.4])
-    drawing.add("body/deck", box(deck, color), position=[-0.35, 0.0, 0.45])
-    drawing.add("body/edges", box_edges(deck * 1.001, dark), position=[-0.35, 0.0, 0.45])
-    drawing.add("body/blade", box(blade, dark), position=[-1.0, 0.0, 0.2])
+    drawing.add("body/deck", position=[-0.35, 0.0, 0.45])
+    _box(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
+    drawing.add("body/blade", box(np.array([0.9, 0.05, 0.4]), "#333333"), position=[-1.0, 0.0, 0.2])
     drawing.add("body/centre", ball(0.16, "#333333"), position=[0.0, 0.0, 0.55])
 
 

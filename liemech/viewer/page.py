@@ -50,6 +50,7 @@ def page(scene: Scene, compressed: bool, socket: str = "") -> str:
 def described(scene: Scene) -> dict[str, Any]:
     """The scene as data: its panels, the commands that build it, the tracks along which it moves."""
     panels = scene.panels()
+    nodes = [node for panel in panels for node in panel.nodes.values()]
     named = [one for one in scene.shown if one.name]
     return {
         "start": scene.start,
@@ -64,17 +65,10 @@ def described(scene: Scene) -> dict[str, Any]:
         "unit": scene.unit,
         "axes": any(content.of_space for one in scene.shown for content in one.contents),
         "panels": [{"path": panel.path, "title": panel.title} for panel in panels],
-        "labels": [
-            {"path": node.path, "text": node.label}
-            for panel in panels
-            for node in panel.nodes.values()
-            if node.label
-        ],
+        "labels": [{"path": node.path, "text": node.label} for node in nodes if node.label],
         "commands": commands(panels),
         "clocks": scene.clocks(),
-        "tracks": [
-            track for panel in panels for node in panel.nodes.values() for track in tracks(node)
-        ],
+        "tracks": [track for node in nodes for track in tracks(node)],
     }
 
 

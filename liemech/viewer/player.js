@@ -6,15 +6,9 @@ function startPlayer() {
   const $ = (id) => document.getElementById(id);
   const scene = JSON.parse($("scene").textContent, (_, v) => (v && v.$ ? typedArray(v) : v));
 
-  function typedArray(v) {
-    const bytes = Uint8Array.from(atob(v.b), (c) => c.charCodeAt(0));
-    return new globalThis[v.$](bytes.buffer);
-  }
+  function typedArray(v) { return new globalThis[v.$](Uint8Array.from(atob(v.b), (c) => c.charCodeAt(0)).buffer); }
 
-  function say(text) {
-    $("message").textContent = text;
-    $("message").style.display = "block";
-  }
+  const say = (text) => { $("message").textContent = text; $("message").style.display = "block"; };
 
   // ---------------------------------------------------------------- the stage
 
@@ -164,10 +158,7 @@ function startPlayer() {
     const low = [1e9, 1e9], high = [-1e9, -1e9], v = new THREE.Vector3();
     for (const point of panel.extent) {
       v.copy(point).project(camera);
-      [v.x, -v.y].forEach((x, k) => {
-        low[k] = Math.min(low[k], x);
-        high[k] = Math.max(high[k], x);
-      });
+      [v.x, -v.y].forEach((x, k) => { low[k] = Math.min(low[k], x); high[k] = Math.max(high[k], x); });
     }
     const size = Math.max(0.01, ...low.map((x, k) => high[k] - x)) / 2 / 0.88;
     panel.part = [...low.map((x, k) => (x + high[k] + 2) / 4 - size / 2), size]; // left, top, size, of the film
@@ -267,10 +258,7 @@ function startPlayer() {
     object.instanceMatrix.needsUpdate = true;
     if (object.instanceColor) object.instanceColor.needsUpdate = true;
   }
-  function placeAll() {
-    moved.forEach(place);
-    moved.clear();
-  }
+  const placeAll = () => { moved.forEach(place); moved.clear(); };
 
   const tracks = scene.tracks.map((track) => {
     const found = node(track.path), thing = found.children["<object>"];
@@ -324,11 +312,7 @@ function startPlayer() {
       const n = channel === "turns" ? 4 : 3;
       for (let k = 0; k < width; k += n) {
         let first = 0, second = 0, mixed = 0;
-        for (let i = k; i < k + n; i++) {
-          first += values[a + i] ** 2;
-          second += values[b + i] ** 2;
-          mixed += now[i] ** 2;
-        }
+        for (let i = k; i < k + n; i++) { first += values[a + i] ** 2; second += values[b + i] ** 2; mixed += now[i] ** 2; }
         const longer = mixed > 0 ? unit * ((1 - f) * Math.sqrt(first) + f * Math.sqrt(second)) / Math.sqrt(mixed) : 0;
         for (let i = k; i < k + n; i++) now[i] *= longer;
       }
@@ -359,15 +343,9 @@ function startPlayer() {
       this.playing = true;
       face();
     },
-    pause() {
-      this.playing = false;
-      face();
-    },
+    pause() { this.playing = false; face(); },
     toggle() { if (this.playing) this.pause(); else this.play(); },
-    reset() { // the eye goes back to where it was
-      controls.reset();
-      layout();
-    },
+    reset() { controls.reset(); layout(); }, // the eye goes back to where it was
     bare() { // nothing but the pictures, standing still
       this.pause();
       document.body.classList.add("bare");
@@ -432,10 +410,7 @@ function startPlayer() {
       r: () => press("reset"),
       f: () => press("full"),
     };
-    if (answers[event.key]) {
-      answers[event.key]();
-      event.preventDefault();
-    }
+    if (answers[event.key]) (answers[event.key](), event.preventDefault());
   });
   controls.addEventListener("change", () => { viewer.needs_render = true; });
   addEventListener("resize", layout);

@@ -20,7 +20,7 @@ from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, dots, mixed, rgb, rod
+from .shapes import ball, dots, mixed, rod, shares
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ class Points(Content):
             )
         fixed = inside(_upright(pivots))
         if members * count > MOST_BALLS:  # as dots
-            tints = np.array([rgb(color) for row in colors for color in row]) / 255.0
+            tints = np.array(shares([color for row in colors for color in row]))
             cloud = points.reshape(len(points), -1, 3)
             drawing.add("points", dots(cloud[0], drawing.color, 0.04, tints), cloud=cloud)
             members = 0

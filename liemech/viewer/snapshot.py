@@ -45,8 +45,8 @@ def write_film(
         if not gif:
             import imageio.v2 as films
     except ImportError as missing:
-        what = "moving GIFs need Pillow" if gif else "films need imageio with FFmpeg"
-        raise MissingExtra(what, extra="viewer" if gif else "film") from missing
+        what = "films need Pillow, and MP4 and WebM imageio with FFmpeg"
+        raise MissingExtra(what, extra="film") from missing
     lasts = scene.seconds if seconds is None else seconds
     pictures = round(fps * lasts) + 1
     if fps < 1 or not 2 <= pictures <= MOST_PICTURES:

@@ -99,7 +99,7 @@ class Momentum(Content):
         if not self.sphere:
             return
         _axes(drawing, "\u03bc")
-        if _one_orbit(motion) and isinstance(motion.system, LiePoissonSystem):
+        if _one_orbit(motion):
             radius = float(np.linalg.norm(mu[0], axis=-1).max())
             drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, SOLID))
             if self.levels and f"{drawing.panel.path}/levels" not in drawing.panel.nodes:
@@ -263,12 +263,12 @@ def _axes(drawing: Drawing, symbol: str) -> None:
 
 def _one_orbit(motion: Motion) -> bool:
     """Is there one sphere on which all momenta stay?"""
-    radii = np.atleast_1d(np.linalg.norm(motion["mu"][0], axis=-1))
+    radii = np.linalg.norm(motion["mu"][0], axis=-1)
     alike = np.ptp(radii) <= 0.01 * radii.max() and radii.max() > 0.0
     return bool(alike) and isinstance(motion.system, LiePoissonSystem)
 
 
-def _levels(drawing: Drawing, system: LiePoissonSystem, radius: float, count: int) -> None:
+def _levels(drawing: Drawing, system: Any, radius: float, count: int) -> None:
     """Curves of constant energy and, of a rigid body, the separatrix."""
     lift = LIFT * radius
     if not isinstance(system, RigidBody):
