@@ -66,7 +66,7 @@ SECTIONS = {
         "eccentric_orbit",
     ),
     "Many bodies": ("binary_asteroid", "drop_of_water"),
-    "From measurements": ("fit_inertia",),
+    "From measurements": ("fit_inertia", "attitude_filter"),
     "In the browser": (
         "flip_in_the_browser",
         "top_in_the_browser",
