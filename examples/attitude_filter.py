@@ -1,4 +1,6 @@
-"""A satellite's attitude from a gyroscope with a bias and two known directions: seen from space its error is what the filter says, seen from the body it is not at first."""
+"""An attitude from a gyroscope with a bias and two known directions: seen from space its error is as large as
+the filter says, seen from the body it is not, at first.
+"""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -7,6 +7,7 @@ the results.  What it marks, and what it cannot take, goes the way of plain Pyth
 from __future__ import annotations
 
 import itertools
+import math
 import threading
 from array import array
 from typing import Any
@@ -61,11 +62,16 @@ class Native:
         self.shapes, given = [*map(np.shape, args)], len(args)
         self.single = type(result) is not tuple
         parts = (result,) if self.single else result
+        self.dtypes = row.dtypes[:given]
         shapes = [(), *self.shapes, *map(np.shape, parts)]
-        ends = np.cumsum([0, *[int(np.prod(shape)) for shape in shapes]])
+        dtypes = [_DOUBLE, *self.dtypes, *[np.result_type(float, part) for part in parts]]
+        sizes = [math.prod(shape) * dtype.itemsize // 8 for shape, dtype in zip(shapes, dtypes)]
+        ends = [0, *itertools.accumulate(sizes)]
         self.memory = np.zeros(ends[-1])
         rows = [self.memory[a:b].reshape(1, -1) for a, b in itertools.pairwise(ends)]
-        views = [flat[0].reshape(shape) for flat, shape in zip(rows, shapes)]
+        views = [
+            flat[0].view(dtype).reshape(shape) for flat, dtype, shape in zip(rows, dtypes, shapes)
+        ]
         self.inputs, self.outputs = views[1 : 1 + given], views[1 + given :]
         self.kinds = [type(part) for part in parts]
         arguments = job.arguments
@@ -77,9 +83,9 @@ class Native:
 
     @staticmethod
     def fits(job: Any, result: Any) -> bool:
-        """Are all results real numbers, vectors and matrices of such, or truth values?"""
+        """Are all results numbers, vectors and matrices of such, or truth values?"""
         parts = result if type(result) is tuple else (result,)
-        sizes = [int(np.size(part)) for part in parts]
+        sizes = [np.size(part) * (2 if np.iscomplexobj(part) else 1) for part in parts]
         return all(isinstance(p, (float, bool, np.ndarray)) for p in parts) and sizes == [
             layout.width for layout in job.layouts
         ]
@@ -88,10 +94,10 @@ class Native:
         """The result, or None if plain Python has to be asked."""
         if (owner is not self.owner and owner != self.owner) or len(args) != len(self.shapes):
             return None
-        for value, shape in zip(args, self.shapes):
+        for value, shape, dtype in zip(args, self.shapes, self.dtypes):
             kind = type(value)
             if kind is np.ndarray:
-                if value.dtype is not _DOUBLE or value.shape != shape:
+                if value.dtype is not dtype or value.shape != shape:
                     return None
             elif kind is not float or shape:
                 return None

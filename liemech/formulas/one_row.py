@@ -16,10 +16,12 @@ import numpy as np
 
 from .arrays import at_a_glance
 from .batches import AXES, MEMBERSHIP, Batch, who_knows_elements
+from .complex_numbers import Complex
 from .signatures import Signature
-from .vectors import Mat, Vec
+from .vectors import Mat, Vec, small
 
-_FLOATS = frozenset([float])
+_FLOATS, _PAIRS = frozenset([float]), {Complex}
+_DOUBLE, _COMPLEX = np.dtype(float), np.dtype(complex)
 
 
 class OneRow:
@@ -32,6 +34,7 @@ class OneRow:
     __slots__ = (
         "axes",
         "batch",
+        "dtypes",
         "elements",
         "formula",
         "least",
@@ -49,6 +52,7 @@ class OneRow:
             for name, kind in zip(signature.names, kinds)
         ]
         self.axes = [AXES.get(kind, 2) for kind in kinds]
+        self.dtypes = [_COMPLEX if owner._complex(kind) else _DOUBLE for kind in kinds]
         self.elements = [i for i, kind in enumerate(kinds) if kind == "Element"]
         self.batch = (signature, owner)
         self.native: Callable[[Any, tuple[Any, ...]], Any] | None = None
@@ -57,9 +61,8 @@ class OneRow:
     def rows(self, args: tuple[Any, ...]) -> Batch:
         """The arguments as a batch of one row."""
         signature, owner = self.batch
-        arrays = {
-            name: np.array(value, dtype=float)[None] for name, value in zip(signature.names, args)
-        }
+        given = zip(signature.names, args, self.dtypes)
+        arrays = {name: np.array(value, dtype=dtype)[None] for name, value, dtype in given}
         elements = tuple([signature.names[i] for i in self.elements if i < len(args)])
         where = f"{type(owner).__name__}.{signature.name}"
         promise = signature if signature.promise else None
@@ -88,10 +91,15 @@ def one_row(signature: Signature, owner: Any, args: tuple[Any, ...]) -> Any:
         if result is not None:
             return result
     values = []
-    for value, shape, axes in zip(args, row.shapes, row.axes):
+    for value, shape, axes, dtype in zip(args, row.shapes, row.axes, row.dtypes):
         if shape is None and getattr(value, "ndim", 0) == axes:
             shape = value.shape
-        if shape:
+        if dtype is _COMPLEX:
+            fits = type(value) is np.ndarray and value.dtype is dtype and value.shape == shape
+            if not fits or not np.isfinite(value).all():
+                return None
+            values.append(small(value))
+        elif shape:
             made = at_a_glance(value, shape)
             if made is None:
                 return None
@@ -133,10 +141,14 @@ def _array(result: Any) -> Any:
         rows = result.rows
     else:
         return None
-    for row in rows:
-        if not _FLOATS.issuperset(map(type, row)) or not all(map(math.isfinite, row)):
-            return None
-    return np.array(result if kind is Vec else [*map(tuple, rows)])
+    kinds = {type(x) for row in rows for x in row}
+    if kinds <= _FLOATS:
+        finite = all(math.isfinite(x) for row in rows for x in row)
+        return np.array(result if kind is Vec else [*map(tuple, rows)]) if finite else None
+    if kinds != _PAIRS:
+        return None
+    made = np.array(result, dtype=complex)
+    return made if np.isfinite(made).all() else None
 
 
 def _remembered(signature: Signature, owner: Any) -> OneRow | None:
@@ -165,7 +177,6 @@ def _row(signature: Signature, owner: Any) -> OneRow | None:
         and signature.space_at is None
         and [*signature.names[: len(kinds)]] == [n for n in signature.names if n in signature.kinds]
         and not owner.is_large
-        and not any(owner._complex(kind) for kind in kinds)
     )
     if not plain:
         return None

@@ -15,7 +15,16 @@ from liemech.errors import LiemechError
 from liemech.formulas import one_row
 from liemech.formulas.vectors import small
 
-GROUPS = [lm.SO3(), lm.SE3(), lm.UnitQuaternions(), lm.SE2(), lm.SE23(), lm.SGal3(), lm.SO(4)]
+GROUPS = [
+    lm.SO3(),
+    lm.SE3(),
+    lm.UnitQuaternions(),
+    lm.SE2(),
+    lm.SE23(),
+    lm.SGal3(),
+    lm.SO(4),
+    lm.SU(2),
+]
 RNG = np.random.default_rng(5)
 
 
@@ -54,7 +63,7 @@ def test_the_bits_of_many_rows(group):
         assert np.array_equal(ours, np.array(method(*map(small, args)))), method
 
 
-@pytest.mark.parametrize("group", [lm.SO3(), lm.UnitQuaternions(), lm.SE2()], ids=repr)
+@pytest.mark.parametrize("group", [lm.SO3(), lm.UnitQuaternions(), lm.SE2(), lm.SU(2)], ids=repr)
 def test_the_bits_in_native_code(group, at_once, monkeypatch):
     for method, args in calls(group):
         plain = method(*map(small, args))
