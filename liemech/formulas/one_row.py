@@ -81,7 +81,7 @@ ask again.  The package, which knows the compiler, puts it here.
 def one_row(signature: Signature, owner: Any, args: tuple[Any, ...]) -> Any:
     """The result, if every argument is one row; None if the long way has to be gone."""
     try:
-        row = owner._rows[signature]
+        row = owner._single_rows[signature]
     except (AttributeError, KeyError):
         row = _remembered(signature, owner)
     if row is None or not row.least <= len(args) <= len(row.shapes):
@@ -155,16 +155,16 @@ def _remembered(signature: Signature, owner: Any) -> OneRow | None:
     """The row of a method of this owner, or None if it takes other things than rows of numbers."""
     row = _row(signature, owner)
     try:
-        rows = owner._rows
+        rows = owner._single_rows
     except AttributeError:
         rows = {}
         # groups and algebras without fields, made anew in every other line of a program
         cls, ours = type(owner), __name__.partition(".")[0]
         if cls.__module__.partition(".")[0] == ours and not dataclasses.fields(cls):
-            rows = vars(cls).get("_rows_of_all")
+            rows = vars(cls).get("_single_rows_of_all")
             if rows is None:
-                cls._rows_of_all = rows = {}
-        object.__setattr__(owner, "_rows", rows)
+                cls._single_rows_of_all = rows = {}
+        object.__setattr__(owner, "_single_rows", rows)
     if signature not in rows:
         rows[signature] = row
     return rows[signature]

@@ -50,7 +50,7 @@ class Record(Broadcasting):
 
     # its structure, and the shapes and rows that its methods take, once somebody asked for it; no
     # fields: neither pickled, copied nor in `vars`
-    __slots__ = ("_layout", "_rows", "_shapes")
+    __slots__ = ("_layout", "_shapes", "_single_rows")
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

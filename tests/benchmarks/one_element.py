@@ -91,7 +91,7 @@ def main() -> None:
             one_row.SOON, prepare, one_row.prepare = np.inf, one_row.prepare, None
             plain = cost(partial(function, *args), rounds, calls)
             one_row.prepare = prepare
-            for row in getattr(function.__self__, "_rows", {}).values():
+            for row in getattr(function.__self__, "_single_rows", {}).values():
                 if row is not None:
                     row.spent, row.next = 1.0, 0.0
             native = cost(partial(function, *args), rounds, calls)

@@ -67,14 +67,14 @@ def test_the_bits_of_many_rows(group):
 def test_the_bits_in_native_code(group, at_once, monkeypatch):
     for method, args in calls(group):
         plain = method(*map(small, args))
-        monkeypatch.setattr(type(group), "_rows_of_all", {}, raising=False)
-        monkeypatch.setattr(type(group.algebra), "_rows_of_all", {}, raising=False)
+        monkeypatch.setattr(type(group), "_single_rows_of_all", {}, raising=False)
+        monkeypatch.setattr(type(group.algebra), "_single_rows_of_all", {}, raising=False)
         for owner in (group, group.algebra):
-            if hasattr(owner, "_rows"):
-                object.__delattr__(owner, "_rows")
+            if hasattr(owner, "_single_rows"):
+                object.__delattr__(owner, "_single_rows")
         first, second = method(*args), method(*args)
         owner = method.__self__
-        rows = [row for row in owner._rows.values() if row is not None]
+        rows = [row for row in owner._single_rows.values() if row is not None]
         assert [row.native is not None for row in rows] == [True], method
         assert np.array_equal(first, np.array(plain)), method
         assert np.array_equal(second, np.array(plain)), method
@@ -131,16 +131,16 @@ def test_fields_and_globals_are_those_of_now(at_once, monkeypatch):
             monkeypatch.setitem(globals(), "SLOPE", slope)
             for _ in range(3):
                 assert bent.energy(mu) == stiffness * 14.0 * slope
-            assert all(row.native is not None for row in bent._rows.values())
+            assert all(row.native is not None for row in bent._single_rows.values())
     assert pickle.loads(pickle.dumps(bent)) == bent
-    assert "_rows" not in vars(bent)
+    assert "_single_rows" not in vars(bent)
 
 
 def test_switched_off(at_once, monkeypatch):
     monkeypatch.setenv("LIEMECH_COMPILE", "0")
     bent = Bent(4.0)
     assert bent.energy(np.ones(3)) == 24.0
-    assert [row.native for row in bent._rows.values()] == [None]
+    assert [row.native for row in bent._single_rows.values()] == [None]
 
 
 def test_threads_do_not_share_a_result(at_once):
