@@ -19,7 +19,7 @@ from pathlib import Path
 BEGIN, END = "\x1e", "\x1f"
 ROUNDING = 1e-11
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w])")
-CLOCK = re.compile(r" (compiled|plain|partly compiled);")
+CLOCK = re.compile(r" (compiled|plain);")
 """How a run was made: the clock decides."""
 PAIR = re.compile(
     r"^```python\n(?P<code>(?:(?!^```).)*)^```\n\n^```text\n(?P<text>.*?)^```$",
