@@ -19,6 +19,12 @@ from pathlib import Path
 BEGIN, END = "\x1e", "\x1f"
 ROUNDING = 1e-11
 NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w])")
+CAPTURE = "import io, sys; sys.stdout, _whole = io.StringIO(), sys.stdout"
+TELL = (
+    "sys.stdout, _part = _whole, sys.stdout; "
+    """print("{0}{1} " + _part.getvalue() + "{2}", end="")"""
+)
+"""Lines before and after a block: its output alone, without progress and warnings."""
 CLOCK = re.compile(r" (compiled|plain);")
 """How a run was made: the clock decides."""
 PAIR = re.compile(
@@ -43,8 +49,8 @@ def program(page: str) -> list[str]:
         code = block["code"].splitlines()
         lines[start : start + len(code)] = code
         if start in told:
-            lines[start - 1] = f'print("{escaped(BEGIN)}{start} ")'
-            lines[start + len(code)] = f'print("{escaped(END)}", end="")'
+            lines[start - 1] = CAPTURE
+            lines[start + len(code)] = TELL.format(escaped(BEGIN), start, escaped(END))
     return lines
 
 
@@ -54,11 +60,10 @@ def escaped(mark: str) -> str:
 
 
 def outputs(printed: str) -> dict[int, str]:
-    """What was printed by blocks, without lines of progress."""
+    """What was printed by blocks."""
     found = {}
-    for match in re.finditer(f"{BEGIN}(\\d+) \n(.*?){END}", printed, re.DOTALL):
-        text = re.sub(r"[^\n]*\r[^\n]*\n?", "", match[2])
-        found[int(match[1])] = "".join(f"{line.rstrip()}\n" for line in text.splitlines())
+    for match in re.finditer(f"{BEGIN}(\\d+) (.*?){END}", printed, re.DOTALL):
+        found[int(match[1])] = "".join(f"{line.rstrip()}\n" for line in match[2].splitlines())
     return found
 
 
