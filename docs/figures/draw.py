@@ -71,6 +71,7 @@ SECTIONS = {
     "At work": ("attitude_control", "rocket", "flight_code"),
     "Damping and noise": ("paramagnet", "relaxing_body"),
     "From measurements": ("fit_inertia",),
+    "From measurements": ("fit_inertia", "attitude_filter"),
     "In the browser": (
         "flip_in_the_browser",
         "top_in_the_browser",
