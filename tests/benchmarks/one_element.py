@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 import liemech as lm
 from liemech.formulas import broadcasting, one_row
 
-GROUPS = lm.SO3(), lm.SE3(), lm.SU(2), lm.UnitQuaternions(), lm.SE2(), lm.SE23(), lm.SGal3(), lm.SO(4)
+GROUPS = (
     lm.SO3(),
     lm.SE3(),
     lm.SU(2),
