@@ -83,13 +83,13 @@ class Recorder:
         wanted = [name for name, x in system.essential_part(start).parts.items() if x is not None]
         for quantity in self.quantities.values():
             parts = inspect.signature(getattr(system, str(quantity))).parameters
-            if not set(parts) <= set(start.parts):
+            if not {*parts} <= {*start.parts, "t"}:
                 raise InvalidInput(
                     f"integrate: record={quantity!r} is a formula of {', '.join(parts)}, not of "
                     f"the state, which is {', '.join(start.parts)}; "
                     "record a function of time and state"
                 )
-            wanted += parts
+            wanted += [part for part in parts if part != "t"]
         return tuple(dict.fromkeys([*wanted, *self.parts, *self.chosen]))
 
     # ---------------------------------------------------------------- what is kept
