@@ -307,7 +307,7 @@ class Stepper:
             place = place_of(steps, inner.shape)  # type: ignore[arg-type]
             if place.native(1):
                 self._here = InPlace(place, inner)
-        elif inner.taken is None and not inner.failures and type(inner.h) is float:
+        elif not inner.ended and type(inner.h) is float:
             lanes = inner.shape.lanes_of(steps, STRAIGHT, (), inner.shape.side)  # type: ignore[union-attr]
             if lanes.stepping.native is not None:
                 self._here = BodiesInPlace(steps, lanes, inner, self._plan.options.workers)
@@ -442,7 +442,7 @@ class InPlace:
     @property
     def t(self) -> float:
         """The time, in s."""
-        return float(self.begun.t0 + self.taken * self.begun.h)  # type: ignore[operator]
+        return float(self.begun.t0 + self.taken * self.begun.h)
 
     def advance(self, steps: int) -> int:
         """Go on by so many steps, as far as they can be made; how many were?"""
@@ -540,7 +540,7 @@ class BodiesInPlace:
     @property
     def t(self) -> float:
         """The time, in s."""
-        return float(self.begun.t0 + self.taken * self.begun.h)  # type: ignore[operator]
+        return float(self.begun.t0 + self.taken * self.begun.h)
 
     @property
     def _sample(self) -> np.ndarray:
