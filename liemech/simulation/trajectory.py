@@ -246,16 +246,24 @@ class Trajectory:
 
     @cached_property
     def rotation(self) -> Rotation:
-        """The attitudes as SciPy rotations, body to space."""
+        """The attitudes as SciPy rotations, body to space; on a product those of its one rotation."""
         from scipy.spatial.transform import Rotation
 
+        from ..groups.product import ProductGroup
         from ..groups.so3 import SO3
         from ..groups.unit_quaternions import UnitQuaternions
 
-        g, group = (
-            self._attitude("rotation"),
-            getattr(self.system, "configurations", self.system.group),
-        )
+        g: Any = self._attitude("rotation")
+        group: Any = getattr(self.system, "configurations", self.system.group)
+        if isinstance(group, ProductGroup):
+            turning = (SO3, UnitQuaternions)
+            found = [k for k, f in enumerate(group.factors) if isinstance(f, turning)]
+            if len(found) != 1:
+                raise InvalidInput(
+                    f"Trajectory.rotation is for one rotation of space, and {group!r} has "
+                    f"{len(found) or 'none'}; take the factors apart, {type(group).__name__}.split(run.g)"
+                )
+            g, group = group.split(g)[found[0]], group.factors[found[0]]
         if isinstance(group, UnitQuaternions):
             return group.rotation(g)
         if group.element_shape != (3, 3) or not np.all(SO3().contains(g)):

@@ -14,6 +14,7 @@ from ..models.even_boxes import box_of_inertia, inertia_of
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.poses import attitude, configurations, flies, is_pose, place, rotated, toward
 from ..models.space_bodies import OrbitingBody
+from ..models.spacecraft import Spacecraft
 from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing
@@ -41,7 +42,8 @@ class Body(Content):
     length, in units of the picture,
     whose content fits a ball of radius 1.  triad : the axes of the body, one to three in red, green
     and violet.  A top is a disc on a stick through its centre of mass.  Bodies that fly are drawn
-    larger than to scale.
+    larger than to scale.  Reaction wheels are discs on the faces, or corners, that their axes
+    point at; a mark shows the spin.
     """
 
     panel: ClassVar[str] = "space"
@@ -98,6 +100,8 @@ class Body(Content):
             edges = box_of_inertia(inertia_of(system))
             drawing.add("body/box", box(edges, color))
             drawing.add("body/edges", box_edges(edges * 1.001, mixed(color, "#000000", 0.45)))
+            if isinstance(system, Spacecraft) and system.wheels is not None:
+                _wheels(drawing, np.array(system.wheels.axes), motion["g"][:, 12:], edges, color)
         if self.triad:
             for k, axis in enumerate(AXES):
                 drawing.add(
@@ -127,7 +131,7 @@ class Path(Content):
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """The trail."""
         drawing.trail("path", drawing.panel.inside(place(motion.system, motion["g"])))
-        if isinstance(motion.system, OrbitingBody):
+        if isinstance(motion.system, (OrbitingBody, Spacecraft)):
             drawing.once(
                 "centre", ball(0.05, "#E69F00"), position=drawing.panel.inside(np.zeros(3))
             )
@@ -140,7 +144,7 @@ def _room(motion: Motion) -> Array:
     """The path of a body, in a ball of some size even if the body stays where it is."""
     path = place(motion.system, motion["g"])
     span = np.ptp(path, axis=0).max() or 1.0
-    if isinstance(motion.system, OrbitingBody):
+    if isinstance(motion.system, (OrbitingBody, Spacecraft)):
         path = np.concatenate([path, np.zeros((1, 3))])  # what it orbits
     return np.concatenate(
         [path, path.mean(axis=0) + 0.05 * span * np.concatenate([np.eye(3), -np.eye(3)])]
@@ -155,6 +159,32 @@ def _swept(motion: Motion) -> Array:
     )
     points = np.concatenate([axis[None], rim, TRIAD * np.eye(3), np.zeros((1, 3))])
     return np.concatenate([rotated(q, point) for point in points])
+
+
+def _wheels(drawing: Drawing, axes: Array, angles: Array, edges: Array, color: str) -> None:
+    """A disc on the box for each wheel, with a mark that shows its angle.
+
+    axes : (n, 3), unit vectors.  angles : (frames, n), in rad.  edges : of the box, (3,).
+    """
+    radius, thick = 0.3 * float(edges.min()), 0.1 * float(edges.min())
+    profile = [(0.0, 0.0), (radius, 0.0), (radius, thick), (0.0, thick)]
+    for k, a in enumerate(axes):
+        x, y, z, w = toward(a)
+        s, c = np.sin(0.5 * angles[:, k]), np.cos(0.5 * angles[:, k])
+        # toward(a), and before it the turn about the third axis
+        q = np.stack([c * x + s * y, c * y - s * x, c * z + s * w, c * w - s * z], axis=-1)
+        face = 0.5 * (edges / np.maximum(np.abs(a), 1e-12)).min()
+        path = f"body/wheel {k + 1}"
+        drawing.add(
+            path,
+            turned(profile, mixed(color, "#000000", 0.25), 32),
+            position=face * a,
+            quaternion=q,
+        )
+        mark = box(
+            np.array([0.25 * radius, 0.9 * radius, 0.3 * thick]), mixed(color, "#000000", 0.75)
+        )
+        drawing.add(f"{path}/mark", mark, position=[0.0, 0.5 * radius, 1.05 * thick])
 
 
 def _top(drawing: Drawing, axis: Array, color: str) -> None:
