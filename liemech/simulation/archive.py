@@ -7,13 +7,13 @@ import datetime
 import importlib
 import os
 import platform
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .. import __version__
 from ..errors import FileWarning, IntegrationFailure, InvalidInput, MissingExtra, warn
 from ..formulas.pytree import layout_of
 from ..integrators.ending_at_jumps import ending_at_jumps
@@ -26,7 +26,7 @@ from ..systems.system import State, System, small_state
 from .arrival import FictiveMotion
 from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
 from .dense import DenseOutput
-from .encoding import POOL, Decoder, Pool, encoded, encoded_each
+from .encoding import LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
 from .events import Met
 from .fictive import FictiveCarry, Origin
 from .files import read, write
@@ -106,7 +106,7 @@ ORIGIN = "given", "start"
 def here() -> dict[str, str]:
     """What writes a file, and when."""
     versions = {
-        "liemech": __version__,
+        "liemech": sys.modules[LIBRARY].__version__,
         "python": platform.python_version(),
         "numpy": np.__version__,
     }
@@ -229,7 +229,7 @@ def load(
         differs = told_apart(about.get("written"), here())
         if about.get("format") not in READ:
             raise InvalidInput(
-                f"{path}: is of format {about.get('format')!r}, and liemech {__version__} reads "
+                f"{path}: is of format {about.get('format')!r}, and liemech {here()['liemech']} reads "
                 f"formats {READ[0]} to {FORMAT}: load it with the version that wrote it"
                 f"{f': {differs}' if differs else ''}"
             )

@@ -194,11 +194,11 @@ def steps(rounds: int, quick: bool) -> list[dict[str, Any]]:
 
 OURS: dict[int, list[tuple[Any, float]]] = {
     0: [(lm.KickDrift(order=n), h) for n in (4, 6, 8) for h in (40.0, 20.0, 12.0, 8.0, 6.0, 4.0)],
-    3: [(lm.RKMK(order=8), h) for h in (24.0, 16.0, 12.0, 8.0, 6.0, 4.0)],
+    3: [(lm.RKMK(order=8), h) for h in (24.0, 16.0, 12.0, 8.0, 6.0, 5.0, 4.0)],
 }
 THEIRS = [
-    ("RKF78", 20.0), ("RKF78", 10.0), ("RKF78", 5.0), ("RKF78", 2.0),
-    ("RKF45", 1.0), ("RKF45", 0.5), ("RK4", 0.1), ("RK4", 0.05),
+    ("RKF78", 20.0), ("RKF78", 10.0), ("RKF78", 5.0), ("RKF78", 4.0), ("RKF78", 3.0),
+    ("RKF45", 1.0), ("RKF45", 0.5), ("RK4", 0.1),
 ]  # fmt: skip
 
 
