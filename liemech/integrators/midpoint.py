@@ -28,7 +28,9 @@ from ..groups.unit_quaternions import UnitQuaternions
 from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley
 from ..solvers import fixed_point, newton
+from ..systems.double_bracket import DoubleBracket
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.stochastic import NoisyMotion
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
 from .implicit import Implicit
@@ -50,14 +52,15 @@ class ImplicitMidpoint(Implicit):
     energy, of which it is the discrete gradient.  But it is not a Poisson map: on so(3)*, whose
     bracket depends on mu, only the spherical rule is.
 
-    Rotations, and products of rotations and vector spaces, with any Hamiltonian.  Raises
-    NoConvergence.
+    Rotations, and products of rotations and vector spaces, with any Hamiltonian; rotations with
+    `DoubleBracket` damping.  Raises NoConvergence.
     Source: Hairer, Lubich, Wanner, IV.2.1, VI.4; Austin, Krishnaprasad, Wang, J. Comput. Phys. 107
     (1993).
     """
 
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
+    serves: ClassVar[tuple[type, ...]] = LiePoissonSystem, DoubleBracket, NoisyMotion
 
     @property
     def name(self) -> str:
@@ -69,9 +72,9 @@ class ImplicitMidpoint(Implicit):
         return h * system.velocity(among(system.group, m, mu))
 
     def require(self, system: Any) -> None:
-        """A Lie-Poisson system of rotations, or of a product with some."""
+        """A Lie-Poisson system of rotations, damped or not, or of a product with some."""
         super().require(system)
-        require_rotations(self, system, products=True)
+        require_rotations(self, system, self.serves, products=True)
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
         """The mean is the momentum itself, of the rotations."""
@@ -113,7 +116,7 @@ class ImplicitMidpoint(Implicit):
         for k in range(len(m) // 3):
             i, j = 3 * k, 3 * k + 3
             r = [*r, *((m[i:j] - start[i:j]) - cross(m[i:j], x[i:j]))]
-            turned, own = hat(m[i:j]) @ mat(*[by_m[n] for n in range(i, j)]), plus(hat(x[i:j]), 0.0)
+            turned, own = hat(m[i:j]) @ mat(*[by_m[n] for n in range(i, j)]), hat(x[i:j])
             for a in range(3):
                 row = [
                     own[a][n - i] - turned[a][n] if i <= n < j else -turned[a][n]
@@ -140,6 +143,7 @@ class SphericalMidpoint(ImplicitMidpoint):
     """
 
     symplectic: ClassVar[bool] = True
+    serves: ClassVar[tuple[type, ...]] = (LiePoissonSystem,)
 
     @property
     def name(self) -> str:
@@ -253,16 +257,18 @@ def cofactors(q: Mat) -> Mat:
     return mat(cross(q[1], q[2]), cross(q[2], q[0]), cross(q[0], q[1]))
 
 
-def require_rotations(method: Method, system: Any, products: bool = False) -> None:
-    """Raise IncompatibleSystem unless the system is a Lie-Poisson system of rotations, or of a product
-    of rotations and vector spaces where these are served too.
+def require_rotations(
+    method: Method, system: Any, kinds: Any = LiePoissonSystem, products: bool = False
+) -> None:
+    """Raise IncompatibleSystem unless the system is one of rotations, of these kinds, or a Lie-Poisson
+    system on a product of rotations and vector spaces where these are served too.
     """
     group = getattr(system, "group", None)
-    served = isinstance(group, (SO3, UnitQuaternions))
-    if products and isinstance(group, ProductGroup):
-        kinds = {type(factor) for factor in group.factors}
-        served = kinds <= {SO3, UnitQuaternions, VectorSpace} and kinds != {VectorSpace}
-    if not (isinstance(system, LiePoissonSystem) and served):
+    served = isinstance(system, kinds) and isinstance(group, (SO3, UnitQuaternions))
+    if products and isinstance(system, LiePoissonSystem) and isinstance(group, ProductGroup):
+        factors = {type(factor) for factor in group.factors}
+        served = factors <= {SO3, UnitQuaternions, VectorSpace} and factors != {VectorSpace}
+    if not served:
         more = ", or on a product of it with vector spaces" if products else ""
         raise IncompatibleSystem(
             f"{method!r} is a method for momenta on so(3)*, a LiePoissonSystem on SO3() such as "

@@ -21,22 +21,25 @@ from ..integrators.method import Method
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
 from ..systems.poisson import PoissonState
-from ..systems.site_state import SiteState
 from ..systems.system import State, System, small_state
 from .arrival import FictiveMotion
-from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
+from .carry import Carry
+from .control import CLOCK
 from .dense import DenseOutput
 from .encoding import LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
 from .events import Met
 from .fictive import FictiveCarry, Origin
 from .files import read, write
 from .sites_carry import SiteCarry
+from .sites_states import kind_of
 from .stopped import Stopped
 from .systems import Methods, OfBodies, Systems, of_body
 
-FORMAT = 3
-READ = 2, 3
-"""Formats that can be read; 3 has long lists of numbers beside the text."""
+FORMAT = 4
+READ = 2, 3, 4
+"""Formats that can be read: 4 has long lists of numbers beside the text; in 2 the run stands in another
+way, so that it cannot be gone on with.
+"""
 KINDS = "Trajectory", "TransformedTrajectory", "TangentTrajectory"
 
 
@@ -84,18 +87,8 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
             arrays[f"event.{i}.{name}"] = np.concatenate([states.arrays[name] for _, states in met])
         about["events"].append([list(met[0][1].arrays), [len(times) for times, _ in met]])
         about["states"] = encoded(type(met[0][1]))
-    if isinstance(run.carry, Carries):
-        own: list[dict[str, Any]] = [{} for _ in run.carry.members]
-        pairs = zip(run.carry.members, own, strict=True)
-        about["carries"] = [_carried(member, "carry", parts, pool) for member, parts in pairs]
-        shapes = [{name: np.shape(x) for name, x in parts.items()} for parts in own]
-        about["stacked"] = all(shape == shapes[0] for shape in shapes)
-        if about["stacked"]:
-            arrays |= {f"each.{name}": np.stack([parts[name] for parts in own]) for name in own[0]}
-        else:
-            arrays |= {f"{i}.{name}": x for i, parts in enumerate(own) for name, x in parts.items()}
-    elif run.carry is not None:
-        about["carry"] = _carried(run.carry, "carry", arrays, pool)
+    if run.carry is not None:
+        about["carry"] = _carried(run.carry, arrays, pool)
     write(Path(path), arrays | pool.arrays, about)
 
 
@@ -133,82 +126,66 @@ def _of_each(thing: Any, pool: Pool) -> Any:
     return encoded_each([*thing], pool) if isinstance(thing, OfBodies) else encoded(thing, pool)
 
 
-def _carried(carry: Any, name: str, arrays: dict[str, Any], pool: Pool) -> dict[str, Any]:
-    """What is told of a carry; its arrays go to the others, by this name."""
+def _carried(carry: Any, arrays: dict[str, Any], pool: Pool) -> dict[str, Any]:
+    """What is told of a carry; its arrays go to the others."""
     if isinstance(carry, SiteCarry):
-        parts = {f"{name}.state.{part}": x for part, x in carry.state.arrays.items()}
-        arrays |= {f"{name}.numbers": carry.numbers} | parts
-        arrays |= {} if carry.clock is None else {f"{name}.clock": carry.clock}
+        parts = {f"carry.state.{part}": x for part, x in carry.state.arrays.items()}
+        arrays |= {"carry.numbers": carry.numbers} | parts
+        arrays |= {} if carry.clock is None else {"carry.clock": carry.clock}
         told = {"t0": carry.t0, "h": carry.h, "step": carry.step, "sites": list(carry.state.arrays)}
         return told | {"met": carry.met, "ended": carry.event}
-    if isinstance(carry, Waiting):
-        return {"state": encoded(carry.state, pool), "waiting": carry.t}
-    if isinstance(carry, Ended):
-        error = None if carry.error is None else str(carry.error)
-        there = [carry.t, carry.steps, error, carry.tau, carry.z]
-        return {"state": encoded(carry.state, pool), "there": there}
-    if isinstance(carry, AdaptiveCarry):
-        arrays |= {f"{name}.numbers": carry.numbers, f"{name}.clock": carry.clock}
-        told = {"t": carry.t, "state": encoded(carry.state, pool), "ended": carry.event}
-        return told | {"met": carry.met}
-    fictive, met = isinstance(carry, FictiveCarry), carry.met
+    fictive = isinstance(carry, FictiveCarry)
     inner = carry.inner if fictive else carry
-    taken = inner.step if inner.taken is None else inner.taken
-    steps = np.broadcast_to(np.asarray(taken, float), inner.numbers.shape[1:])[
-        None
-    ]  # behind the numbers
-    arrays |= {
-        f"{name}.numbers": np.concatenate([inner.numbers, steps]),
-        f"{name}.last": inner.last,
+    arrays |= {f"carry.{name}": getattr(inner, name) for name in ("numbers", "clock", "last")}
+    if fictive and carry.here is not None:
+        arrays["carry.here"] = carry.here
+    errors = {str(i): None if error is None else str(error) for i, error in inner.ended.items()}
+    return {
+        "t0": inner.t0.tolist() if isinstance(inner.t0, np.ndarray) else inner.t0,
+        "state": encoded(tuple(inner.state.parts.values()) if fictive else inner.state, pool),
+        "ended": errors,
+        "met": [[i, met] for i, met in carry.met.items()],
+        "cut": [[i, event] for i, event in inner.cut.items()],
     }
-    told = {"t0": inner.t0, "h": encoded(inner.h, pool), "step": inner.step, "met": met}
-    told["state"] = encoded(tuple(inner.state.parts.values()) if fictive else inner.state, pool)
-    told["failures"] = {str(i): str(error) for i, error in inner.failures.items()}
-    if fictive:
-        ahead = None if carry.ahead is None else tuple(carry.ahead.parts.values())
-        told |= {"tau": carry.tau, "ahead": encoded(ahead, pool)}
-    return told
 
 
 def _carry_of(
-    kept: Any, name: str, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder
+    kept: Any, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder
 ) -> Any:
     """The carry of which that was told.  origin : of a run in fictive time."""
     if "sites" in kept:
-        parts = {part: arrays[f"{name}.state.{part}"] for part in kept["sites"]}
+        parts = {part: arrays[f"carry.state.{part}"] for part in kept["sites"]}
         kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
         by_site = "mu" in parts and np.ndim(parts["mu"]) == 2  # else of several species, in a row
-        there = SiteState(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
+        there = kind_of(parts)(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
         met = Met([(event, n) for event, n in kept.get("met", ())])
-        rest = arrays[f"{name}.numbers"], there, met, arrays.get(f"{name}.clock")
+        rest = arrays["carry.numbers"], there, met, arrays.get("carry.clock")
         return SiteCarry(kept["t0"], kept["h"], kept["step"], *rest, kept.get("ended"))
     state: Any = decode(kept["state"])
-    wanted: Any = State if origin is None or "step" not in kept else tuple
+    wanted: Any = State if origin is None else tuple
     if not isinstance(state, wanted):
         raise InvalidInput(f"{decode.where}: {state!r} is no state")
-    if "waiting" in kept:
-        return Waiting(state, kept["waiting"])
-    if "there" in kept:
-        t, steps, text, tau, z = kept["there"]
-        error = None if text is None else IntegrationFailure(text)
-        return Ended(state, t, steps, error, tau, z, origin)
-    met = Met([(event, n) for event, n in kept.get("met", ())])  # older files have none
-    if "t" in kept:
-        own = arrays[f"{name}.numbers"], arrays[f"{name}.clock"]
-        return AdaptiveCarry(*own, state, kept["t"], kept["ended"], met)
-    failures: dict[int, Exception | None] = {
-        int(i): IntegrationFailure(text) for i, text in kept["failures"].items()
+    numbers, clock, last = (arrays[f"carry.{name}"] for name in ("numbers", "clock", "last"))
+    lead = () if bodies is None else (bodies,)
+    for array, height in (numbers, len(numbers)), (clock, CLOCK.width), (last, len(last)):
+        _require_shape(decode.where, array, (height, *lead))
+    t0 = np.array(kept["t0"]) if isinstance(kept["t0"], list) else kept["t0"]
+    ended = {
+        int(i): None if text is None else IntegrationFailure(text)
+        for i, text in kept["ended"].items()
     }
-    numbers, steps = arrays[f"{name}.numbers"][:-1], arrays[f"{name}.numbers"][-1]
-    taken = None if bodies is None or (steps == kept["step"]).all() else steps
-    given = kept["t0"], decode(kept["h"]), kept["step"], bodies, numbers, arrays[f"{name}.last"]
-    carry = Carry(None, *given, failures, met, taken)
+    each = {i: Met([(event, n) for event, n in counts]) for i, counts in kept["met"]}
+    cut = dict(kept["cut"])
+    own = {} if origin is not None else each
+    carry = Carry(None, t0, numbers, clock, last, bodies, ended, own, cut)
     if origin is None:
         vars(carry)["state"] = state
         return carry
-    kind = type(origin.whole.extended(origin.start, 0.0))
-    vars(carry)["state"], ahead = kind(*state), decode(kept["ahead"])
-    return FictiveCarry(origin, carry, None if ahead is None else kind(*ahead), kept["tau"], met)
+    first, here = origin[0] if isinstance(origin, tuple) else origin, arrays.get("carry.here")
+    if here is not None:
+        _require_shape(decode.where, here, (len(last) + 2, *lead))
+    vars(carry)["state"] = type(first.whole.extended(first.start, 0.0))(*state)
+    return FictiveCarry(origin, carry, here, each)
 
 
 def load(
@@ -232,6 +209,13 @@ def load(
                 f"{path}: is of format {about.get('format')!r}, and liemech {here()['liemech']} reads "
                 f"formats {READ[0]} to {FORMAT}: load it with the version that wrote it"
                 f"{f': {differs}' if differs else ''}"
+            )
+        if about["format"] == 2 and about.keys() & {"carry", "carries"}:
+            about = {name: x for name, x in about.items() if name not in ("carry", "carries")}
+            warn(
+                f"{path}: is of format 2, in which a run stands in another way: its samples are here, "
+                "and no plan goes on from them but from run.last, as a start",
+                FileWarning,
             )
         pool = {name: arrays.pop(name) for name in [*arrays] if name.startswith(POOL)}
         decode = Decoder(f"{path}", frozenset(named), bool(trusted), pool)
@@ -343,18 +327,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     if ended is not None and not (type(ended) is int and 0 <= ended < len(events)):
         raise InvalidInput(f"{decode.where}: {ended!r} is the number of no event")
     if "carry" in about:
-        carry = _carry_of(about["carry"], "carry", arrays, bodies, origin, decode)
-    elif "carries" in about:
-        own = origin if isinstance(origin, tuple) else (None,) * len(about["carries"])
-        parts = _parts_of_each(arrays, about)
-        carry = Carries(
-            tuple(
-                [
-                    _carry_of(told, "carry", parts[i], None, own[i], decode)
-                    for i, told in enumerate(about["carries"])
-                ]
-            )
-        )
+        carry = _carry_of(about["carry"], arrays, bodies, origin, decode)
     reasons = {
         int(body): (steps, IntegrationFailure(text))
         for body, (steps, text) in about["stopped"].items()
@@ -390,23 +363,6 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
 def _listed(told: Any) -> Any:
     """What is told of many: in a list of its own, or as one thing."""
     return [*told] if isinstance(told, (list, tuple)) else told
-
-
-def _parts_of_each(arrays: dict[str, Any], about: dict[str, Any]) -> list[dict[str, Any]]:
-    """The arrays of the carry of every body."""
-    bodies = range(len(about["carries"]))
-    if about.get("stacked"):
-        stacked = {n.removeprefix("each."): x for n, x in arrays.items() if n.startswith("each.")}
-        if any(len(x) != len(bodies) for x in stacked.values()):
-            raise InvalidInput(f"carries of {len(bodies)} bodies have {len(stacked)} arrays")
-        return [{name: x[i] for name, x in stacked.items()} for i in bodies]
-    parts: list[dict[str, Any]] = [{} for _ in bodies]
-    for name, x in arrays.items():  # 3.carry.numbers, and carry.3.numbers in files of before
-        first, second, *rest = [*name.split(".", 2), ""]
-        number = first if second == "carry" else second if first == "carry" else ""
-        if number.isdecimal() and int(number) < len(parts):
-            parts[int(number)][f"carry.{rest[0]}"] = x
-    return parts
 
 
 def _require_shape(where: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
