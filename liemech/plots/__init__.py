@@ -23,7 +23,7 @@ from .polhode import herpolhode, herpolhode_points, polhode
 from .projection import VIEW, split_at_horizon, view_frame
 from .sphere import momentum_sphere
 from .spins import spins
-from .style import COLORS, DIRECTIONS, MOST_DOTS, save
+from .style import COLORS, DIRECTIONS, MOST_DOTS, legend, save, subplots
 from .vertical import vertical
 
 __all__ = [
@@ -41,6 +41,7 @@ __all__ = [
     "herpolhode",
     "herpolhode_points",
     "invariants",
+    "legend",
     "momentum_sphere",
     "order_of",
     "orders",
@@ -56,6 +57,7 @@ __all__ = [
     "separatrix",
     "spins",
     "split_at_horizon",
+    "subplots",
     "vertical",
     "view_frame",
     "work_precision",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
 from ..simulation.measured_orders import falling, order_of
-from .style import COLORS, GREY, MARKERS, legend, plane_axes
+from .style import GREY, legend, marked, plane_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,16 +42,7 @@ def orders(
         error = _positive(values, f"orders: {name}", len(steps))
         fitted = order_of(steps, error)
         label = name if fitted is None else f"{name}: order {fitted:.2f}"
-        color = COLORS[k % len(COLORS)]
-        ax.loglog(
-            steps,
-            error,
-            color=color,
-            marker=MARKERS[k % len(MARKERS)],
-            markersize=4.5,
-            linewidth=1.2,
-            label=label,
-        )
+        ax.loglog(steps, error, linewidth=1.2, label=label, **marked(k))
         if fitted is not None and round(fitted) > 0:
             foot = falling(steps, error)[-1]
             guide = error[foot] * (steps / steps[foot]) ** round(fitted)
@@ -93,12 +84,7 @@ def work_precision(
     for k, (name, (errors, work)) in enumerate(curves.items()):
         error = _positive(errors, f"work_precision: the errors of {name}")
         cost = _positive(work, f"work_precision: the work of {name}", len(error))
-        shown: dict[str, Any] = {
-            "color": COLORS[k % len(COLORS)],
-            "marker": MARKERS[k % len(MARKERS)],
-            "markersize": 4.5,
-        }
-        ax.loglog(error, cost, label=name, linewidth=1.2, **shown)
+        ax.loglog(error, cost, label=name, linewidth=1.2, **marked(k))
     ax.xaxis.set_inverted(True)
     legend(ax, loc="best")
     return ax

@@ -17,6 +17,10 @@ FEW = 20
 """Samples below which nothing is said of a trend: a dozen steps show neither a bound nor a drift."""
 
 
+COLUMN = 18
+"""How wide the names are printed, at least."""
+
+
 SMALL = 0.1
 """A constant smaller than this part of its terms owes its size to their cancelling; its changes are
 told beside the terms.
@@ -82,7 +86,8 @@ class Kept:
             "changed": "; too few samples for a trend",
         }
         trend = trends.get(self.verdict, "")
-        return f"{self.name:<18}{self.verdict:<10}largest change {self.largest:.1e} ({self.measure}){trend}"
+        change = f"largest change {self.largest:.1e} ({self.measure}){trend}"
+        return f"{self.name:<{COLUMN}}{self.verdict:<10}{change}"
 
 
 RECORDED = ("energy", "casimirs", "spatial_momentum")
@@ -153,7 +158,11 @@ class Drift:
         return any(kept.name == name for kept in self.kept)
 
     def __str__(self) -> str:
-        return "\n".join(map(str, self.kept)) or "no constants of the motion are known"
+        wide = max([COLUMN, *(len(kept.name) + 2 for kept in self.kept)])
+        lines = [
+            kept.name.ljust(wide) + str(kept)[max(COLUMN, len(kept.name)) :] for kept in self.kept
+        ]
+        return "\n".join(lines) or "no constants of the motion are known"
 
     @property
     def table(self) -> WrittenTable:
