@@ -278,21 +278,25 @@ class Plan:
         self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, path: Any, seconds: Any
     ) -> Trajectory | None:
         """A run of a system of many sites, site by site; None if it is to be written out."""
-        from .sites_states import by_site, first_of
-
         sites: Any = self._sites
         if sites.knows(start):
-            start, t0 = arguments.known(self._one, start), arguments.real(t0, "t0")
-            start = by_site(self._one, start)
-            first = first_of(start)
-            wanted = arguments.with_parts(sites.site, first, self._needed(sites.site, first)).arrays
-            start = type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
+            start, t0 = self._start_of_sites(start), arguments.real(t0, "t0")
         if path is None:
             made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
             return made
         with self._kept(path, seconds) as kept:
             made = sites.trajectory(start, steps, t_end, t0, kept, t_eval)
             return kept.end(made)
+
+    def _start_of_sites(self, start: Any) -> Any:
+        """The start of a system of many sites, with the parts that the run needs."""
+        from .sites_states import by_site, first_of
+
+        sites: Any = self._sites
+        start = by_site(self._one, arguments.known(self._one, start))
+        first = first_of(start)
+        wanted = arguments.with_parts(sites.site, first, self._needed(sites.site, first)).arrays
+        return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
         """The run of no step."""
@@ -588,6 +592,8 @@ class Plan:
         t_end: float | None = None,
         t0: float = 0.0,
         by: str | Sequence[str] = "start",
+        along: Any = None,
+        against: Any = None,
     ) -> TangentTrajectory:
         """A run with its tangent map: the exact derivative of the discrete motion.
 
@@ -599,13 +605,18 @@ class Plan:
         fixed; t_end is needed.  In fictive time it is the derivative at the same fictive time, with
         the row of physical time behind the others, and steps are needed.
 
+        along, against : (N,) or (N, k), for products with the map J by the start instead of J itself:
+        J v as `tangent["along"]` and J^T w as `tangent["against"]`, (n, N) or (n, N, k).  Runs of many
+        sites go site by site, once for each v; for J^T w once for each of the N directions.
+
         Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state
         at each sample, group elements left-trivialised, dg = g hat(eta).  Of an ensemble of m
-        bodies, one after another, (n, m, N, N).
+        bodies, one after another, (n, m, N, N).  Of many sites the N components are the momenta of all
+        sites, then the eta of all.
         Raises what `integrate` does, for a body of an ensemble too; InvalidInput for what is no
         parameter, IncompatibleSystem for classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
         """
-        from .tangent import of_bodies
+        from .tangent import multiplied, of_bodies
 
         if self.recorder is not None:
             raise InvalidInput(
@@ -613,9 +624,7 @@ class Plan:
             )
         if self.events:
             raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
-        if self._sites is not None:
-            self._sites.require_small(start, "tangent map")
-        start, t0 = self._started(start), arguments.real(t0, "t0")
+        t0 = arguments.real(t0, "t0")
         names: tuple[Any, ...] = (
             (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
         )
@@ -623,15 +632,30 @@ class Plan:
             raise InvalidType(
                 f'Plan.tangent: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
             )
+        products = {"along": along, "against": against}
+        asked = [name for name, x in products.items() if x is not None]
+        if len(asked) > 1 or (asked and names != ("start",)):
+            raise InvalidInput(
+                'Plan.tangent: give one of along and against, and by="start"; got by={by!r}'
+            )
+        given = (asked[0], products[asked[0]]) if asked else None
+        if self._sites is not None and self._sites.takes(start):
+            by_sites = self._start_of_sites(start)
+            made: Any = self._sites.tangent(by_sites, steps, t_end, t0, names, given)
+            if made is not None:
+                return made
+        start = self._started(start)
         with self._beginning(start, t0):
             if start.bodies is None:
-                return self._tangent(start, steps, t_end, t0, names)
-            ends = arguments.ends(t_end, start.bodies)
-            runs = [
-                self._of_body(i)._tangent(member(start, i), steps, ends[i], t0, names)
-                for i in range(start.bodies)
-            ]
-            return of_bodies(self.method, runs)
+                run = self._tangent(start, steps, t_end, t0, names)
+            else:
+                ends = arguments.ends(t_end, start.bodies)
+                runs = [
+                    self._of_body(i)._tangent(member(start, i), steps, ends[i], t0, names)
+                    for i in range(start.bodies)
+                ]
+                run = of_bodies(self.method, runs)
+        return run if given is None else multiplied(run, *given)
 
     def _of_body(self, i: int) -> Plan:
         """The plan of one body."""

@@ -33,6 +33,7 @@ from ..integrators.method import Method, Wrapping
 from ..integrators.taylor import Taylor
 from ..systems.clocked import Clocked
 from ..systems.system import State
+from . import arguments
 from .control import TAKEN
 from .dense import evaluated, flat, report, unpacked
 from .equal import StraightRun
@@ -386,6 +387,13 @@ def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
     alone = all(run.system is runs[0].system for run in runs)
     system: Any = runs[0].system if alone else Systems(tuple([run.system for run in runs]))
     return TangentTrajectory(system, method, **beside(runs))
+
+
+def multiplied(run: TangentTrajectory, name: str, given: Any) -> TangentTrajectory:
+    """The run with products of its map by the start, `along` or `against` directions, instead of it."""
+    map_ = run.tangent["start"]
+    map_ = map_ if name == "along" else np.swapaxes(map_, -1, -2)
+    return replace(run, tangent={name: map_ @ arguments.directions(name, given, map_.shape[-1])})
 
 
 def frame(system: Any, name: str, part: Any) -> Any:

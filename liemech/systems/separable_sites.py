@@ -62,6 +62,7 @@ class SeparableSites(SeparableSystem):
     """
 
     quadratic: ClassVar[bool] = True
+    small: ClassVar[int] = 48  # their forces are short
 
     @property
     def sites(self) -> int:
