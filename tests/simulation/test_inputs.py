@@ -210,6 +210,9 @@ def test_where_the_numbers_are() -> None:
     assert Input(system, "load.torque", "").places is not None
     assert len(Input(system, "load.stiffness", "").places or ()) == 1
     assert Input(system, "body.inertia", "").places is None  # its inverse
+    wheels = lm.models.ReactionWheels(np.eye(3), [0.05] * 3, torques=[0.0] * 3)
+    craft = lm.models.Spacecraft([10.0, 12.0, 8.0], 100.0, wheels=wheels)
+    assert Input(craft, "wheels.torques", "").places is not None
     hinge = lm.joints.RevoluteJoint(
         0, None, [0.0, 0.0, 0.3], [0.0] * 3, [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], name="elbow"
     )
