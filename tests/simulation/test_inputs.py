@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import signal
@@ -291,6 +292,20 @@ def test_reset_and_at() -> None:
     loop.reset(loop.state, 7.0, torque=COMMANDS[1])
     assert loop.t == 7.0 and loop.steps == 0
     assert np.array_equal(loop.inputs["load.torque"], COMMANDS[1])
+
+
+@pytest.mark.compiled
+def test_a_turn_of_a_loop_leaves_nothing_to_collect() -> None:
+    loop = lm.Plan(satellite(), lm.RKMK(order=4), h=0.01, compiled=True).stepper(START)
+    loop.step(1, torque=COMMANDS[0])
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(500):
+            loop.step(1, torque=-loop.mu)
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
 
 
 def test_there_are_no_inputs_in_fictive_time() -> None:
