@@ -273,8 +273,10 @@ def test_tables_and_ramps_are_inputs(compiled: bool) -> None:
     assert np.array_equal(many.mu[1], one.mu)
 
 
-def test_reset_and_at() -> None:
-    plan = lm.Plan(satellite(), lm.RKMK(order=4), h=0.05, compiled=False)
+@WORLDS
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieVerlet()], ids=["RKMK", "LieVerlet"])
+def test_reset_and_at(method: Any, compiled: bool) -> None:
+    plan = lm.Plan(satellite(), method, h=0.05, compiled=compiled)
     loop = plan.stepper(START, t0=2.0)
     loop.step(4, torque=COMMANDS[0])
     before, run = loop.carry, loop.plan.resume(loop, steps=1, t_eval=[2.21])
