@@ -46,6 +46,14 @@ class Push(lm.Force):
         return lm.formulas.cos(t) * self.torque - 0.1 * xi
 
 
+@lm.record
+class Pulse(lm.Term):
+    field: lm.Vec
+
+    def energy(self, t: float, a: Any) -> Any:
+        return -t * lm.dot(self.field, a.mu)
+
+
 FIRST, RATE, TORQUE = [2.0, 3.0, 2.5], [0.2, 0.1, 0.3], [0.1, 0.2, -0.1]
 FIELD = FixedPointGravity(0.9, [0.3, 0.2, 0.8])
 
@@ -208,5 +216,8 @@ def test_checks_and_refusals() -> None:
         lm.Plan(system(), lm.KickDrift(order=4), h=0.1)
     with pytest.raises(InvalidInput, match="a KineticEnergy"):
         lm.ConstrainedBody(system(), lm.joints.Blade())
+    spins = lm.DrivenLiePoissonSystem(lm.SO3() ** 4, lm.Terms(Pulse([1.0, 0.0, 0.0])))
+    with pytest.raises(InvalidInput, match="many sites in a field cannot change with time"):
+        lm.MechanicalSystem(spins, lm.NoPotential())
     with pytest.raises(InvalidType, match="body must be a LiePoissonSystem"):
         lm.MechanicalSystem(lm.Kepler(), FIELD)
