@@ -195,6 +195,18 @@ def test_native_code_has_the_same_bits_and_without_change_the_body_has_them(name
     assert np.array_equal(still.energy, plain.energy)
 
 
+def test_the_tangent_map_by_what_changes_with_time() -> None:
+    """By the rates at which the moments fall, against differences of runs."""
+    name, given = "body.hamiltonian.rate", {"steps": 10, "t0": 1.0}
+    plan = lm.Plan(system(), lm.KickDrift(), h=0.1, compiled=False)
+    found = plan.tangent(START, by=name, **given).tangent[name][-1, :3, 0]
+    ends = [
+        plan.replace(system=system(rate=[RATE[0] + e, *RATE[1:]])).run(START, **given).mu[-1]
+        for e in (1e-5, -1e-5)
+    ]
+    assert np.abs((ends[0] - ends[1]) / 2e-5 - found).max() < 1e-7 * np.abs(found).max()
+
+
 def test_ensembles_know_the_time() -> None:
     starts = system().state(mu=np.tile(START.mu, (3, 1)), g=np.tile(START.g, (3, 1, 1)))
     given = {"h": 0.1, "steps": 4, "t0": 0.5, "compiled": False}
