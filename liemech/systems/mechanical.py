@@ -83,6 +83,12 @@ class MechanicalSystem(System):
                     f"{type(self).__name__}: {name} must be a "
                     f"{kind.__name__}, {words}; got {value!r}"
                 )
+        if self.driven and self.body.site_form is not None:
+            raise InvalidInput(
+                f"{type(self).__name__}: the energy of many sites in a field cannot change with time; "
+                "a term of a load can, `covector(t, a)`, and without a field the DrivenLiePoissonSystem "
+                "moves by itself"
+            )
         super().__post_init__()
 
     @final
