@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..groups.product import ProductGroup
 from ..groups.se3 import SE3
+from ..integrators.rattle_of_links import Links
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -29,6 +31,7 @@ from .joint_forces import (
 )
 from .joint_motion import JointMotion
 from .joints import BallJoint, Joint, Joints, RevoluteJoint
+from .linked_joints import LinkedForm, linked
 from .mounting import (
     closed,
     hung_from_each_other,
@@ -217,6 +220,49 @@ class Linkage(ConstrainedBody):
         """A joint, in messages: by its name if it has one."""
         name = self.joints[joint].name
         return f"joint {joint}" if name is None else f"joint {name!r}"
+
+    # ---------------------------------------------------------------- many bodies
+
+    @cached_property
+    def linked(self) -> LinkedForm | None:
+        """The form in which any number of bodies steps, joint by joint; None if there are forces that
+        are not at joints.
+        """
+        return linked(self)
+
+    @property
+    def site_form(self) -> Links | None:  # type: ignore[override]
+        """That of many bodies."""
+        many = 6 * len(self.links) > self.small
+        return self.linked.links if many and self.linked is not None else None
+
+    def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """Parts of states with an axis of places, of which some have no body."""
+        if self.site_form is None or arrays["mu"].shape[-1] == 6:
+            return arrays
+        found, places = {}, self.linked.places  # type: ignore[union-attr]
+        for name, blank in (("mu", np.zeros(6)), ("g", np.eye(4))):
+            x = np.asarray(arrays[name])
+            made = np.empty((*x.shape[:-1], places, *blank.shape))
+            made[:] = blank
+            count = len(self.links)
+            made[(..., slice(count), *[slice(None)] * blank.ndim)] = x.reshape(
+                *x.shape[:-1], count, *blank.shape
+            )
+            found[name] = made
+        return found
+
+    def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """The inverse of `by_site`."""
+        axes, count = {"mu": 1, "g": 2}, len(self.links)
+        return {
+            name: x[(..., slice(count), *[slice(None)] * axes[name])].reshape(
+                *x.shape[: -1 - axes[name]], -1
+            )
+            if name in axes and x.shape[-1] in (4, 6) and x.ndim > axes[name]
+            else x
+            for name, x in arrays.items()
+        }
 
     # ---------------------------------------------------------------- poses
 

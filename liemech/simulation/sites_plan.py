@@ -12,9 +12,11 @@ import numpy as np
 from ..compiler.planes import Planes
 from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable, warn
 from ..formulas.pytree import layout_of
+from ..integrators.rattle_of_links import Links
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import StateOfSites
 from ..systems.system import State
+from .links_run import LinksRun, linked_method
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
 from .sites_states import by_site, first_of
@@ -36,7 +38,9 @@ class SitesOfPlan:
     def of(cls, plan: Any) -> SitesOfPlan | None:
         """None if the system has no site form."""
         site = plan._one.site_form
-        return None if site is None else cls(plan, with_lists(plan._one, site))
+        if site is None or (isinstance(site, Links) and linked_method(plan) is None):
+            return None
+        return cls(plan, with_lists(plan._one, site))
 
     def prepared(self, start: StateOfSites, starts: Planes, curves: bool) -> Any:
         """Layouts and native code for starts like this one.  curves : is the way of adaptive steps
@@ -75,6 +79,8 @@ class SitesOfPlan:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         if steps.breaks:
             return "breaks of fixed steps (adaptive ones end there)"
+        if isinstance(self.site, Links) and (plan.events or t_eval is not None):
+            return "events and t_eval"
         method = steps.way_of(0)
         if isinstance(method, TermSplitting):
             asked = {"events": plan.events or None, "t_eval": t_eval}
@@ -120,9 +126,11 @@ class SitesOfPlan:
                 run = self._kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
                 return run.trajectory()
             except NotCompilable as error:
+                if isinstance(self.site, Links): raise  # DEBUG
                 why = f"{self.plan.method!r} for sites one by one ({error})"
                 numbers += LARGE if self.plan.events else 0  # which would be of other things
-        if numbers <= LARGE and self.as_one_body and not isinstance(start, SiteCarry):
+        few = numbers <= LARGE or isinstance(self.site, Links)
+        if few and self.as_one_body and not isinstance(start, SiteCarry):
             return None
         raise IncompatibleSystem(
             f"integrate: there is no {why}, for systems of many sites, here {state.sites}: RKMK and "
@@ -149,6 +157,8 @@ class SitesOfPlan:
         from .turns_of_sites import TurnsRun
 
         plan = self.plan
+        if isinstance(self.site, Links):
+            return LinksRun
         by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), TermSplitting)
         return TurnsRun if by_colour else SiteRun
 

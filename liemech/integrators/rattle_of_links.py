@@ -1,0 +1,760 @@
+"""RATTLE on a group for any number of bodies and joints: loops over both, in memory.
+
+The equations are those of `LieRATTLE`, and so are Newton's corrections, by their Schur complement:
+one block of conditions for each joint, eliminated in an order that was found before the run.  What
+belongs to one body or one joint is a formula, run for all of them side by side; elimination goes from
+joint to joint.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..compiler.planes import at, below, each, load, put, save
+from ..errors import NoConvergence
+from ..formulas import Mat, Record, Vec, dot, jacobian, mat, plain, record, vec, vectors, where
+from ..formulas.pytree import Layout, fitted, layout_of
+from ..formulas.tables import entry
+from ..groups.lie_group import LieGroup
+from ..solvers import NOISE, TOLERANCE
+from ..systems.kinetic_energy import times
+from ..systems.lie_poisson import BodyState
+from ..systems.system import System
+from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, carried, eliminated
+from .memory import extrapolated, followed, repeated
+from .solvability import CONTRACTION, INFINITY, SHORTEST
+from .variational import momentum_slope, with_inertia
+
+SIX = layout_of(vec(*[0.0] * 6))
+POSE = layout_of(mat(*[vec(*[0.0] * 4)] * 4))
+BLOCK = layout_of(mat(*[vec(*[0.0] * 6)] * 6))
+NUMBER = layout_of(0.0)
+
+AT_LOADS = 50
+"""Corrections of the velocities that loads depend on, at the end of a step."""
+
+
+def vector(n: int) -> Layout:
+    """The layout of so many numbers."""
+    return layout_of(vec(*[0.0] * n))
+
+
+def matrix(n: int, m: int) -> Layout:
+    """That of a matrix."""
+    return layout_of(mat(*[vec(*[0.0] * m)] * n))
+
+
+@record
+class Rows(Record):
+    """Where numbers lie among those that every place in memory has beside what the method carries
+    along: the row with which they begin.
+
+    Fixed are: inertia and its inverse, weight, `ends` of a joint (first and second body, is there a
+    second one, the kind), `alive` (which conditions count), `own` (the joint's parameters).
+    """
+
+    inertia: int
+    inverse: int
+    weight: int
+    ends: int
+    alive: int
+    own: int
+    note: int
+    force: int
+    pull: int
+    held: int
+    velocity: int
+    unknown: int
+    slope: int
+    answer: int
+    moved: int
+    free: int
+    led: int
+    pose: int
+    told: int
+    first: int
+    second: int
+    first_there: int
+    second_there: int
+    first_pushed: int
+    second_pushed: int
+    diagonal: int
+    rest: int
+    impulse: int
+    wrench: int
+    effort: int
+    block: int
+
+    @classmethod
+    def of(cls, full: bool, most: int, freedoms: int, own: int) -> Rows:
+        """Those of inertias that are matrices, or not; so many conditions and coordinates of a
+        joint, and numbers of its own.
+        """
+        n, J = most + freedoms, 36 if full else 6
+        widths = dict(
+            inertia=J, inverse=J, weight=1, ends=4, alive=most, own=own, note=3, force=6, pull=6,
+            held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
+            pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * most,
+            second_there=6 * most, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
+            wrench=12, effort=3 * max(1, freedoms) + freedoms * freedoms, block=0,
+        )  # fmt: skip
+        places, row = {}, 0
+        for name, width in widths.items():
+            places[name], row = row, row + width
+        return cls(**places)
+
+
+@record
+class Links(System):
+    """Bodies on SE(3) held together by joints, as loops over memory need them: a place in memory has
+    a body and a joint.
+
+    kinds : layouts of the kinds of joints.  most, freedoms : conditions of a joint, at most, and
+    coordinates that loads act along.  full : are inertias matrices?
+    bodies, joints : how many.  ends : of each joint its first and second body (-1: the ground).
+    couplings : pairs of joints that a body ties together, with the sides on which it is, and the
+    block.  pivots, belows, updates : what elimination does, see `order_of`.  places : in a row.
+    """
+
+    group: LieGroup
+    kinds: tuple[Any, ...]
+    rows: Rows
+    most: int
+    freedoms: int
+    full: bool
+    springs: bool
+    bodies: float
+    joints: float
+    trace: float
+    ends: Any
+    couplings: Any
+    pivots: Any
+    belows: Any
+    updates: Any
+
+    def displaced(self, retraction: Any, state: BodyState, omega: Vec) -> BodyState:
+        """The state of a free body, displaced."""
+        mu = retraction.tau_Ad_star(self.group, omega, state.mu)
+        return BodyState(mu, retraction.compose_tau(self.group, state.g, omega))
+
+    def inertia(self, work: Any) -> Any:
+        """J of a body."""
+        return load(below(work, self.rows.inertia), 0, BLOCK if self.full else SIX)
+
+    def inverse(self, work: Any) -> Any:
+        """J^-1 of a body."""
+        return load(below(work, self.rows.inverse), 0, BLOCK if self.full else SIX)
+
+    def inverse_of(self, work: Any, body: int) -> Any:
+        """That of another one."""
+        return at(below(work, self.rows.inverse), body, 0, BLOCK if self.full else SIX)
+
+    def of_kind(self, work: Any, formula: Any, k: int = 0) -> Any:
+        """A formula of the joint, as a record of its kind."""
+        own = below(work, self.rows.own)
+        if k == len(self.kinds) - 1:
+            return formula(load(own, 0, self.kinds[k]))
+        if load(below(work, self.rows.ends), 0, ENDS)[3] == float(k):
+            return formula(load(own, 0, self.kinds[k]))
+        return self.of_kind(work, formula, k + 1)
+
+
+ENDS = vector(4)
+
+
+@record
+class LinkMemory(Record):
+    """What steps carry along for the body and the joint of one place: the state, and for every
+    substep the last three displacements and impulses.
+    """
+
+    state: Any
+    pasts: tuple[Any, ...]
+
+
+@record
+class RattleOfLinks(Record):
+    """LieRATTLE, or a composition of it, of many bodies and joints.
+
+    shares, nodes : of the substeps.  stages : how many.
+    """
+
+    retraction: Any
+    shares: Any
+    stages: int
+    most: int
+    name: str = ""
+
+    together: ClassVar[bool] = True
+    symmetric: ClassVar[bool] = True
+
+    def __repr__(self) -> str:
+        return self.name
+
+    def start(self, system: Any, state: Any, h: float) -> LinkMemory:
+        """A state, with pasts that are still to come: zeros."""
+        none = vec(*[0.0] * (6 + self.most))
+        return LinkMemory(state, (repeated(none),) * self.stages)
+
+    def observe(self, memory: LinkMemory) -> Any:
+        """The state."""
+        return memory.state
+
+    # ---------------------------------------------------------------- a step
+
+    def step_together(
+        self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
+    ) -> None:
+        """A step of all bodies, from one copy of the memory to the other."""
+        work = below(sites, 2 * memory.width)
+        each(sites, copied, sites, here, there, memory)
+        state = memory.parts[0]
+        old = below(sites, there * memory.width)
+        pasts = below(old, state.width)
+        for s in range(int(entry(self.shares, 0))):
+            share, node = entry(self.shares, 1 + 2 * s), entry(self.shares, 2 + 2 * s)
+            self.substep(system, t + node * h, share * h, sites, old, pasts, s, work, state)
+
+    def substep(
+        self, system: Any, t: float, h: float, sites: Any, old: Any, pasts: Any, s: int, work: Any,
+        state: Layout,
+    ) -> None:  # fmt: skip
+        """One step of LieRATTLE."""
+        rows, retraction, ready = system.rows, self.retraction, below(work, system.rows.note)
+        if at(ready, 0, 2, NUMBER) == 0.0:
+            each(sites, joints_here, system, old, work, state)
+            scattered(system, work)
+            each(sites, field_here, system, old, work, state)
+        put(ready, 0, 2, 0.0, NUMBER)
+        if system.freedoms > 0:
+            each(sites, velocities_here, system, old, work, state)
+            each(sites, loads_here, system, t, old, work, state)
+            scattered(system, work)
+            each(sites, loaded_here, system, work)
+        each(sites, guessed, system, h, old, pasts, s, work, state)
+        self.solve(system, h, sites, old, work, state)
+        each(sites, moved_body, system, retraction, h, old, work, state)
+        each(sites, joints_here, system, old, work, state)
+        scattered(system, work)
+        each(sites, kicked, system, h, old, work, state)
+        if system.freedoms > 0:
+            self.load_at_the_end(system, t + h, h, sites, old, work, state)
+        else:
+            each(sites, excess_of, system, work)
+            coupled(system, work, rows.first, rows.second, system.most)
+            factored(system, work, 1.0, system.most)
+            solved(system, work, system.most)
+            each(sites, wrench_of_impulses, system, work)
+            scattered(system, work)
+        each(sites, ended, system, old, pasts, s, work, state)
+        put(ready, 0, 2, 1.0, NUMBER)
+
+    def solve(self, system: Any, h: float, sites: Any, old: Any, work: Any, state: Layout) -> None:
+        """Displacements and impulses: the solution that grows out of zero with h, as in
+        `LieRATTLE`.
+        """
+        rows, retraction = system.rows, self.retraction
+        reached, piece, before, tried, part = 0.0, 1.0, INFINITY, 0.0, 1.0
+        bad, done, inside = -1.0, False, False
+        while True:
+            each(sites, wrench_of_unknown, system, work)
+            scattered(system, work)
+            each(sites, held_by_unknown, system, work)
+            while True:
+                k = part * h
+                each(sites, correction_of_body, system, retraction, k, old, work, state)
+                each(sites, correction_of_joint, system, work)
+                coupled(system, work, rows.first_there, rows.second_there, system.most)
+                bad = factored(system, work, h, system.most)
+                solved(system, work, system.most)
+                each(sites, wrench_of_impulses, system, work)
+                scattered(system, work)
+                each(sites, corrected, system, retraction, work)
+                length, whole, size, upright, inside = summed(system, work)
+                tried = tried + 1.0
+                shrinks = length <= CONTRACTION * before
+                noisy = length <= NOISE * NOISE * (whole + size)
+                good = upright and bad < 0.0 and (shrinks or noisy)
+                settled = length <= ROUNDING * size or (
+                    before < INFINITY and length * (length / before) <= LEAST * whole
+                )
+                done = good and (settled or not shrinks)
+                before = length
+                if done or not good or not tried < MOST:
+                    break
+            before = INFINITY
+            if done and inside:
+                reached, piece = part, 2.0 * piece
+                each(sites, sloped, system, 1.0 / part, work)
+            else:
+                piece = 0.5 * piece
+            part = min(1.0, reached + piece)
+            if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
+                break
+            each(sites, along_slope, system, part, work)
+        if reached < 1.0:
+            put(below(work, rows.note), 0, 0, bad if bad >= 0.0 else worst(system, work), NUMBER)
+            put(below(work, rows.note), 0, 1, reached, NUMBER)
+            raise NoConvergence("no solution grows out of h = 0 up to this step")
+
+    def load_at_the_end(
+        self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, state: Layout
+    ) -> None:
+        """The kick by loads at the velocity that it leads to, on the constraint: Newton's method for
+        the rates of the joints, together with the impulses.
+        """
+        rows, n = system.rows, system.most + system.freedoms
+        each(sites, rates_begun, system, work)
+        enough, tried = False, 0
+        while tried < AT_LOADS:
+            last = enough
+            each(sites, efforts_there, system, t, h, work, old, state)
+            scattered(system, work)
+            each(sites, loaded_velocity, system, work)
+            each(sites, excess_of, system, work)
+            coupled(system, work, rows.first, rows.second, n)
+            factored(system, work, 1.0, n)
+            solved(system, work, n)
+            each(sites, rates_corrected, system, work)
+            change, whole = summed_rates(system, work)
+            enough, tried = change <= TOLERANCE * TOLERANCE * whole, tried + 1
+            if last or change == 0.0:
+                break
+        if not enough:
+            put(below(work, rows.note), 0, 0, -1.0, NUMBER)
+            raise NoConvergence("no velocity found that fits the loads at the end of a step")
+        each(sites, wrench_there, system, t, h, work, old, state)
+        scattered(system, work)
+
+
+# ------------------------------------------------------------------ formulas of one body
+
+
+def copied(sites: Any, here: int, there: int, memory: Layout) -> None:
+    """A place as it is."""
+    save(sites, there, load(sites, here, memory), memory)
+
+
+def field_here(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """Weight and springs."""
+    pull = load(below(work, system.rows.pull), 0, SIX)
+    force = weight_of(system, work, load(old, 0, state).g) + pull
+    save(below(work, system.rows.force), 0, force, SIX)
+
+
+def velocities_here(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """xi = J^-1 mu."""
+    xi = times(system.inverse(work), plain(load(old, 0, state).mu))
+    save(below(work, system.rows.velocity), 0, xi, SIX)
+
+
+def loaded_here(system: Any, work: Any) -> None:
+    """Weight and springs, and loads at this velocity."""
+    place = below(work, system.rows.pull)
+    save(place, 0, load(place, 0, SIX) + load(below(work, system.rows.force), 0, SIX), SIX)
+
+
+def guessed(
+    system: Any, h: float, old: Any, pasts: Any, s: int, work: Any, state: Layout
+) -> None:
+    """A first unknown, from the last steps, and the slope with which it begins."""
+    n = system.most
+    layout = vector(6 + n)
+    past = [load(pasts, 3 * s + i, layout) for i in range(3)]
+    guess = extrapolated(*past)
+    xi = h * times(system.inverse(work), plain(load(old, 0, state).mu))
+    x = [where(nothing([p[:6] for p in past]), a, b) for a, b in zip(xi, guess[:6])]
+    save(below(work, system.rows.unknown), 0, vec(*x, *guess[6:]), layout)
+    save(below(work, system.rows.slope), 0, vec(*xi, *guess[6:]), layout)
+    if system.freedoms > 0:
+        save(below(work, system.rows.force), 0, load(below(work, system.rows.pull), 0, SIX), SIX)
+
+
+def nothing(some: Any) -> Any:
+    """Are all numbers zero?"""
+    total = 0.0
+    for x in some:
+        for y in x:
+            total = total + abs(y)
+    return total == 0.0
+
+
+def held_by_unknown(system: Any, work: Any) -> None:
+    """What the impulses take from a body in all."""
+    rows = system.rows
+    save(below(work, rows.held), 0, load(below(work, rows.pull), 0, SIX), SIX)
+
+
+def correction_of_body(
+    system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout
+) -> None:
+    """With r the mismatch of Algorithm 1 and A its derivative, A^-1 r; the answer to impulses at
+    the start, A^-1 B; both as displacements of the body at the end of the step as well.
+    """
+    rows, group = system.rows, system.group
+    one = load(old, 0, state)
+    force, held = load(below(work, rows.force), 0, SIX), load(below(work, rows.held), 0, SIX)
+    g, momentum = plain(one.g), plain(one.mu) + ((0.5 * h) * force - held)
+    x, J = load(below(work, rows.unknown), 0, SIX), system.inertia(work)
+    rate = 1.0 / h
+    r, by_p, by_x = retraction.residual(group, x, times(J, rate * x), momentum)
+    A = with_inertia(by_x, momentum_slope(by_p, rate * J))
+    pushes = [carried(retraction, group, x, by_p, unit) for unit in UNITS]
+    columns, upright = eliminated(A, [r, *pushes], h)
+    ends = [retraction.dtau(group, x, column) for column in columns]
+    told = below(work, rows.told)
+    save(below(work, rows.free), 0, columns[0], SIX)
+    save(below(work, rows.answer), 0, mat(*columns[1:]), BLOCK)
+    save(below(work, rows.led), 0, ends[0], SIX)
+    save(below(work, rows.moved), 0, mat(*ends[1:]), BLOCK)
+    save(below(work, rows.pose), 0, retraction.compose_tau(group, g, x), POSE)
+    save(told, 3, where(upright, 1.0, 0.0), NUMBER)
+    save(told, 4, largest([a for row in g for a in row]), NUMBER)
+
+
+UNITS = tuple([vec(*[1.0 if i == k else 0.0 for i in range(6)]) for k in range(6)])
+
+
+def largest(some: Any) -> float:
+    """The largest size among numbers."""
+    most = 0.0
+    for x in some:
+        most = max(most, abs(x))
+    return most
+
+
+def corrected(system: Any, retraction: Any, work: Any) -> None:
+    """The unknown after Newton's correction, and what it tells: how long the correction is, and the
+    displacement.
+    """
+    rows, n = system.rows, system.most
+    place, layout = below(work, rows.unknown), vector(6 + n)
+    unknown, push = load(place, 0, layout), load(below(work, rows.pull), 0, SIX)
+    W = load(below(work, rows.answer), 0, BLOCK)
+    dx = load(below(work, rows.free), 0, SIX) - answered(W, push)
+    x = unknown[:6] - dx
+    l = unknown[6:] - load(below(work, rows.impulse), 0, vector(n))
+    held, told, J = below(work, rows.held), below(work, rows.told), system.inertia(work)
+    save(place, 0, vec(*x, *l), layout)
+    save(held, 0, load(held, 0, SIX) - push, SIX)
+    save(told, 0, dot(dx, times(J, dx)), NUMBER)
+    save(told, 1, dot(x, times(J, x)), NUMBER)
+    save(told, 2, where(retraction.is_chart(system.group, 2.0 * x), 1.0, 0.0), NUMBER)
+
+
+def answered(columns: Mat, push: Vec) -> Vec:
+    """A matrix, given by its columns, times a vector."""
+    found = push[0] * columns[0]
+    for i in range(1, 6):
+        found = found + push[i] * columns[i]
+    return found
+
+
+def sloped(system: Any, factor: float, work: Any) -> None:
+    """The unknown over the part of the step, along which it goes on."""
+    layout = vector(6 + system.most)
+    unknown = load(below(work, system.rows.unknown), 0, layout)
+    save(below(work, system.rows.slope), 0, factor * unknown, layout)
+
+
+def along_slope(system: Any, part: float, work: Any) -> None:
+    """The unknown of a part of the step, along the slope."""
+    layout = vector(6 + system.most)
+    slope = load(below(work, system.rows.slope), 0, layout)
+    save(below(work, system.rows.unknown), 0, part * slope, layout)
+
+
+def moved_body(
+    system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout
+) -> None:
+    """The state after the first kick and the displacement."""
+    rows, one = system.rows, load(old, 0, state)
+    force, held = load(below(work, rows.force), 0, SIX), load(below(work, rows.held), 0, SIX)
+    x = load(below(work, rows.unknown), 0, SIX)
+    kicked = BodyState(one.mu + ((0.5 * h) * force - held), one.g)
+    save(old, 0, fitted(system.displaced(retraction, kicked, x), state), state)
+
+
+def kicked(system: Any, h: float, old: Any, work: Any, state: Layout) -> None:
+    """The state after the second kick, by the field, and its velocity."""
+    rows, one = system.rows, load(old, 0, state)
+    force = weight_of(system, work, one.g) + load(below(work, rows.pull), 0, SIX)
+    mu = one.mu + (0.5 * h) * force
+    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    save(below(work, rows.force), 0, force, SIX)
+    save(below(work, rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
+
+
+def weight_of(system: Any, work: Any, g: Any) -> Vec:
+    """(0, -w R^T e3)."""
+    weight = load(below(work, system.rows.weight), 0, NUMBER)
+    return vec(0.0, 0.0, 0.0, *[-(weight * plain(g)[2, j]) for j in range(3)])
+
+
+def ended(system: Any, old: Any, pasts: Any, s: int, work: Any, state: Layout) -> None:
+    """The momentum without what leads off the constraint, and the past with this step."""
+    rows, one, layout = system.rows, load(old, 0, state), vector(6 + system.most)
+    mu = one.mu - load(below(work, rows.pull), 0, SIX)
+    unknown = load(below(work, rows.unknown), 0, layout)
+    past = [load(pasts, 3 * s + i, layout) for i in range(3)]
+    fresh = nothing(past)
+    new = [
+        vec(*[where(fresh, a, b) for a, b in zip(unknown, y)])
+        for y in followed(tuple(past), unknown)
+    ]
+    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    for i in range(3):
+        save(pasts, 3 * s + i, new[i], layout)
+
+
+# ------------------------------------------------------------------ formulas of one joint
+
+
+def poses_of(system: Any, poses: Any, work: Any, layout: Layout) -> tuple[Mat, Mat]:
+    """The poses of a joint's bodies, of which the second may be the ground."""
+    first, second, held, _ = load(below(work, system.rows.ends), 0, ENDS)
+    g = pose_in(at(poses, int(first), 0, layout))
+    k = pose_in(at(poses, int(second), 0, layout))
+    other = [
+        vec(*[where(held > 0.0, k[i, j], 1.0 if i == j else 0.0) for j in range(4)])
+        for i in range(4)
+    ]
+    return g, mat(*other)
+
+
+def pose_in(value: Any) -> Mat:
+    """The pose in what lies in memory."""
+    return plain(value.g) if isinstance(value, BodyState) else value
+
+
+def joints_here(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """The rows of a joint, of its conditions and of motions that loads act along, and the wrench of
+    its springs.
+    """
+    rows, n = system.rows, system.most + system.freedoms
+    g, k = poses_of(system, old, work, state)
+    held = load(below(work, rows.ends), 0, ENDS)[2]
+    alive = load(below(work, rows.alive), 0, vector(system.most))
+    sides = system.of_kind(work, lambda one: one.rows(g, k, system.most, system.freedoms))
+    first = [a * row for a, row in zip(alive, sides[0])]
+    second = [(a * held) * row for a, row in zip(alive, sides[1])]
+    motions = [[*side[system.most :]] for side in sides]
+    layout = matrix(n, 6)
+    save(below(work, rows.first), 0, mat(*first, *motions[0]), layout)
+    save(below(work, rows.second), 0, mat(*second, *[held * row for row in motions[1]]), layout)
+    push = vec(*[0.0] * 12)
+    if system.springs:
+        push = system.of_kind(work, lambda one: one.springs_push(g, k))
+        push = vec(*push[:6], *(held * push[6:]))
+    save(below(work, rows.wrench), 0, push, TWELVE)
+
+
+TWELVE = vector(12)
+
+
+def wrench_of_unknown(system: Any, work: Any) -> None:
+    """G* l, of the impulses in the unknown."""
+    unknown = load(below(work, system.rows.unknown), 0, vector(6 + system.most))
+    save_wrench(system, work, unknown[6:])
+
+
+def wrench_of_impulses(system: Any, work: Any) -> None:
+    """The same of those that elimination has found."""
+    save_wrench(system, work, load(below(work, system.rows.impulse), 0, vector(system.most)))
+
+
+def save_wrench(system: Any, work: Any, l: Vec) -> None:
+    """The pull of a joint on its two bodies."""
+    rows, layout = system.rows, matrix(system.most, 6)
+    sides = [load(below(work, row), 0, layout) for row in (rows.first, rows.second)]
+    pulls = [vectors.sum([a * row for a, row in zip(l, side)]) for side in sides]
+    save(below(work, rows.wrench), 0, vec(*pulls[0], *pulls[1]), TWELVE)
+
+
+def correction_of_joint(system: Any, work: Any) -> None:
+    """The conditions at the end of the step, their rows, what they miss, and the answers of the
+    bodies to the impulses of the joint.
+    """
+    rows, n = system.rows, system.most
+    first, second, held, _ = load(below(work, rows.ends), 0, ENDS)
+    g, k = poses_of(system, below(work, rows.pose), work, POSE)
+    alive = load(below(work, rows.alive), 0, vector(n))
+    sides = system.of_kind(work, lambda one: one.rows(g, k, n, 0))
+    c = system.of_kind(work, lambda one: one.value(g, k, n))
+    there = [a * row for a, row in zip(alive, sides[0])], [
+        (a * held) * row for a, row in zip(alive, sides[1])
+    ]
+    pushed, free = [], []
+    for place, body in ((rows.first, first), (rows.second, second)):
+        K = at(below(work, rows.moved), int(body), 0, BLOCK)
+        here = load(below(work, place), 0, matrix(n, 6))
+        pushed = [*pushed, [answered(K, row) for row in here]]
+        free = [*free, at(below(work, rows.led), int(body), 0, SIX)]
+    rest = [
+        dot(a, free[0]) + dot(b, free[1]) - live * value
+        for a, b, value, live in zip(*there, c, alive)
+    ]
+    for place, side in zip((rows.first_there, rows.second_there), there):
+        save(below(work, place), 0, mat(*side), matrix(n, 6))
+    save_pushed(system, work, pushed, there, alive, n)
+    save(below(work, rows.rest), 0, vec(*rest), vector(n))
+
+
+def save_pushed(
+    system: Any, work: Any, pushed: Any, there: Any, alive: Vec, n: int
+) -> None:
+    """The answers to the impulses of a joint, and its own block; conditions that do not count are
+    units of it.
+    """
+    rows = system.rows
+    block = [
+        vec(*[dot(a, p) + dot(b, q) + (1.0 - alive[i] if i == j else 0.0)
+              for j, (p, q) in enumerate(zip(*pushed))])
+        for i, (a, b) in enumerate(zip(*there))
+    ]  # fmt: skip
+    for place, side in zip((rows.first_pushed, rows.second_pushed), pushed):
+        save(below(work, place), 0, mat(*side), matrix(n, 6))
+    save(below(work, rows.diagonal), 0, vec(*[abs(row[i]) for i, row in enumerate(block)]), vector(n))
+    save(below(work, rows.block), 0, mat(*block), matrix(n, n))
+
+
+def excess_of(system: Any, work: Any) -> None:
+    """What leads off the constraint, G xi, and the answers of the bodies to impulses, J^-1 G*."""
+    rows, n = system.rows, system.most
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    alive = load(below(work, rows.alive), 0, vector(n))
+    here, pushed, xi = [], [], []
+    for place, body in ((rows.first, first), (rows.second, second)):
+        own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, int(body))
+        here, pushed = [*here, own], [*pushed, [times(inverse, row) for row in own]]
+        xi = [*xi, at(below(work, rows.velocity), int(body), 0, SIX)]
+    rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
+    save_pushed(system, work, pushed, here, alive, n)
+    save(below(work, rows.rest), 0, vec(*rest), vector(n))
+
+
+# ------------------------------------------------------------------ from joint to joint
+
+
+def scattered(system: Any, work: Any) -> None:
+    """The sums of what joints do to their bodies."""
+    rows = system.rows
+    pull, wrench = below(work, rows.pull), below(work, rows.wrench)
+    none = vec(*[0.0] * 6)
+    for b in range(int(system.bodies)):
+        put(pull, b, 0, none, SIX)
+    for j in range(int(system.joints)):
+        both = at(wrench, j, 0, TWELVE)
+        first, second = int(entry(system.ends, 2 * j)), int(entry(system.ends, 2 * j + 1))
+        put(pull, first, 0, at(pull, first, 0, SIX) + both[:6], SIX)
+        if second >= 0:
+            put(pull, second, 0, at(pull, second, 0, SIX) + both[6:], SIX)
+
+
+def coupled(system: Any, work: Any, one: int, other: int, n: int) -> None:
+    """The blocks of pairs of joints that a body ties together; those that elimination fills are
+    zero.
+    """
+    rows, layout, square = system.rows, matrix(n, 6), matrix(n, n)
+    blocks, table = below(work, rows.block), system.couplings
+    for p in range(int(entry(table, 0))):
+        begin = 1 + 7 * p
+        j, k = int(entry(table, begin)), int(entry(table, begin + 1))
+        mine, theirs = entry(table, begin + 2), entry(table, begin + 3)
+        site, slot = int(entry(table, begin + 4)), int(entry(table, begin + 5))
+        there = below(work, one if mine == 0.0 else other)
+        pushed = below(work, rows.first_pushed if theirs == 0.0 else rows.second_pushed)
+        a, b = at(there, j, 0, layout), at(pushed, k, 0, layout)
+        found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
+        kind = entry(table, begin + 6)
+        if kind == 1.0:
+            found = at(blocks, site, slot, square) + found
+        if kind < 0.0:
+            found = 0.0 * found
+        put(blocks, site, slot, found, square)
+
+
+def factored(system: Any, work: Any, sign: float, n: int) -> float:
+    """Elimination of the blocks, in place; the first joint whose conditions depend on those before
+    it, or the last joint if the determinant has lost its sign; -1 if all is well.
+    """
+    square, blocks = matrix(n, n), below(work, system.rows.block)
+    diagonals, bad, same = below(work, system.rows.diagonal), -1.0, 1.0
+    for k in range(int(system.joints)):
+        before = at(diagonals, k, 0, vector(n))
+        inverse, turned, far = inverted(at(blocks, k, 0, square), before, sign)
+        same = same * turned
+        if not far and bad < 0.0:
+            bad = float(k)
+        put(blocks, k, 0, inverse, square)
+        for b in range(int(entry(system.pivots, k)), int(entry(system.pivots, k + 1))):
+            site, slot = int(entry(system.belows, 7 * b + 1)), int(entry(system.belows, 7 * b + 2))
+            factor = at(blocks, site, slot, square) @ inverse
+            put(blocks, site, slot, factor, square)
+            begin, end = int(entry(system.belows, 7 * b + 5)), int(entry(system.belows, 7 * b + 6))
+            for u in range(begin, end):
+                site, slot = int(entry(system.updates, 4 * u)), int(entry(system.updates, 4 * u + 1))
+                above = at(blocks, site, slot, square)
+                site = int(entry(system.updates, 4 * u + 2))
+                slot = int(entry(system.updates, 4 * u + 3))
+                put(blocks, site, slot, at(blocks, site, slot, square) - factor @ above, square)
+    return system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
+
+
+def inverted(m: Mat, before: Vec, sign: float) -> tuple[Mat, float, bool]:
+    """m^-1, by elimination in the given order; the sign of its determinant beside that of a positive
+    matrix times `sign`; and whether no pivot is below DEPENDENT times what it was before.
+    """
+    n, same, far = len(m), 1.0, True
+    rows = [vec(*m[i], *[1.0 if i == j else 0.0 for j in range(n)]) for i in range(n)]
+    for k in range(n):
+        same = where(sign * rows[k][k] > 0.0, same, -same)
+        far = far and abs(rows[k][k]) > DEPENDENT * before[k]
+        pivot = (1.0 / rows[k][k]) * rows[k]
+        rows = [pivot if i == k else row - row[k] * pivot for i, row in enumerate(rows)]
+    return mat(*[vec(*row[n:]) for row in rows]), same, far
+
+
+def solved(system: Any, work: Any, n: int) -> None:
+    """The impulses, from what the conditions miss and the blocks after elimination."""
+    rows, square, layout = system.rows, matrix(n, n), vector(n)
+    blocks, rest = below(work, rows.block), below(work, rows.rest)
+    impulse, count = below(work, rows.impulse), int(system.joints)
+    for k in range(count):
+        x = at(rest, k, 0, layout)
+        for b in range(int(entry(system.pivots, k)), int(entry(system.pivots, k + 1))):
+            i = int(entry(system.belows, 7 * b))
+            site, slot = int(entry(system.belows, 7 * b + 1)), int(entry(system.belows, 7 * b + 2))
+            put(rest, i, 0, at(rest, i, 0, layout) - at(blocks, site, slot, square) @ x, layout)
+    for left in range(count):
+        k = count - 1 - left
+        x = at(rest, k, 0, layout)
+        for b in range(int(entry(system.pivots, k)), int(entry(system.pivots, k + 1))):
+            i = int(entry(system.belows, 7 * b))
+            site, slot = int(entry(system.belows, 7 * b + 3)), int(entry(system.belows, 7 * b + 4))
+            x = x - at(blocks, site, slot, square) @ at(impulse, i, 0, layout)
+        put(impulse, k, 0, at(blocks, k, 0, square) @ x, layout)
+
+
+def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:
+    """The sums of what corrections tell: their square and that of displacements, the size of what is
+    rounding, whether determinants have kept their sign, and whether all is inside the chart.
+    """
+    told = below(work, system.rows.told)
+    length, whole, most, upright, inside = 0.0, 0.0, 0.0, 1.0, 1.0
+    for b in range(int(system.bodies)):
+        length, whole = length + at(told, b, 0, NUMBER), whole + at(told, b, 1, NUMBER)
+        inside, upright = min(inside, at(told, b, 2, NUMBER)), min(upright, at(told, b, 3, NUMBER))
+        most = max(most, at(told, b, 4, NUMBER))
+    return length, whole, most * most * system.trace, upright > 0.0, inside > 0.0
+
+
+def worst(system: Any, work: Any) -> float:
+    """The joint whose conditions miss most."""
+    rest, found, most = below(work, system.rows.rest), 0.0, 0.0
+    for j in range(int(system.joints)):
+        x = at(rest, j, 0, vector(system.most))
+        square = dot(x, x)
+        if square > most:
+            found, most = float(j), square
+    return found
