@@ -50,7 +50,8 @@ class Rows(Record):
     along: the row with which they begin.
 
     Fixed are: inertia and its inverse, weight, `ends` of a joint (first and second body, is there a
-    second one, the kind), `alive` (which conditions count), `own` (the joint's parameters).
+    second one, the kind), `alive` (which conditions count), `own` (the parameters of a joint of each
+    kind: the joint itself, or the first of a kind that it is not, so that formulas have numbers).
     """
 
     inertia: int
@@ -82,7 +83,9 @@ class Rows(Record):
     rest: int
     impulse: int
     wrench: int
+    rate: int
     effort: int
+    gain: int
     block: int
 
     @classmethod
@@ -96,7 +99,7 @@ class Rows(Record):
             held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * most,
             second_there=6 * most, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
-            wrench=12, effort=3 * max(1, freedoms) + freedoms * freedoms, block=0,
+            wrench=12, rate=freedoms, effort=freedoms, gain=freedoms * freedoms, block=0,
         )  # fmt: skip
         places, row = {}, 0
         for name, width in widths.items():
@@ -151,11 +154,12 @@ class Links(System):
 
     def of_kind(self, work: Any, formula: Any, k: int = 0) -> Any:
         """A formula of the joint, as a record of its kind."""
-        own = below(work, self.rows.own)
+        before = sum([kind.width for kind in self.kinds[:k]])
+        one = load(below(work, self.rows.own + before), 0, self.kinds[k])
         if k == len(self.kinds) - 1:
-            return formula(load(own, 0, self.kinds[k]))
+            return formula(one)
         if load(below(work, self.rows.ends), 0, ENDS)[3] == float(k):
-            return formula(load(own, 0, self.kinds[k]))
+            return formula(one)
         return self.of_kind(work, formula, k + 1)
 
 
@@ -228,6 +232,7 @@ class RattleOfLinks(Record):
         put(ready, 0, 2, 0.0, NUMBER)
         if system.freedoms > 0:
             each(sites, velocities_here, system, old, work, state)
+            each(sites, rates_here, system, work)
             each(sites, loads_here, system, t, old, work, state)
             scattered(system, work)
             each(sites, loaded_here, system, work)
@@ -238,14 +243,13 @@ class RattleOfLinks(Record):
         scattered(system, work)
         each(sites, kicked, system, h, old, work, state)
         if system.freedoms > 0:
-            self.load_at_the_end(system, t + h, h, sites, old, work, state)
-        else:
-            each(sites, excess_of, system, work)
-            coupled(system, work, rows.first, rows.second, system.most)
-            factored(system, work, 1.0, system.most)
-            solved(system, work, system.most)
-            each(sites, wrench_of_impulses, system, work)
-            scattered(system, work)
+            self.load_at_the_end(system, t + h, 0.5 * h, sites, old, work, state)
+        each(sites, excess_of, system, work)
+        coupled(system, work, rows.first, rows.second, system.most)
+        factored(system, work, 1.0, system.most)
+        solved(system, work, system.most)
+        each(sites, wrench_of_impulses, system, work)
+        scattered(system, work)
         each(sites, ended, system, old, pasts, s, work, state)
         put(ready, 0, 2, 1.0, NUMBER)
 
@@ -304,27 +308,27 @@ class RattleOfLinks(Record):
         the rates of the joints, together with the impulses.
         """
         rows, n = system.rows, system.most + system.freedoms
-        each(sites, rates_begun, system, work)
-        enough, tried = False, 0
-        while tried < AT_LOADS:
-            last = enough
-            each(sites, efforts_there, system, t, h, work, old, state)
+        each(sites, rates_here, system, work)
+        tried, last, change = 0, False, 1.0
+        while tried < AT_LOADS and not last and change != 0.0:
+            each(sites, efforts_there, system, t, h, old, work, state)
             scattered(system, work)
-            each(sites, loaded_velocity, system, work)
-            each(sites, excess_of, system, work)
+            each(sites, loaded_velocity, system, old, work, state)
+            each(sites, excess_of_rates, system, h, work)
             coupled(system, work, rows.first, rows.second, n)
             factored(system, work, 1.0, n)
             solved(system, work, n)
-            each(sites, rates_corrected, system, work)
-            change, whole = summed_rates(system, work)
-            enough, tried = change <= TOLERANCE * TOLERANCE * whole, tried + 1
-            if last or change == 0.0:
-                break
-        if not enough:
+            before = change
+            change, whole = corrected_rates(system, work)
+            last, tried = change <= TOLERANCE * TOLERANCE * whole, tried + 1
+            if change >= before and change <= NOISE * NOISE * whole:
+                last = True
+        if not (last or change == 0.0):
             put(below(work, rows.note), 0, 0, -1.0, NUMBER)
             raise NoConvergence("no velocity found that fits the loads at the end of a step")
-        each(sites, wrench_there, system, t, h, work, old, state)
+        each(sites, efforts_there, system, t, h, old, work, state)
         scattered(system, work)
+        each(sites, loaded_body, system, old, work, state)
 
 
 # ------------------------------------------------------------------ formulas of one body
@@ -350,8 +354,22 @@ def velocities_here(system: Any, old: Any, work: Any, state: Layout) -> None:
 
 def loaded_here(system: Any, work: Any) -> None:
     """Weight and springs, and loads at this velocity."""
-    place = below(work, system.rows.pull)
-    save(place, 0, load(place, 0, SIX) + load(below(work, system.rows.force), 0, SIX), SIX)
+    place = below(work, system.rows.force)
+    save(place, 0, load(place, 0, SIX) + load(below(work, system.rows.pull), 0, SIX), SIX)
+
+
+def loaded_velocity(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """J^-1 of the momentum with the kick by loads."""
+    mu = plain(load(old, 0, state).mu) + load(below(work, system.rows.pull), 0, SIX)
+    save(below(work, system.rows.velocity), 0, times(system.inverse(work), mu), SIX)
+
+
+def loaded_body(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """The state after the kick by loads, and its velocity."""
+    one = load(old, 0, state)
+    mu = one.mu + load(below(work, system.rows.pull), 0, SIX)
+    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    save(below(work, system.rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
 
 
 def guessed(
@@ -366,8 +384,6 @@ def guessed(
     x = [where(nothing([p[:6] for p in past]), a, b) for a, b in zip(xi, guess[:6])]
     save(below(work, system.rows.unknown), 0, vec(*x, *guess[6:]), layout)
     save(below(work, system.rows.slope), 0, vec(*xi, *guess[6:]), layout)
-    if system.freedoms > 0:
-        save(below(work, system.rows.force), 0, load(below(work, system.rows.pull), 0, SIX), SIX)
 
 
 def nothing(some: Any) -> Any:
@@ -631,6 +647,98 @@ def excess_of(system: Any, work: Any) -> None:
     rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
     save_pushed(system, work, pushed, here, alive, n)
     save(below(work, rows.rest), 0, vec(*rest), vector(n))
+
+
+# ------------------------------------------------------------------ loads at joints
+
+
+def motions_of(system: Any, work: Any) -> tuple[list[Vec], list[Vec]]:
+    """The motions of a joint that loads act along, by its first and its second body."""
+    rows, n = system.rows, system.most + system.freedoms
+    first, second = [load(below(work, p), 0, matrix(n, 6)) for p in (rows.first, rows.second)]
+    return [*first[system.most :]], [*second[system.most :]]
+
+
+def rates_here(system: Any, work: Any) -> None:
+    """The rates of a joint."""
+    rows = system.rows
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    one, two = [at(below(work, rows.velocity), int(b), 0, SIX) for b in (first, second)]
+    rates = [dot(a, one) + dot(b, two) for a, b in zip(*motions_of(system, work))]
+    save(below(work, rows.rate), 0, vec(*rates), vector(system.freedoms))
+
+
+def loads_here(system: Any, t: float, old: Any, work: Any, state: Layout) -> None:
+    """The forces of loads on both bodies."""
+    rows, n = system.rows, system.freedoms
+    g, k = poses_of(system, old, work, state)
+    rates = load(below(work, rows.rate), 0, vector(n))
+    efforts = system.of_kind(work, lambda one: one.efforts(t, g, k, rates, n))
+    save_push(system, work, efforts)
+
+
+def save_push(system: Any, work: Any, efforts: Any) -> None:
+    """The forces on both bodies of torques along the motions of a joint."""
+    sides = motions_of(system, work)
+    pushes = [vectors.sum([e * row for e, row in zip(efforts, side)]) for side in sides]
+    save(below(work, system.rows.wrench), 0, vec(*pushes[0], *pushes[1]), TWELVE)
+
+
+def efforts_there(
+    system: Any, t: float, h: float, old: Any, work: Any, state: Layout
+) -> None:
+    """The kick h F of loads, and its derivative by the rates."""
+    rows, n = system.rows, system.freedoms
+    g, k = poses_of(system, old, work, state)
+    rates = load(below(work, rows.rate), 0, vector(n))
+    kicks, gain = system.of_kind(
+        work,
+        lambda one: (
+            h * one.efforts(t, g, k, rates, n),
+            jacobian(lambda y: h * one.efforts(t, g, k, y, n), rates),
+        ),
+    )
+    save(below(work, rows.gain), 0, gain, matrix(n, n))
+    save_push(system, work, kicks)
+
+
+def excess_of_rates(system: Any, h: float, work: Any) -> None:
+    """What leads off the constraint, and how far rates are from those at which their kick was found;
+    the answers of bodies to impulses, and to a change of rates with the kick by it.
+    """
+    rows, n, m = system.rows, system.most + system.freedoms, system.most
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    alive = load(below(work, rows.alive), 0, vector(m))
+    gain = load(below(work, rows.gain), 0, matrix(system.freedoms, system.freedoms))
+    here, pushed, xi = [], [], []
+    for place, body in ((rows.first, first), (rows.second, second)):
+        own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, int(body))
+        moved = [times(inverse, row) for row in own]
+        kicks = [
+            -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)])
+            for i in range(system.freedoms)
+        ]
+        here, pushed = [*here, own], [*pushed, [*moved[:m], *kicks]]
+        xi = [*xi, at(below(work, rows.velocity), int(body), 0, SIX)]
+    rates = load(below(work, rows.rate), 0, vector(system.freedoms))
+    rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
+    off = [x - w for x, w in zip(rest[m:], rates)]
+    ones = vec(*alive, *[0.0 for _ in range(system.freedoms)])
+    save_pushed(system, work, pushed, here, ones, n)
+    save(below(work, rows.rest), 0, vec(*rest[:m], *off), vector(n))
+
+
+def corrected_rates(system: Any, work: Any) -> tuple[float, float]:
+    """Rates after Newton's correction; the sums of the squares of corrections, and of rates."""
+    n, m = system.most + system.freedoms, system.most
+    change, whole, layout = 0.0, 0.0, vector(system.freedoms)
+    rates, found = below(work, system.rows.rate), below(work, system.rows.impulse)
+    for j in range(int(system.joints)):
+        step = at(found, j, 0, vector(n))[m:]
+        new = at(rates, j, 0, layout) + step
+        put(rates, j, 0, new, layout)
+        change, whole = change + dot(step, step), whole + dot(new, new)
+    return change, whole
 
 
 # ------------------------------------------------------------------ from joint to joint

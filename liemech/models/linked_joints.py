@@ -123,7 +123,7 @@ def linked(linkage: Any) -> LinkedForm | None:
     most = max(joint.joint.conditions for joint in joints)
     freedoms = max([joint.joint.freedoms for joint in joints if joint.loads], default=0)
     full = any(np.ndim(np.array(link.inertia)) == 2 for link in given.links)
-    own = max([layout.width for layout in layouts])
+    own = sum(kind.width for kind in kinds)
     rows = Rows.of(full, most, freedoms, own)
     places = EIGHT * -(-max(len(given.links), len(joints)) // EIGHT)
     fixed = np.zeros((rows.note, places))
@@ -139,7 +139,8 @@ def linked(linkage: Any) -> LinkedForm | None:
         kept = counted[order[j]][1]
         head = [first, max(second, 0), float(second >= 0), float(kinds.index(layouts[j]))]
         alive = [float(i in kept) for i in range(most)]
-        numbers = [*head, *alive, *leaves(joints[j], layouts[j])]
+        shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
+        numbers = [*head, *alive, *[x for i in shown for x in leaves(joints[i], layouts[i])]]
         fixed[rows.ends : rows.ends + len(numbers), place] = numbers
     tables, blocks = tables_of(ends, filling, places)
     size = most + freedoms

@@ -10,6 +10,7 @@ from ..compiler.planes import Planes
 from ..errors import NoConvergence
 from ..formulas.tables import Table
 from ..integrators.composition import Composition
+from ..integrators.ending_at_jumps import EndingAtJumps, cuts
 from ..integrators.lie_rattle import LieRATTLE
 from ..integrators.rattle_of_links import Links, RattleOfLinks
 from .sites_run import SiteRun
@@ -23,6 +24,10 @@ def linked_method(plan: Any) -> RattleOfLinks | None:
     if not isinstance(site, Links) or plan.adaptive or plan.fictive:
         return None
     method = plan._steps.way_of(0)
+    if isinstance(method, EndingAtJumps):
+        if cuts(method, system):
+            return None
+        method = method.method
     shares: Any = [(1.0, 0.0)]
     base = method
     if isinstance(method, Composition):
