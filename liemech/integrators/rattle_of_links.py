@@ -30,6 +30,9 @@ POSE = layout_of(mat(*[vec(*[0.0] * 4)] * 4))
 BLOCK = layout_of(mat(*[vec(*[0.0] * 6)] * 6))
 NUMBER = layout_of(0.0)
 
+NEAR = 2.0**-20
+"""A correction below this part of the displacement, both squared, leaves the derivative as it is."""
+
 AT_LOADS = 50
 """Corrections of the velocities that loads depend on, at the end of a step."""
 
@@ -50,7 +53,8 @@ class Rows(Record):
     along: the row with which they begin.
 
     Fixed are: inertia and its inverse, weight, `ends` of a joint (first and second body, is there a
-    second one, the kind), `alive` (which conditions count), `own` (the parameters of a joint of each
+    second one, the kind), `alive` (which conditions count), `touch` (of a body a joint of which it is the
+    first one, a joint of which it is the second one, each with 1, or 0 if there is none), `own` (the parameters of a joint of each
     kind: the joint itself, or the first of a kind that it is not, so that formulas have numbers).
     """
 
@@ -59,6 +63,7 @@ class Rows(Record):
     weight: int
     ends: int
     alive: int
+    touch: int
     own: int
     note: int
     force: int
@@ -95,10 +100,10 @@ class Rows(Record):
         """
         n, J = most + freedoms, 36 if full else 6
         widths = dict(
-            inertia=J, inverse=J, weight=1, ends=4, alive=most, own=own, note=3, force=6, pull=6,
+            inertia=J, inverse=J, weight=1, ends=4, alive=most, touch=4, own=own, note=3, force=6, pull=6,
             held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
-            pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * most,
-            second_there=6 * most, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
+            pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
+            second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
             wrench=12, rate=freedoms, effort=freedoms, gain=freedoms * freedoms, block=0,
         )  # fmt: skip
         places, row = {}, 0
@@ -114,7 +119,7 @@ class Links(System):
 
     kinds : layouts of the kinds of joints.  most, freedoms : conditions of a joint, at most, and
     coordinates that loads act along.  full : are inertias matrices?
-    bodies, joints : how many.  ends : of each joint its first and second body (-1: the ground).
+    bodies, joints : how many.  more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
     couplings : pairs of joints that a body ties together, with the sides on which it is, and the
     block.  pivots, belows, updates : what elimination does, see `order_of`.  places : in a row.
     """
@@ -129,7 +134,7 @@ class Links(System):
     bodies: float
     joints: float
     trace: float
-    ends: Any
+    more: Any
     couplings: Any
     pivots: Any
     belows: Any
@@ -223,56 +228,73 @@ class RattleOfLinks(Record):
         self, system: Any, t: float, h: float, sites: Any, old: Any, pasts: Any, s: int, work: Any,
         state: Layout,
     ) -> None:  # fmt: skip
-        """One step of LieRATTLE."""
-        rows, retraction, ready = system.rows, self.retraction, below(work, system.rows.note)
-        if at(ready, 0, 2, NUMBER) == 0.0:
-            each(sites, joints_here, system, old, work, state)
-            scattered(system, work)
-            each(sites, field_here, system, old, work, state)
+        """One step of LieRATTLE: in the first turn, at the start of a run, the field alone; in the
+        second the displacement, in the third what leads off the constraint.
+        """
+        ready = below(work, system.rows.note)
+        turn = 1 if at(ready, 0, 2, NUMBER) == 1.0 else 0
         put(ready, 0, 2, 0.0, NUMBER)
-        if system.freedoms > 0:
-            each(sites, velocities_here, system, old, work, state)
-            each(sites, rates_here, system, work)
-            each(sites, loads_here, system, t, old, work, state)
-            scattered(system, work)
-            each(sites, loaded_here, system, work)
-        each(sites, guessed, system, h, old, pasts, s, work, state)
-        self.solve(system, h, sites, old, work, state)
-        each(sites, moved_body, system, retraction, h, old, work, state)
-        each(sites, joints_here, system, old, work, state)
-        scattered(system, work)
-        each(sites, kicked, system, h, old, work, state)
-        if system.freedoms > 0:
-            self.load_at_the_end(system, t + h, 0.5 * h, sites, old, work, state)
-        each(sites, excess_of, system, work)
-        coupled(system, work, rows.first, rows.second, system.most)
-        factored(system, work, 1.0, system.most)
-        solved(system, work, system.most)
-        each(sites, wrench_of_impulses, system, work)
-        scattered(system, work)
+        while turn < 3:
+            if turn == 1:
+                if system.freedoms > 0:
+                    each(sites, velocities_here, system, old, work, state)
+                    each(sites, rates_here, system, work)
+                    each(sites, loads_here, system, t, old, work, state)
+                    scattered(system, work)
+                    each(sites, loaded_here, system, work)
+                each(sites, guessed, system, h, old, pasts, s, work, state)
+            if turn > 0:
+                self.solve(system, turn, h, sites, old, work, state)
+            if turn == 1:
+                each(sites, moved_body, system, self.retraction, h, old, work, state)
+            if turn < 2:
+                each(sites, joints_here, system, old, work, state)
+                scattered(system, work)
+                each(sites, kicked, system, 0.5 * h * float(turn), old, work, state)
+                if system.freedoms > 0:
+                    if turn == 1:
+                        self.load_at_the_end(system, t + h, 0.5 * h, sites, old, work, state)
+            turn = turn + 1
         each(sites, ended, system, old, pasts, s, work, state)
         put(ready, 0, 2, 1.0, NUMBER)
 
-    def solve(self, system: Any, h: float, sites: Any, old: Any, work: Any, state: Layout) -> None:
-        """Displacements and impulses: the solution that grows out of zero with h, as in
-        `LieRATTLE`.
+    def solve(
+        self, system: Any, turn: int, h: float, sites: Any, old: Any, work: Any, state: Layout
+    ) -> None:
+        """In turn 1 displacements and impulses: the solution that grows out of zero with h, as
+        `LieRATTLE` finds it.  While corrections are small the derivative is that of the first of
+        them.  In turn 2 the impulses that take away what leads off the constraint.
         """
         rows, retraction = system.rows, self.retraction
-        reached, piece, before, tried, part = 0.0, 1.0, INFINITY, 0.0, 1.0
-        bad, done, inside = -1.0, False, False
+        reached, piece, part, tried, bad = 0.0, 1.0, 1.0, 0.0, -1.0
         while True:
-            each(sites, wrench_of_unknown, system, work)
-            scattered(system, work)
-            each(sites, held_by_unknown, system, work)
+            if turn == 1:
+                each(sites, wrench_of_unknown, system, work)
+                scattered(system, work)
+                each(sites, held_by_unknown, system, work)
+            before, anew, done, inside = INFINITY, True, False, False
             while True:
                 k = part * h
-                each(sites, correction_of_body, system, retraction, k, old, work, state)
-                each(sites, correction_of_joint, system, work)
-                coupled(system, work, rows.first_there, rows.second_there, system.most)
-                bad = factored(system, work, h, system.most)
+                if turn == 2:
+                    each(sites, excess_of, system, work)
+                elif anew:
+                    each(sites, correction_of_body, system, retraction, k, old, work, state)
+                    each(sites, correction_of_joint, system, work)
+                else:
+                    each(sites, mismatch_of_body, system, retraction, k, old, work, state)
+                    each(sites, mismatch_of_joint, system, work)
+                if anew:
+                    there, sign = rows.first_there if turn == 1 else rows.first, 1.0
+                    if turn == 1:
+                        sign = h
+                    coupled(system, work, there, system.most)
+                    bad = factored(system, work, sign, system.most)
                 solved(system, work, system.most)
                 each(sites, wrench_of_impulses, system, work)
                 scattered(system, work)
+                if turn == 2:
+                    reached = 1.0
+                    break
                 each(sites, corrected, system, retraction, work)
                 length, whole, size, upright, inside = summed(system, work)
                 tried = tried + 1.0
@@ -283,13 +305,13 @@ class RattleOfLinks(Record):
                     before < INFINITY and length * (length / before) <= LEAST * whole
                 )
                 done = good and (settled or not shrinks)
-                before = length
+                before, anew = length, length > NEAR * whole
                 if done or not good or not tried < MOST:
                     break
-            before = INFINITY
-            if done and inside:
+            if turn == 2 or (done and inside):
                 reached, piece = part, 2.0 * piece
-                each(sites, sloped, system, 1.0 / part, work)
+                if turn == 1 and reached < 1.0:
+                    each(sites, sloped, system, 1.0 / part, work)
             else:
                 piece = 0.5 * piece
             part = min(1.0, reached + piece)
@@ -310,24 +332,24 @@ class RattleOfLinks(Record):
         rows, n = system.rows, system.most + system.freedoms
         each(sites, rates_here, system, work)
         tried, last, change = 0, False, 1.0
-        while tried < AT_LOADS and not last and change != 0.0:
+        while True:
             each(sites, efforts_there, system, t, h, old, work, state)
             scattered(system, work)
             each(sites, loaded_velocity, system, old, work, state)
-            each(sites, excess_of_rates, system, h, work)
-            coupled(system, work, rows.first, rows.second, n)
+            if last or tried == AT_LOADS:
+                break
+            each(sites, excess_of_rates, system, work)
+            coupled(system, work, rows.first, n)
             factored(system, work, 1.0, n)
             solved(system, work, n)
             before = change
             change, whole = corrected_rates(system, work)
-            last, tried = change <= TOLERANCE * TOLERANCE * whole, tried + 1
-            if change >= before and change <= NOISE * NOISE * whole:
-                last = True
-        if not (last or change == 0.0):
+            small = change <= TOLERANCE * TOLERANCE * whole
+            noisy = change >= before and change <= NOISE * NOISE * whole
+            last, tried = small or noisy or change == 0.0, tried + 1
+        if not last:
             put(below(work, rows.note), 0, 0, -1.0, NUMBER)
             raise NoConvergence("no velocity found that fits the loads at the end of a step")
-        each(sites, efforts_there, system, t, h, old, work, state)
-        scattered(system, work)
         each(sites, loaded_body, system, old, work, state)
 
 
@@ -339,13 +361,6 @@ def copied(sites: Any, here: int, there: int, memory: Layout) -> None:
     save(sites, there, load(sites, here, memory), memory)
 
 
-def field_here(system: Any, old: Any, work: Any, state: Layout) -> None:
-    """Weight and springs."""
-    pull = load(below(work, system.rows.pull), 0, SIX)
-    force = weight_of(system, work, load(old, 0, state).g) + pull
-    save(below(work, system.rows.force), 0, force, SIX)
-
-
 def velocities_here(system: Any, old: Any, work: Any, state: Layout) -> None:
     """xi = J^-1 mu."""
     xi = times(system.inverse(work), plain(load(old, 0, state).mu))
@@ -355,19 +370,19 @@ def velocities_here(system: Any, old: Any, work: Any, state: Layout) -> None:
 def loaded_here(system: Any, work: Any) -> None:
     """Weight and springs, and loads at this velocity."""
     place = below(work, system.rows.force)
-    save(place, 0, load(place, 0, SIX) + load(below(work, system.rows.pull), 0, SIX), SIX)
+    save(place, 0, load(place, 0, SIX) + pull_on(system, work), SIX)
 
 
 def loaded_velocity(system: Any, old: Any, work: Any, state: Layout) -> None:
     """J^-1 of the momentum with the kick by loads."""
-    mu = plain(load(old, 0, state).mu) + load(below(work, system.rows.pull), 0, SIX)
+    mu = plain(load(old, 0, state).mu) + pull_on(system, work)
     save(below(work, system.rows.velocity), 0, times(system.inverse(work), mu), SIX)
 
 
 def loaded_body(system: Any, old: Any, work: Any, state: Layout) -> None:
     """The state after the kick by loads, and its velocity."""
     one = load(old, 0, state)
-    mu = one.mu + load(below(work, system.rows.pull), 0, SIX)
+    mu = one.mu + pull_on(system, work)
     save(old, 0, fitted(BodyState(mu, one.g), state), state)
     save(below(work, system.rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
 
@@ -398,7 +413,7 @@ def nothing(some: Any) -> Any:
 def held_by_unknown(system: Any, work: Any) -> None:
     """What the impulses take from a body in all."""
     rows = system.rows
-    save(below(work, rows.held), 0, load(below(work, rows.pull), 0, SIX), SIX)
+    save(below(work, rows.held), 0, pull_on(system, work), SIX)
 
 
 def correction_of_body(
@@ -428,6 +443,22 @@ def correction_of_body(
     save(told, 4, largest([a for row in g for a in row]), NUMBER)
 
 
+def mismatch_of_body(
+    system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout
+) -> None:
+    """The mismatch alone, with A as it was."""
+    rows, group = system.rows, system.group
+    one = load(old, 0, state)
+    force, held = load(below(work, rows.force), 0, SIX), load(below(work, rows.held), 0, SIX)
+    g, momentum = plain(one.g), plain(one.mu) + ((0.5 * h) * force - held)
+    x = load(below(work, rows.unknown), 0, SIX)
+    p = times(system.inertia(work), (1.0 / h) * x)
+    off = retraction.dtau_inv_dual(group, -x, p) - momentum
+    for place, answer in ((rows.free, rows.answer), (rows.led, rows.moved)):
+        save(below(work, place), 0, answered(load(below(work, answer), 0, BLOCK), off), SIX)
+    save(below(work, rows.pose), 0, retraction.compose_tau(group, g, x), POSE)
+
+
 UNITS = tuple([vec(*[1.0 if i == k else 0.0 for i in range(6)]) for k in range(6)])
 
 
@@ -445,7 +476,7 @@ def corrected(system: Any, retraction: Any, work: Any) -> None:
     """
     rows, n = system.rows, system.most
     place, layout = below(work, rows.unknown), vector(6 + n)
-    unknown, push = load(place, 0, layout), load(below(work, rows.pull), 0, SIX)
+    unknown, push = load(place, 0, layout), pull_on(system, work)
     W = load(below(work, rows.answer), 0, BLOCK)
     dx = load(below(work, rows.free), 0, SIX) - answered(W, push)
     x = unknown[:6] - dx
@@ -492,13 +523,24 @@ def moved_body(
 
 
 def kicked(system: Any, h: float, old: Any, work: Any, state: Layout) -> None:
-    """The state after the second kick, by the field, and its velocity."""
+    """The field, the state after a kick h by it, and its velocity."""
     rows, one = system.rows, load(old, 0, state)
-    force = weight_of(system, work, one.g) + load(below(work, rows.pull), 0, SIX)
-    mu = one.mu + (0.5 * h) * force
+    force = weight_of(system, work, one.g) + pull_on(system, work)
+    mu = one.mu + h * force
     save(old, 0, fitted(BodyState(mu, one.g), state), state)
     save(below(work, rows.force), 0, force, SIX)
     save(below(work, rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
+
+
+def pull_on(system: Any, work: Any) -> Vec:
+    """What joints do to a body: one of which it is the first body, one of which it is the second,
+    and all others together.
+    """
+    wrenches = below(work, system.rows.wrench)
+    first, mine, second, theirs = load(below(work, system.rows.touch), 0, ENDS)
+    one = at(wrenches, int(first), 0, SIX)
+    two = at(wrenches, int(second), 1, SIX)
+    return (mine * one + theirs * two) + load(below(work, system.rows.pull), 0, SIX)
 
 
 def weight_of(system: Any, work: Any, g: Any) -> Vec:
@@ -510,7 +552,7 @@ def weight_of(system: Any, work: Any, g: Any) -> Vec:
 def ended(system: Any, old: Any, pasts: Any, s: int, work: Any, state: Layout) -> None:
     """The momentum without what leads off the constraint, and the past with this step."""
     rows, one, layout = system.rows, load(old, 0, state), vector(6 + system.most)
-    mu = one.mu - load(below(work, rows.pull), 0, SIX)
+    mu = one.mu - pull_on(system, work)
     unknown = load(below(work, rows.unknown), 0, layout)
     past = [load(pasts, 3 * s + i, layout) for i in range(3)]
     fresh = nothing(past)
@@ -616,6 +658,21 @@ def correction_of_joint(system: Any, work: Any) -> None:
     save(below(work, rows.rest), 0, vec(*rest), vector(n))
 
 
+def mismatch_of_joint(system: Any, work: Any) -> None:
+    """What the conditions miss, with their rows as they were."""
+    rows, n = system.rows, system.most
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    g, k = poses_of(system, below(work, rows.pose), work, POSE)
+    alive = load(below(work, rows.alive), 0, vector(n))
+    c = system.of_kind(work, lambda one: one.value(g, k, n))
+    sides = []
+    for place, body in ((rows.first_there, first), (rows.second_there, second)):
+        free = at(below(work, rows.led), int(body), 0, SIX)
+        sides = [*sides, [dot(row, free) for row in load(below(work, place), 0, matrix(n, 6))]]
+    rest = [a + b - live * value for a, b, value, live in zip(*sides, c, alive)]
+    save(below(work, rows.rest), 0, vec(*rest), vector(n))
+
+
 def save_pushed(
     system: Any, work: Any, pushed: Any, there: Any, alive: Vec, n: int
 ) -> None:
@@ -702,7 +759,7 @@ def efforts_there(
     save_push(system, work, kicks)
 
 
-def excess_of_rates(system: Any, h: float, work: Any) -> None:
+def excess_of_rates(system: Any, work: Any) -> None:
     """What leads off the constraint, and how far rates are from those at which their kick was found;
     the answers of bodies to impulses, and to a change of rates with the kick by it.
     """
@@ -745,21 +802,17 @@ def corrected_rates(system: Any, work: Any) -> tuple[float, float]:
 
 
 def scattered(system: Any, work: Any) -> None:
-    """The sums of what joints do to their bodies."""
-    rows = system.rows
-    pull, wrench = below(work, rows.pull), below(work, rows.wrench)
-    none = vec(*[0.0] * 6)
-    for b in range(int(system.bodies)):
-        put(pull, b, 0, none, SIX)
-    for j in range(int(system.joints)):
-        both = at(wrench, j, 0, TWELVE)
-        first, second = int(entry(system.ends, 2 * j)), int(entry(system.ends, 2 * j + 1))
-        put(pull, first, 0, at(pull, first, 0, SIX) + both[:6], SIX)
-        if second >= 0:
-            put(pull, second, 0, at(pull, second, 0, SIX) + both[6:], SIX)
+    """The sums of what joints do to bodies that have more than one of either side."""
+    pull, wrench, table = below(work, system.rows.pull), below(work, system.rows.wrench), system.more
+    count = int(entry(table, 0))
+    for p in range(count):
+        put(pull, int(entry(table, 1 + 3 * p)), 0, vec(*[0.0] * 6), SIX)
+    for p in range(count):
+        body, j, side = (int(entry(table, 1 + 3 * p + i)) for i in range(3))
+        put(pull, body, 0, at(pull, body, 0, SIX) + at(wrench, j, side, SIX), SIX)
 
 
-def coupled(system: Any, work: Any, one: int, other: int, n: int) -> None:
+def coupled(system: Any, work: Any, begins: int, n: int) -> None:
     """The blocks of pairs of joints that a body ties together; those that elimination fills are
     zero.
     """
@@ -770,9 +823,9 @@ def coupled(system: Any, work: Any, one: int, other: int, n: int) -> None:
         j, k = int(entry(table, begin)), int(entry(table, begin + 1))
         mine, theirs = entry(table, begin + 2), entry(table, begin + 3)
         site, slot = int(entry(table, begin + 4)), int(entry(table, begin + 5))
-        there = below(work, one if mine == 0.0 else other)
-        pushed = below(work, rows.first_pushed if theirs == 0.0 else rows.second_pushed)
-        a, b = at(there, j, 0, layout), at(pushed, k, 0, layout)
+        side = rows.second - rows.first
+        a = at(below(work, begins + side * int(mine)), j, 0, layout)
+        b = at(below(work, rows.first_pushed + side * int(theirs)), k, 0, layout)
         found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
         kind = entry(table, begin + 6)
         if kind == 1.0:

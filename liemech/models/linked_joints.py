@@ -133,14 +133,23 @@ def linked(linkage: Any) -> LinkedForm | None:
         inverse = np.linalg.inv(J) if full else 1.0 / J
         fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
     fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
+    mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
+    more: list[float] = []
+    for j, bodies_of in enumerate(ends):
+        for side, b in enumerate(bodies_of):
+            if b >= 0 and (b, side) in mine:
+                more += [b, j, side]
+            elif b >= 0:
+                mine[b, side] = j, 1.0
     for place in range(places):
         j = place if place < len(joints) else 0
         first, second = ends[j]
         kept = counted[order[j]][1]
         head = [first, max(second, 0), float(second >= 0), float(kinds.index(layouts[j]))]
+        touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
         alive = [float(i in kept) for i in range(most)]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
-        numbers = [*head, *alive, *[x for i in shown for x in leaves(joints[i], layouts[i])]]
+        numbers = [*head, *alive, *touch, *[x for i in shown for x in leaves(joints[i], layouts[i])]]
         fixed[rows.ends : rows.ends + len(numbers), place] = numbers
     tables, blocks = tables_of(ends, filling, places)
     size = most + freedoms
@@ -148,7 +157,7 @@ def linked(linkage: Any) -> LinkedForm | None:
     links = Links(
         SE3(), kinds, rows, most, freedoms, full, any(joint.springs for joint in joints),
         float(len(given.links)), float(len(joints)), trace,
-        Table([float(x) for end in ends for x in end]), *tables,
+        Table([len(more) / 3, *more]), *tables,
     )  # fmt: skip
     return LinkedForm(links, fixed, rows.block - rows.note + blocks * size * size, order)
 
