@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 from ..compiler.planes import at, below, each, load, put, save
 from ..errors import NoConvergence
 from ..formulas import Mat, Record, Vec, dot, jacobian, mat, plain, record, vec, vectors, where
-from ..formulas.pytree import Layout, fitted, layout_of
-from ..formulas.tables import entry
+from ..formulas.pytree import Layout, carried_layout, fitted, layout_of
+from ..formulas.tables import entry, whole
 from ..groups.lie_group import LieGroup
 from ..solvers import NOISE, TOLERANCE
 from ..systems.kinetic_energy import times
@@ -163,12 +163,12 @@ class Links(System):
         one = load(below(work, self.rows.own + before), 0, self.kinds[k])
         if k == len(self.kinds) - 1:
             return formula(one)
-        if load(below(work, self.rows.ends), 0, ENDS)[3] == float(k):
+        if load(below(work, self.rows.ends), 0, ENDS)[3] == k:
             return formula(one)
         return self.of_kind(work, formula, k + 1)
 
 
-ENDS = vector(4)
+ENDS, TOUCH = carried_layout((0, 0, 0.0, 0)), carried_layout((0, 0.0, 0, 0.0))
 
 
 @record
@@ -185,11 +185,12 @@ class LinkMemory(Record):
 class RattleOfLinks(Record):
     """LieRATTLE, or a composition of it, of many bodies and joints.
 
-    shares, nodes : of the substeps.  stages : how many.
+    shares : of the substeps, each with its node.  substeps, stages : how many there are.
     """
 
     retraction: Any
     shares: Any
+    substeps: float
     stages: int
     most: int
     name: str = ""
@@ -220,8 +221,8 @@ class RattleOfLinks(Record):
         state = memory.parts[0]
         old = below(sites, there * memory.width)
         pasts = below(old, state.width)
-        for s in range(int(entry(self.shares, 0))):
-            share, node = entry(self.shares, 1 + 2 * s), entry(self.shares, 2 + 2 * s)
+        for s in range(int(self.substeps)):
+            share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
             self.substep(system, t + node * h, share * h, sites, old, pasts, s, work, state)
 
     def substep(
@@ -537,9 +538,9 @@ def pull_on(system: Any, work: Any) -> Vec:
     and all others together.
     """
     wrenches = below(work, system.rows.wrench)
-    first, mine, second, theirs = load(below(work, system.rows.touch), 0, ENDS)
-    one = at(wrenches, int(first), 0, SIX)
-    two = at(wrenches, int(second), 1, SIX)
+    first, mine, second, theirs = load(below(work, system.rows.touch), 0, TOUCH)
+    one = at(wrenches, first, 0, SIX)
+    two = at(wrenches, second, 1, SIX)
     return (mine * one + theirs * two) + load(below(work, system.rows.pull), 0, SIX)
 
 
@@ -571,8 +572,8 @@ def ended(system: Any, old: Any, pasts: Any, s: int, work: Any, state: Layout) -
 def poses_of(system: Any, poses: Any, work: Any, layout: Layout) -> tuple[Mat, Mat]:
     """The poses of a joint's bodies, of which the second may be the ground."""
     first, second, held, _ = load(below(work, system.rows.ends), 0, ENDS)
-    g = pose_in(at(poses, int(first), 0, layout))
-    k = pose_in(at(poses, int(second), 0, layout))
+    g = pose_in(at(poses, first, 0, layout))
+    k = pose_in(at(poses, second, 0, layout))
     other = [
         vec(*[where(held > 0.0, k[i, j], 1.0 if i == j else 0.0) for j in range(4)])
         for i in range(4)
@@ -644,10 +645,10 @@ def correction_of_joint(system: Any, work: Any) -> None:
     ]
     pushed, free = [], []
     for place, body in ((rows.first, first), (rows.second, second)):
-        K = at(below(work, rows.moved), int(body), 0, BLOCK)
+        K = at(below(work, rows.moved), body, 0, BLOCK)
         here = load(below(work, place), 0, matrix(n, 6))
         pushed = [*pushed, [answered(K, row) for row in here]]
-        free = [*free, at(below(work, rows.led), int(body), 0, SIX)]
+        free = [*free, at(below(work, rows.led), body, 0, SIX)]
     rest = [
         dot(a, free[0]) + dot(b, free[1]) - live * value
         for a, b, value, live in zip(*there, c, alive)
@@ -667,7 +668,7 @@ def mismatch_of_joint(system: Any, work: Any) -> None:
     c = system.of_kind(work, lambda one: one.value(g, k, n))
     sides = []
     for place, body in ((rows.first_there, first), (rows.second_there, second)):
-        free = at(below(work, rows.led), int(body), 0, SIX)
+        free = at(below(work, rows.led), body, 0, SIX)
         sides = [*sides, [dot(row, free) for row in load(below(work, place), 0, matrix(n, 6))]]
     rest = [a + b - live * value for a, b, value, live in zip(*sides, c, alive)]
     save(below(work, rows.rest), 0, vec(*rest), vector(n))
@@ -698,9 +699,9 @@ def excess_of(system: Any, work: Any) -> None:
     alive = load(below(work, rows.alive), 0, vector(n))
     here, pushed, xi = [], [], []
     for place, body in ((rows.first, first), (rows.second, second)):
-        own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, int(body))
+        own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, body)
         here, pushed = [*here, own], [*pushed, [times(inverse, row) for row in own]]
-        xi = [*xi, at(below(work, rows.velocity), int(body), 0, SIX)]
+        xi = [*xi, at(below(work, rows.velocity), body, 0, SIX)]
     rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
     save_pushed(system, work, pushed, here, alive, n)
     save(below(work, rows.rest), 0, vec(*rest), vector(n))
@@ -720,7 +721,7 @@ def rates_here(system: Any, work: Any) -> None:
     """The rates of a joint."""
     rows = system.rows
     first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
-    one, two = [at(below(work, rows.velocity), int(b), 0, SIX) for b in (first, second)]
+    one, two = [at(below(work, rows.velocity), b, 0, SIX) for b in (first, second)]
     rates = [dot(a, one) + dot(b, two) for a, b in zip(*motions_of(system, work))]
     save(below(work, rows.rate), 0, vec(*rates), vector(system.freedoms))
 
@@ -769,14 +770,14 @@ def excess_of_rates(system: Any, work: Any) -> None:
     gain = load(below(work, rows.gain), 0, matrix(system.freedoms, system.freedoms))
     here, pushed, xi = [], [], []
     for place, body in ((rows.first, first), (rows.second, second)):
-        own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, int(body))
+        own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, body)
         moved = [times(inverse, row) for row in own]
         kicks = [
             -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)])
             for i in range(system.freedoms)
         ]
         here, pushed = [*here, own], [*pushed, [*moved[:m], *kicks]]
-        xi = [*xi, at(below(work, rows.velocity), int(body), 0, SIX)]
+        xi = [*xi, at(below(work, rows.velocity), body, 0, SIX)]
     rates = load(below(work, rows.rate), 0, vector(system.freedoms))
     rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
     off = [x - w for x, w in zip(rest[m:], rates)]
@@ -804,11 +805,11 @@ def corrected_rates(system: Any, work: Any) -> tuple[float, float]:
 def scattered(system: Any, work: Any) -> None:
     """The sums of what joints do to bodies that have more than one of either side."""
     pull, wrench, table = below(work, system.rows.pull), below(work, system.rows.wrench), system.more
-    count = int(entry(table, 0))
+    count = whole(table, 0)
     for p in range(count):
-        put(pull, int(entry(table, 1 + 3 * p)), 0, vec(*[0.0] * 6), SIX)
+        put(pull, whole(table, 1 + 3 * p), 0, vec(*[0.0] * 6), SIX)
     for p in range(count):
-        body, j, side = (int(entry(table, 1 + 3 * p + i)) for i in range(3))
+        body, j, side = (whole(table, 1 + 3 * p + i) for i in range(3))
         put(pull, body, 0, at(pull, body, 0, SIX) + at(wrench, j, side, SIX), SIX)
 
 
@@ -818,19 +819,19 @@ def coupled(system: Any, work: Any, begins: int, n: int) -> None:
     """
     rows, layout, square = system.rows, matrix(n, 6), matrix(n, n)
     blocks, table = below(work, rows.block), system.couplings
-    for p in range(int(entry(table, 0))):
+    for p in range(whole(table, 0)):
         begin = 1 + 7 * p
-        j, k = int(entry(table, begin)), int(entry(table, begin + 1))
-        mine, theirs = entry(table, begin + 2), entry(table, begin + 3)
-        site, slot = int(entry(table, begin + 4)), int(entry(table, begin + 5))
+        j, k = whole(table, begin), whole(table, begin + 1)
+        mine, theirs = whole(table, begin + 2), whole(table, begin + 3)
+        site, slot = whole(table, begin + 4), whole(table, begin + 5)
         side = rows.second - rows.first
-        a = at(below(work, begins + side * int(mine)), j, 0, layout)
-        b = at(below(work, rows.first_pushed + side * int(theirs)), k, 0, layout)
+        a = at(below(work, begins + side * mine), j, 0, layout)
+        b = at(below(work, rows.first_pushed + side * theirs), k, 0, layout)
         found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
-        kind = entry(table, begin + 6)
-        if kind == 1.0:
+        kind = whole(table, begin + 6)
+        if kind == 1:
             found = at(blocks, site, slot, square) + found
-        if kind < 0.0:
+        if kind < 0:
             found = 0.0 * found
         put(blocks, site, slot, found, square)
 
@@ -848,16 +849,16 @@ def factored(system: Any, work: Any, sign: float, n: int) -> float:
         if not far and bad < 0.0:
             bad = float(k)
         put(blocks, k, 0, inverse, square)
-        for b in range(int(entry(system.pivots, k)), int(entry(system.pivots, k + 1))):
-            site, slot = int(entry(system.belows, 7 * b + 1)), int(entry(system.belows, 7 * b + 2))
+        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+            site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
             factor = at(blocks, site, slot, square) @ inverse
             put(blocks, site, slot, factor, square)
-            begin, end = int(entry(system.belows, 7 * b + 5)), int(entry(system.belows, 7 * b + 6))
+            begin, end = whole(system.belows, 7 * b + 5), whole(system.belows, 7 * b + 6)
             for u in range(begin, end):
-                site, slot = int(entry(system.updates, 4 * u)), int(entry(system.updates, 4 * u + 1))
+                site, slot = whole(system.updates, 4 * u), whole(system.updates, 4 * u + 1)
                 above = at(blocks, site, slot, square)
-                site = int(entry(system.updates, 4 * u + 2))
-                slot = int(entry(system.updates, 4 * u + 3))
+                site = whole(system.updates, 4 * u + 2)
+                slot = whole(system.updates, 4 * u + 3)
                 put(blocks, site, slot, at(blocks, site, slot, square) - factor @ above, square)
     return system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
 
@@ -883,16 +884,16 @@ def solved(system: Any, work: Any, n: int) -> None:
     impulse, count = below(work, rows.impulse), int(system.joints)
     for k in range(count):
         x = at(rest, k, 0, layout)
-        for b in range(int(entry(system.pivots, k)), int(entry(system.pivots, k + 1))):
-            i = int(entry(system.belows, 7 * b))
-            site, slot = int(entry(system.belows, 7 * b + 1)), int(entry(system.belows, 7 * b + 2))
+        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+            i = whole(system.belows, 7 * b)
+            site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
             put(rest, i, 0, at(rest, i, 0, layout) - at(blocks, site, slot, square) @ x, layout)
     for left in range(count):
         k = count - 1 - left
         x = at(rest, k, 0, layout)
-        for b in range(int(entry(system.pivots, k)), int(entry(system.pivots, k + 1))):
-            i = int(entry(system.belows, 7 * b))
-            site, slot = int(entry(system.belows, 7 * b + 3)), int(entry(system.belows, 7 * b + 4))
+        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+            i = whole(system.belows, 7 * b)
+            site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
             x = x - at(blocks, site, slot, square) @ at(impulse, i, 0, layout)
         put(impulse, k, 0, at(blocks, k, 0, square) @ x, layout)
 

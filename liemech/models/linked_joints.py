@@ -12,7 +12,7 @@ import numpy as np
 
 from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.pytree import layout_of, leaves
-from ..formulas.tables import Table
+from ..formulas.tables import Table, of_whole
 from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import Links, Rows
 from .joint_forces import AtJoint
@@ -134,7 +134,7 @@ def linked(linkage: Any) -> LinkedForm | None:
         fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
     fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
     mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
-    more: list[float] = []
+    more: list[int] = []
     for j, bodies_of in enumerate(ends):
         for side, b in enumerate(bodies_of):
             if b >= 0 and (b, side) in mine:
@@ -145,19 +145,20 @@ def linked(linkage: Any) -> LinkedForm | None:
         j = place if place < len(joints) else 0
         first, second = ends[j]
         kept = counted[order[j]][1]
-        head = [first, max(second, 0), float(second >= 0), float(kinds.index(layouts[j]))]
+        head = [first, max(second, 0), float(second >= 0), kinds.index(layouts[j])]
         touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
         alive = [float(i in kept) for i in range(most)]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
-        numbers = [*head, *alive, *touch, *[x for i in shown for x in leaves(joints[i], layouts[i])]]
-        fixed[rows.ends : rows.ends + len(numbers), place] = numbers
+        numbers: list[Any] = [*head, *alive, *touch, *[x for i in shown for x in leaves(joints[i], layouts[i])]]
+        for row, x in enumerate(numbers, rows.ends):
+            (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
     tables, blocks = tables_of(ends, filling, places)
     size = most + freedoms
     trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
     links = Links(
         SE3(), kinds, rows, most, freedoms, full, any(joint.springs for joint in joints),
         float(len(given.links)), float(len(joints)), trace,
-        Table([len(more) / 3, *more]), *tables,
+        of_whole([len(more) // 3, *more]), *tables,
     )  # fmt: skip
     return LinkedForm(links, fixed, rows.block - rows.note + blocks * size * size, order)
 
@@ -229,7 +230,7 @@ def tables_of(
             for pair in ((i, k), (k, i)):
                 number = len(blocks) - len(ends)
                 blocks[pair] = number % places, 1 + number // places
-    couplings: list[list[float]] = []
+    couplings: list[list[int]] = []
     for (j, k), there in blocks.items():
         if j == k:
             continue
@@ -241,7 +242,7 @@ def tables_of(
         ]
         for turn, sides in enumerate(common or [(0, 0)]):
             couplings.append([j, k, *sides, *there, min(turn, 1) if common else -1])
-    pivots, belows, updates = [0], [], []  # type: list[float], list[list[float]], list[list[float]]
+    pivots, belows, updates = [0], [], []  # type: list[int], list[list[int]], list[list[int]]
     for k, later in enumerate(filling):
         for i in later:
             begin = len(updates)
@@ -249,11 +250,11 @@ def tables_of(
             belows.append([i, *blocks[i, k], *blocks[k, i], begin, len(updates)])
         pivots.append(len(belows))
     found = (
-        [float(len(couplings)), *np.ravel(couplings)],
+        [len(couplings), *np.ravel(couplings)],
         pivots,
         np.ravel(belows),
         np.ravel(updates),
     )
     most = max(slot for _, slot in blocks.values())
-    return [Table(np.asarray(some, dtype=float)) for some in found], most + 1
+    return [of_whole([*some, 0]) for some in found], most + 1
 

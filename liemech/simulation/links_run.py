@@ -35,8 +35,8 @@ def linked_method(plan: Any) -> RattleOfLinks | None:
     if not isinstance(base, LieRATTLE):
         return None
     rows = [(share, node) for share, node in shares]
-    table = Table([float(len(rows)), *np.ravel(rows)])
-    return RattleOfLinks(base.retraction, table, len(rows), site.most, repr(method))
+    table = Table(np.ravel(rows))
+    return RattleOfLinks(base.retraction, table, float(len(rows)), len(rows), site.most, repr(method))
 
 
 class LinksRun(SiteRun):
