@@ -290,7 +290,7 @@ class RattleOfLinks(Record):
                         sign = h
                     coupled(system, work, there, system.most)
                     bad = factored(system, work, sign, system.most)
-                solved(system, work, system.most)
+                solved(sites, system, work, system.most)
                 each(sites, wrench_of_impulses, system, work)
                 scattered(system, work)
                 if turn == 2:
@@ -342,7 +342,7 @@ class RattleOfLinks(Record):
             each(sites, excess_of_rates, system, work)
             coupled(system, work, rows.first, n)
             factored(system, work, 1.0, n)
-            solved(system, work, n)
+            solved(sites, system, work, n)
             before = change
             change, whole = corrected_rates(system, work)
             small = change <= TOLERANCE * TOLERANCE * whole
@@ -860,24 +860,53 @@ def factored(system: Any, work: Any, sign: float, n: int) -> float:
                 site = whole(system.updates, 4 * u + 2)
                 slot = whole(system.updates, 4 * u + 3)
                 put(blocks, site, slot, at(blocks, site, slot, square) - factor @ above, square)
+        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+            site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
+            put(blocks, site, slot, inverse @ at(blocks, site, slot, square), square)
     return system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
 
 
 def inverted(m: Mat, before: Vec, sign: float) -> tuple[Mat, float, bool]:
-    """m^-1, by elimination in the given order; the sign of its determinant beside that of a positive
-    matrix times `sign`; and whether no pivot is below DEPENDENT times what it was before.
+    """m^-1, by cofactors of three rows at a time; the sign of its determinant beside that of a
+    positive matrix times `sign`; and whether no pivot is below DEPENDENT times what it was before.
     """
-    n, same, far = len(m), 1.0, True
-    rows = [vec(*m[i], *[1.0 if i == j else 0.0 for j in range(n)]) for i in range(n)]
-    for k in range(n):
-        same = where(sign * rows[k][k] > 0.0, same, -same)
-        far = far and abs(rows[k][k]) > DEPENDENT * before[k]
-        pivot = (1.0 / rows[k][k]) * rows[k]
-        rows = [pivot if i == k else row - row[k] * pivot for i, row in enumerate(rows)]
-    return mat(*[vec(*row[n:]) for row in rows]), same, far
+    n = len(m)
+    if n > 3:
+        A, B = mat(*[row[:3] for row in m[:3]]), mat(*[row[3:] for row in m[:3]])
+        C, D = mat(*[row[:3] for row in m[3:]]), mat(*[row[3:] for row in m[3:]])
+        first, same, far = inverted(A, before[:3], sign)
+        left, right = C @ first, first @ B
+        last, turned, apart = inverted(D - C @ right, before[3:], sign)
+        corner = right @ last
+        top = first + corner @ left
+        low = -(last @ left)
+        rows = [vec(*a, *[-x for x in b]) for a, b in zip(top, corner)]
+        rows = [*rows, *[vec(*a, *b) for a, b in zip(low, last)]]
+        return mat(*rows), same * turned, far and apart
+    minors, cofactors = of_three(m)
+    far = abs(m[0][0]) > DEPENDENT * before[0]
+    for k in range(1, n):
+        far = far and abs(minors[k]) > DEPENDENT * before[k] * abs(minors[k - 1])
+    det = minors[n - 1]
+    same = where((sign * det if n % 2 == 1 else det) > 0.0, 1.0, -1.0)
+    return mat(*[(1.0 / det) * row for row in cofactors]), same, far
 
 
-def solved(system: Any, work: Any, n: int) -> None:
+def of_three(m: Mat) -> tuple[list[float], list[Vec]]:
+    """The leading minors of up to three rows, and the transposed cofactors."""
+    if len(m) == 1:
+        return [m[0][0]], [vec(1.0)]
+    (a, b), (d, e) = m[0][:2], m[1][:2]
+    minor = a * e - b * d
+    if len(m) == 2:
+        return [a, minor], [vec(e, -b), vec(-d, a)]
+    c, f, (g, h, i) = m[0][2], m[1][2], m[2]
+    x, y, z = e * i - f * h, f * g - d * i, d * h - e * g
+    rows = vec(x, c * h - b * i, b * f - c * e), vec(y, a * i - c * g, c * d - a * f)
+    return [a, minor, a * x + b * y + c * z], [*rows, vec(z, b * g - a * h, minor)]
+
+
+def solved(sites: Any, system: Any, work: Any, n: int) -> None:
     """The impulses, from what the conditions miss and the blocks after elimination."""
     rows, square, layout = system.rows, matrix(n, n), vector(n)
     blocks, rest = below(work, rows.block), below(work, rows.rest)
@@ -888,14 +917,21 @@ def solved(system: Any, work: Any, n: int) -> None:
             i = whole(system.belows, 7 * b)
             site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
             put(rest, i, 0, at(rest, i, 0, layout) - at(blocks, site, slot, square) @ x, layout)
+    each(sites, scaled, system, work, n)
     for left in range(count):
         k = count - 1 - left
-        x = at(rest, k, 0, layout)
         for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
             i = whole(system.belows, 7 * b)
             site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
-            x = x - at(blocks, site, slot, square) @ at(impulse, i, 0, layout)
-        put(impulse, k, 0, at(blocks, k, 0, square) @ x, layout)
+            shared = at(blocks, site, slot, square) @ at(impulse, i, 0, layout)
+            put(impulse, k, 0, at(impulse, k, 0, layout) - shared, layout)
+
+
+def scaled(system: Any, work: Any, n: int) -> None:
+    """D^-1 times what is left of a joint's right side."""
+    rest = load(below(work, system.rows.rest), 0, vector(n))
+    inverse = load(below(work, system.rows.block), 0, matrix(n, n))
+    save(below(work, system.rows.impulse), 0, inverse @ rest, vector(n))
 
 
 def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:

@@ -125,6 +125,8 @@ class Linkage(ConstrainedBody):
     Manifolds (2018), chapter 9.
     """
 
+    small: ClassVar[int] = 12  # of two bodies: more step by loops over bodies and joints
+
     _cure: ClassVar[str] = ", as `linkage.independent(poses)` does"
 
     body: Any = field(init=False, repr=False)

@@ -126,7 +126,6 @@ class SitesOfPlan:
                 run = self._kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
                 return run.trajectory()
             except NotCompilable as error:
-                if isinstance(self.site, Links): raise  # DEBUG
                 why = f"{self.plan.method!r} for sites one by one ({error})"
                 numbers += LARGE if self.plan.events else 0  # which would be of other things
         few = numbers <= LARGE or isinstance(self.site, Links)
