@@ -11,9 +11,13 @@ from ..errors import NoConvergence
 from ..formulas.tables import Table
 from ..integrators.composition import Composition
 from ..integrators.ending_at_jumps import EndingAtJumps, cuts
-from ..integrators.lie_rattle import LieRATTLE
+from ..integrators.lie_rattle import LieRATTLE, near_a_dead_point
 from ..integrators.rattle_of_links import Links, RattleOfLinks
 from .sites_run import SiteRun
+from .sites_states import as_users_see, state_of_rows
+
+FEW = 600
+"""Conditions among which those are found that depend on each other, where a step has failed."""
 
 
 def linked_method(plan: Any) -> RattleOfLinks | None:
@@ -64,7 +68,12 @@ class LinksRun(SiteRun):
                 f"h = {0.25 * self.h:g}"
             )
         label = system.label(system.linked.order[int(joint)])
+        why = f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
+        if system.conditions <= FEW:
+            rows = self.shape.shown_rows(self._memory)
+            state = as_users_see(system, state_of_rows(self.shape.state, rows))
+            why = near_a_dead_point(system, state.g) or why
         return NoConvergence(
-            f"{method}: the step h = {self.h:g} is too long at {label}: the solution that grows out of "
-            f"h = 0 ends at {reached * self.h:.3g}; try {0.25 * self.h:g}"
+            f"{method}: the solution that grows out of h = 0 ends at h = {reached * self.h:.3g}, at "
+            f"{label}. {why}"
         )
