@@ -86,12 +86,14 @@ class LinkedForm:
 
     links : for the formulas.  fixed : the rows of numbers that do not change, (rows, places).  more :
     how many rows there are behind them.  order : the joint in each place.
+    has_loops : do joints close loops?
     """
 
     links: Links
     fixed: np.ndarray
     more: int
     order: tuple[int, ...]
+    has_loops: bool
 
     @property
     def places(self) -> int:
@@ -160,7 +162,7 @@ def linked(linkage: Any) -> LinkedForm | None:
         float(len(given.links)), float(len(joints)), trace,
         of_whole([len(more) // 3, *more]), *tables,
     )  # fmt: skip
-    return LinkedForm(links, fixed, rows.block - rows.note + blocks * size * size, order)
+    return LinkedForm(links, fixed, rows.block - rows.note + blocks * size * size, order, has_loops(ends))
 
 
 def inertia_of(link: Any, full: bool) -> np.ndarray:
@@ -210,6 +212,23 @@ def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[li
             heapq.heappush(heap, (len(near[k]), k))
     place = {j: p for p, j in enumerate(order)}
     return tuple(order), [sorted(place[k] for k in some) for some in left]
+
+
+def has_loops(ends: list[tuple[int, int]]) -> bool:
+    """Do joints, the ground among what they hold, close loops?"""
+    root: dict[int, int] = {}
+
+    def top(b: int) -> int:
+        while root.setdefault(b, b) != b:
+            b = root[b]
+        return b
+
+    for first, second in ends:
+        one, two = top(first), top(second)
+        if one == two:
+            return True
+        root[one] = two
+    return False
 
 
 def tables_of(

@@ -21,11 +21,13 @@ FEW = 600
 
 
 def linked_method(plan: Any) -> RattleOfLinks | None:
-    """The method of a plan as that of many bodies and joints; None if there is none, or the system has
-    no such form.
+    """The method of a plan as that of many bodies and joints; None if there is none, the system has no
+    such form, or the run asks for more than states at the ends of equal steps.
     """
     system, site = plan._one, plan._one.site_form
-    if not isinstance(site, Links) or plan.adaptive or plan.fictive:
+    if not isinstance(site, Links) or plan.adaptive or plan.fictive or plan.events:
+        return None
+    if plan.recorder is not None and plan.recorder.quantities:
         return None
     method = plan._steps.way_of(0)
     if isinstance(method, EndingAtJumps):
@@ -69,7 +71,7 @@ class LinksRun(SiteRun):
             )
         label = system.label(system.linked.order[int(joint)])
         why = f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
-        if system.conditions <= FEW:
+        if system.linked.has_loops and system.conditions <= FEW:
             rows = self.shape.shown_rows(self._memory)
             state = as_users_see(system, state_of_rows(self.shape.state, rows))
             why = near_a_dead_point(system, state.g) or why

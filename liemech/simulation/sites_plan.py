@@ -79,8 +79,8 @@ class SitesOfPlan:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         if steps.breaks:
             return "breaks of fixed steps (adaptive ones end there)"
-        if isinstance(self.site, Links) and (plan.events or t_eval is not None):
-            return "events and t_eval"
+        if isinstance(self.site, Links) and t_eval is not None:
+            return "t_eval"
         method = steps.way_of(0)
         if isinstance(method, TermSplitting):
             asked = {"events": plan.events or None, "t_eval": t_eval}
