@@ -280,7 +280,7 @@ class RattleOfLinks(Record):
                     each(sites, excess_of, system, work)
                 elif anew:
                     each(sites, correction_of_body, system, retraction, k, old, work, state)
-                    each(sites, correction_of_joint, system, work)
+                    each(sites, correction_of_joint, system, 1.0 if h > 0.0 else -1.0, work)
                 else:
                     each(sites, mismatch_of_body, system, retraction, k, old, work, state)
                     each(sites, mismatch_of_joint, system, work)
@@ -630,9 +630,9 @@ def save_wrench(system: Any, work: Any, l: Vec) -> None:
     save(below(work, rows.wrench), 0, vec(*pulls[0], *pulls[1]), TWELVE)
 
 
-def correction_of_joint(system: Any, work: Any) -> None:
+def correction_of_joint(system: Any, sign: float, work: Any) -> None:
     """The conditions at the end of the step, their rows, what they miss, and the answers of the
-    bodies to the impulses of the joint.
+    bodies to the impulses of the joint.  sign : of the step.
     """
     rows, n = system.rows, system.most
     first, second, held, _ = load(below(work, rows.ends), 0, ENDS)
@@ -655,7 +655,8 @@ def correction_of_joint(system: Any, work: Any) -> None:
     ]
     for place, side in zip((rows.first_there, rows.second_there), there):
         save(below(work, place), 0, mat(*side), matrix(n, 6))
-    save_pushed(system, work, pushed, there, alive, n)
+    blank = vec(*[sign * (1.0 - x) for x in alive])
+    save_pushed(system, work, pushed, there, blank, n)
     save(below(work, rows.rest), 0, vec(*rest), vector(n))
 
 
@@ -675,14 +676,14 @@ def mismatch_of_joint(system: Any, work: Any) -> None:
 
 
 def save_pushed(
-    system: Any, work: Any, pushed: Any, there: Any, alive: Vec, n: int
+    system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: int
 ) -> None:
-    """The answers to the impulses of a joint, and its own block; conditions that do not count are
-    units of it.
+    """The answers to the impulses of a joint, and its own block; `blank` is added to its diagonal,
+    for conditions that do not count.
     """
     rows = system.rows
     block = [
-        vec(*[dot(a, p) + dot(b, q) + (1.0 - alive[i] if i == j else 0.0)
+        vec(*[dot(a, p) + dot(b, q) + (blank[i] if i == j else 0.0)
               for j, (p, q) in enumerate(zip(*pushed))])
         for i, (a, b) in enumerate(zip(*there))
     ]  # fmt: skip
@@ -703,7 +704,7 @@ def excess_of(system: Any, work: Any) -> None:
         here, pushed = [*here, own], [*pushed, [times(inverse, row) for row in own]]
         xi = [*xi, at(below(work, rows.velocity), body, 0, SIX)]
     rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
-    save_pushed(system, work, pushed, here, alive, n)
+    save_pushed(system, work, pushed, here, vec(*[1.0 - x for x in alive]), n)
     save(below(work, rows.rest), 0, vec(*rest), vector(n))
 
 
@@ -781,8 +782,8 @@ def excess_of_rates(system: Any, work: Any) -> None:
     rates = load(below(work, rows.rate), 0, vector(system.freedoms))
     rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
     off = [x - w for x, w in zip(rest[m:], rates)]
-    ones = vec(*alive, *[0.0 for _ in range(system.freedoms)])
-    save_pushed(system, work, pushed, here, ones, n)
+    blank = vec(*[1.0 - x for x in alive], *[1.0 for _ in range(system.freedoms)])
+    save_pushed(system, work, pushed, here, blank, n)
     save(below(work, rows.rest), 0, vec(*rest[:m], *off), vector(n))
 
 

@@ -179,39 +179,61 @@ def inertia_of(link: Any, full: bool) -> np.ndarray:
 
 
 def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[list[int]]]:
-    """An order in which joints are eliminated, always one that is tied to the fewest others then;
-    and for each place in it the later places that it is tied to then, the filling among them.
+    """An order in which joints are eliminated: first, again and again, one of which one body alone has
+    other joints left, which ties no others together; of loops one that is tied to the fewest others.
+    And for each place in it the later places that it is tied to then.
 
     ends : of each joint its bodies; -1 is the ground.
 
-    Source: Duff, Erisman and Reid, Direct Methods for Sparse Matrices, 2nd ed., section 9.2
-    (minimum degree).
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 6.5 (trees); Duff, Erisman
+    and Reid, Direct Methods for Sparse Matrices, 2nd ed., section 9.2 (minimum degree).
     """
-    at: dict[int, list[int]] = {}
+    at: dict[int, set[int]] = {}
     for j, bodies in enumerate(ends):
         for b in bodies:
             if b >= 0:
-                at.setdefault(b, []).append(j)
-    near: list[set[int]] = [{k for b in bodies if b >= 0 for k in at[b]} - {j}
-                            for j, bodies in enumerate(ends)]  # fmt: skip
-    heap = [(len(some), j) for j, some in enumerate(near)]
-    heapq.heapify(heap)
+                at.setdefault(b, set()).add(j)
     order: list[int] = []
     left: list[set[int]] = []
-    gone: set[int] = set()
+    free = [j for j, bodies in enumerate(ends) if _is_free(bodies, at)]
+    known = set(free)
+    while free:
+        j = heapq.heappop(free)
+        near = set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
+        order.append(j)
+        left.append(near)
+        for b in ends[j]:
+            if b >= 0:
+                at[b].discard(j)
+        # a joint becomes free when it is the last one of a body
+        for k in near:
+            if k not in known and any(len(at[b]) == 1 for b in ends[k] if b >= 0) and _is_free(
+                ends[k], at
+            ):
+                known.add(k)
+                heapq.heappush(free, k)
+    loops = {j: set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
+             for j in range(len(ends)) if j not in known}  # fmt: skip
+    heap = [(len(some), j) for j, some in loops.items()]
+    heapq.heapify(heap)
     while heap:
         degree, j = heapq.heappop(heap)
-        if j in gone or degree != len(near[j]):
+        if j not in loops or degree != len(loops[j]):
             continue
-        gone.add(j)
+        near = loops.pop(j)
         order.append(j)
-        left.append(set(near[j]))
-        for k in near[j]:
-            near[k] |= near[j]
-            near[k] -= {j, k}
-            heapq.heappush(heap, (len(near[k]), k))
+        left.append(near)
+        for k in near:
+            loops[k] |= near
+            loops[k] -= {j, k}
+            heapq.heappush(heap, (len(loops[k]), k))
     place = {j: p for p, j in enumerate(order)}
     return tuple(order), [sorted(place[k] for k in some) for some in left]
+
+
+def _is_free(bodies: tuple[int, int], at: dict[int, set[int]]) -> bool:
+    """Has at most one of the bodies of a joint other joints?"""
+    return sum(b >= 0 and len(at[b]) > 1 for b in bodies) <= 1
 
 
 def has_loops(ends: list[tuple[int, int]]) -> bool:
