@@ -305,7 +305,11 @@ class SiteLoops:
 
     def value_at(self, sites: SiteRows, i: Any, k: Any, layout: Layout) -> Any:
         """Value number k of site i, gathered lane by lane if the lanes ask for several."""
-        b, start, over = self.b, self.e.cast(sites.start(k, layout), "i", False)[0], self.t.state.over
+        b, start, over = (
+            self.b,
+            self.e.cast(sites.start(k, layout), "i", False)[0],
+            self.t.state.over,
+        )
         rows = [(sites, self.e.num([b.add(start, I64(j))])) for j in range(layout.width)]
         if over is not None and isinstance(i, Num) and i.varying:
             numbers = self._gathered(rows, i)

@@ -4,6 +4,9 @@ The equations are those of `LieRATTLE`, and so are Newton's corrections, by thei
 one block of conditions for each joint, eliminated in an order that was found before the run.  What
 belongs to one body or one joint is a formula, run for all of them side by side; elimination goes from
 joint to joint.
+
+Source: Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3 (the equations); Duff, Erisman and
+Reid, Direct Methods for Sparse Matrices, 2nd ed., chapter 9 (elimination).
 """
 
 from __future__ import annotations
@@ -252,9 +255,8 @@ class RattleOfLinks(Record):
                 each(sites, joints_here, system, old, work, state)
                 scattered(system, work)
                 each(sites, kicked, system, 0.5 * h * float(turn), old, work, state)
-                if system.freedoms > 0:
-                    if turn == 1:
-                        self.load_at_the_end(system, t + h, 0.5 * h, sites, old, work, state)
+                if system.freedoms > 0 and turn == 1:
+                    self.load_at_the_end(system, t + h, 0.5 * h, sites, old, work, state)
             turn = turn + 1
         each(sites, ended, system, old, pasts, s, work, state)
         put(ready, 0, 2, 1.0, NUMBER)
@@ -332,7 +334,7 @@ class RattleOfLinks(Record):
         """
         rows, n = system.rows, system.most + system.freedoms
         each(sites, rates_here, system, work)
-        tried, last, change = 0, False, 1.0
+        tried, last, change, scale = 0, False, 1.0, 0.0
         while True:
             each(sites, efforts_there, system, t, h, old, work, state)
             scattered(system, work)
@@ -345,8 +347,9 @@ class RattleOfLinks(Record):
             solved(sites, system, work, n)
             before = change
             change, whole = corrected_rates(system, work)
-            small = change <= TOLERANCE * TOLERANCE * whole
-            noisy = change >= before and change <= NOISE * NOISE * whole
+            scale = max(scale, whole)  # of what is lost as well: a step may end at rest
+            small = change <= TOLERANCE * TOLERANCE * scale
+            noisy = change >= before and change <= NOISE * NOISE * scale
             last, tried = small or noisy or change == 0.0, tried + 1
         if not last:
             put(below(work, rows.note), 0, 0, -1.0, NUMBER)
@@ -388,9 +391,7 @@ def loaded_body(system: Any, old: Any, work: Any, state: Layout) -> None:
     save(below(work, system.rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
 
 
-def guessed(
-    system: Any, h: float, old: Any, pasts: Any, s: int, work: Any, state: Layout
-) -> None:
+def guessed(system: Any, h: float, old: Any, pasts: Any, s: int, work: Any, state: Layout) -> None:
     """A first unknown, from the last steps, and the slope with which it begins."""
     n = system.most
     layout = vector(6 + n)
@@ -512,9 +513,7 @@ def along_slope(system: Any, part: float, work: Any) -> None:
     save(below(work, system.rows.unknown), 0, part * slope, layout)
 
 
-def moved_body(
-    system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout
-) -> None:
+def moved_body(system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout) -> None:
     """The state after the first kick and the displacement."""
     rows, one = system.rows, load(old, 0, state)
     force, held = load(below(work, rows.force), 0, SIX), load(below(work, rows.held), 0, SIX)
@@ -640,10 +639,12 @@ def correction_of_joint(system: Any, sign: float, work: Any) -> None:
     alive = load(below(work, rows.alive), 0, vector(n))
     sides = system.of_kind(work, lambda one: one.rows(g, k, n, 0))
     c = system.of_kind(work, lambda one: one.value(g, k, n))
-    there = [a * row for a, row in zip(alive, sides[0])], [
-        (a * held) * row for a, row in zip(alive, sides[1])
-    ]
-    pushed, free = [], []
+    there = (
+        [a * row for a, row in zip(alive, sides[0])],
+        [(a * held) * row for a, row in zip(alive, sides[1])],
+    )
+    pushed: list[Any] = []
+    free: list[Any] = []
     for place, body in ((rows.first, first), (rows.second, second)):
         K = at(below(work, rows.moved), body, 0, BLOCK)
         here = load(below(work, place), 0, matrix(n, 6))
@@ -667,7 +668,7 @@ def mismatch_of_joint(system: Any, work: Any) -> None:
     g, k = poses_of(system, below(work, rows.pose), work, POSE)
     alive = load(below(work, rows.alive), 0, vector(n))
     c = system.of_kind(work, lambda one: one.value(g, k, n))
-    sides = []
+    sides: list[Any] = []
     for place, body in ((rows.first_there, first), (rows.second_there, second)):
         free = at(below(work, rows.led), body, 0, SIX)
         sides = [*sides, [dot(row, free) for row in load(below(work, place), 0, matrix(n, 6))]]
@@ -675,9 +676,7 @@ def mismatch_of_joint(system: Any, work: Any) -> None:
     save(below(work, rows.rest), 0, vec(*rest), vector(n))
 
 
-def save_pushed(
-    system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: int
-) -> None:
+def save_pushed(system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: int) -> None:
     """The answers to the impulses of a joint, and its own block; `blank` is added to its diagonal,
     for conditions that do not count.
     """
@@ -689,7 +688,9 @@ def save_pushed(
     ]  # fmt: skip
     for place, side in zip((rows.first_pushed, rows.second_pushed), pushed):
         save(below(work, place), 0, mat(*side), matrix(n, 6))
-    save(below(work, rows.diagonal), 0, vec(*[abs(row[i]) for i, row in enumerate(block)]), vector(n))
+    save(
+        below(work, rows.diagonal), 0, vec(*[abs(row[i]) for i, row in enumerate(block)]), vector(n)
+    )
     save(below(work, rows.block), 0, mat(*block), matrix(n, n))
 
 
@@ -698,7 +699,9 @@ def excess_of(system: Any, work: Any) -> None:
     rows, n = system.rows, system.most
     first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
     alive = load(below(work, rows.alive), 0, vector(n))
-    here, pushed, xi = [], [], []
+    here: list[Any] = []
+    pushed: list[Any] = []
+    xi: list[Any] = []
     for place, body in ((rows.first, first), (rows.second, second)):
         own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, body)
         here, pushed = [*here, own], [*pushed, [times(inverse, row) for row in own]]
@@ -743,9 +746,7 @@ def save_push(system: Any, work: Any, efforts: Any) -> None:
     save(below(work, system.rows.wrench), 0, vec(*pushes[0], *pushes[1]), TWELVE)
 
 
-def efforts_there(
-    system: Any, t: float, h: float, old: Any, work: Any, state: Layout
-) -> None:
+def efforts_there(system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
     """The kick h F of loads, and its derivative by the rates."""
     rows, n = system.rows, system.freedoms
     g, k = poses_of(system, old, work, state)
@@ -769,7 +770,9 @@ def excess_of_rates(system: Any, work: Any) -> None:
     first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
     alive = load(below(work, rows.alive), 0, vector(m))
     gain = load(below(work, rows.gain), 0, matrix(system.freedoms, system.freedoms))
-    here, pushed, xi = [], [], []
+    here: list[Any] = []
+    pushed: list[Any] = []
+    xi: list[Any] = []
     for place, body in ((rows.first, first), (rows.second, second)):
         own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, body)
         moved = [times(inverse, row) for row in own]
@@ -788,15 +791,17 @@ def excess_of_rates(system: Any, work: Any) -> None:
 
 
 def corrected_rates(system: Any, work: Any) -> tuple[float, float]:
-    """Rates after Newton's correction; the sums of the squares of corrections, and of rates."""
+    """Rates after Newton's correction; the sums of the squares of corrections, and of rates before
+    them.
+    """
     n, m = system.most + system.freedoms, system.most
     change, whole, layout = 0.0, 0.0, vector(system.freedoms)
     rates, found = below(work, system.rows.rate), below(work, system.rows.impulse)
     for j in range(int(system.joints)):
         step = at(found, j, 0, vector(n))[m:]
-        new = at(rates, j, 0, layout) + step
-        put(rates, j, 0, new, layout)
-        change, whole = change + dot(step, step), whole + dot(new, new)
+        old = at(rates, j, 0, layout)
+        put(rates, j, 0, old + step, layout)
+        change, whole = change + dot(step, step), whole + dot(old, old)
     return change, whole
 
 
@@ -805,7 +810,11 @@ def corrected_rates(system: Any, work: Any) -> tuple[float, float]:
 
 def scattered(system: Any, work: Any) -> None:
     """The sums of what joints do to bodies that have more than one of either side."""
-    pull, wrench, table = below(work, system.rows.pull), below(work, system.rows.wrench), system.more
+    pull, wrench, table = (
+        below(work, system.rows.pull),
+        below(work, system.rows.wrench),
+        system.more,
+    )
     count = whole(table, 0)
     for p in range(count):
         put(pull, whole(table, 1 + 3 * p), 0, vec(*[0.0] * 6), SIX)

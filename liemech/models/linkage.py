@@ -233,7 +233,7 @@ class Linkage(ConstrainedBody):
         return linked(self)
 
     @property
-    def site_form(self) -> Links | None:  # type: ignore[override]
+    def site_form(self) -> Links | None:
         """That of many bodies."""
         many = 6 * len(self.links) > self.small
         return self.linked.links if many and self.linked is not None else None
@@ -242,29 +242,24 @@ class Linkage(ConstrainedBody):
         """Parts of states with an axis of places, of which some have no body."""
         if self.site_form is None or arrays["mu"].shape[-1] == 6:
             return arrays
-        found, places = {}, self.linked.places  # type: ignore[union-attr]
-        for name, blank in (("mu", np.zeros(6)), ("g", np.eye(4))):
-            x = np.asarray(arrays[name])
-            made = np.empty((*x.shape[:-1], places, *blank.shape))
-            made[:] = blank
-            count = len(self.links)
-            made[(..., slice(count), *[slice(None)] * blank.ndim)] = x.reshape(
-                *x.shape[:-1], count, *blank.shape
-            )
-            found[name] = made
-        return found
+        places, count = self.linked.places, len(self.links)  # type: ignore[union-attr]
+        lead = np.shape(arrays["mu"])[:-1]
+        mu, g = np.zeros((*lead, places, 6)), np.zeros((*lead, places, 4, 4))
+        g[:] = np.eye(4)
+        mu[..., :count, :] = np.reshape(arrays["mu"], (*lead, count, 6))
+        g[..., :count, :, :] = np.reshape(arrays["g"], (*lead, count, 4, 4))
+        return {"mu": mu, "g": g}
 
     def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """The inverse of `by_site`."""
-        axes, count = {"mu": 1, "g": 2}, len(self.links)
-        return {
-            name: x[(..., slice(count), *[slice(None)] * axes[name])].reshape(
-                *x.shape[: -1 - axes[name]], -1
-            )
-            if name in axes and x.shape[-1] in (4, 6) and x.ndim > axes[name]
-            else x
-            for name, x in arrays.items()
-        }
+        found, count = {}, len(self.links)
+        for name, x in arrays.items():
+            if name == "mu" and x.shape[-1:] == (6,) and x.ndim > 1:
+                x = x[..., :count, :].reshape(*x.shape[:-2], 6 * count)
+            elif name == "g" and x.shape[-2:] == (4, 4):
+                x = x[..., :count, :, :].reshape(*x.shape[:-3], 16 * count)
+            found[name] = x
+        return found
 
     # ---------------------------------------------------------------- poses
 

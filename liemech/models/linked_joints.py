@@ -45,7 +45,7 @@ class LinkedJoint(Record):
         """
         found = self.joint.rows(g, k)
         moving = self.joint.motions(g, k) if freedoms > 0 and len(self.loads) > 0 else ()
-        sides = []
+        sides: list[Any] = []
         for side in range(2):
             own = filled([row[side] for row in found], most, REST6)
             sides = [*sides, [*own, *filled([row[side] for row in moving], freedoms, REST6)]]
@@ -116,8 +116,7 @@ def linked(linkage: Any) -> LinkedForm | None:
     ends = [(joint.first, -1 if joint.second is None else joint.second) for joint, _ in counted]
     order, filling = eliminated_in(ends)
     joints = [
-        LinkedJoint(replace(counted[j][0], first=0, second=1, name=None), *acting[j])
-        for j in order
+        LinkedJoint(replace(counted[j][0], first=0, second=1, name=None), *acting[j]) for j in order
     ]
     ends = [ends[j] for j in order]
     layouts = [layout_of(joint) for joint in joints]
@@ -151,7 +150,12 @@ def linked(linkage: Any) -> LinkedForm | None:
         touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
         alive = [float(i in kept) for i in range(most)]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
-        numbers: list[Any] = [*head, *alive, *touch, *[x for i in shown for x in leaves(joints[i], layouts[i])]]
+        numbers: list[Any] = [
+            *head,
+            *alive,
+            *touch,
+            *[x for i in shown for x in leaves(joints[i], layouts[i])],
+        ]
         for row, x in enumerate(numbers, rows.ends):
             (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
     tables, blocks = tables_of(ends, filling, places)
@@ -162,7 +166,9 @@ def linked(linkage: Any) -> LinkedForm | None:
         float(len(given.links)), float(len(joints)), trace,
         of_whole([len(more) // 3, *more]), *tables,
     )  # fmt: skip
-    return LinkedForm(links, fixed, rows.block - rows.note + blocks * size * size, order, has_loops(ends))
+    return LinkedForm(
+        links, fixed, rows.block - rows.note + blocks * size * size, order, has_loops(ends)
+    )
 
 
 def inertia_of(link: Any, full: bool) -> np.ndarray:
@@ -207,8 +213,10 @@ def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[li
                 at[b].discard(j)
         # a joint becomes free when it is the last one of a body
         for k in near:
-            if k not in known and any(len(at[b]) == 1 for b in ends[k] if b >= 0) and _is_free(
-                ends[k], at
+            if (
+                k not in known
+                and any(len(at[b]) == 1 for b in ends[k] if b >= 0)
+                and _is_free(ends[k], at)
             ):
                 known.add(k)
                 heapq.heappush(free, k)
@@ -298,4 +306,3 @@ def tables_of(
     )
     most = max(slot for _, slot in blocks.values())
     return [of_whole([*some, 0]) for some in found], most + 1
-

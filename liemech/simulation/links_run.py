@@ -42,7 +42,9 @@ def linked_method(plan: Any) -> RattleOfLinks | None:
         return None
     rows = [(share, node) for share, node in shares]
     table = Table(np.ravel(rows))
-    return RattleOfLinks(base.retraction, table, float(len(rows)), len(rows), site.most, repr(method))
+    return RattleOfLinks(
+        base.retraction, table, float(len(rows)), len(rows), site.most, repr(method)
+    )
 
 
 class LinksRun(SiteRun):

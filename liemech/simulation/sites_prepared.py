@@ -51,6 +51,7 @@ class Prepared:
     turning: Any = None
     control: Any
     way: Any
+    method: Any
 
     def __init__(
         self, plan: Any, site: Any, start: StateOfSites, starts: Planes, curves: bool

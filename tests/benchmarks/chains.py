@@ -74,7 +74,7 @@ def peers(n: int) -> dict[str, Callable[[int], Any]]:
         import mujoco
     except ImportError:
         mujoco = None
-    if mujoco is not None and n <= 250:
+    if mujoco is not None and n <= 64:
         across, along = (3 * 0.05**2 + 1.0) / 12, 0.5 * 0.05**2
         rod = (
             '<body pos="0 0 {0}"><joint type="ball"/><inertial pos="0 0 -0.5" mass="1" '
@@ -178,7 +178,9 @@ print(time.process_time() - begun)
 def compiling(chosen: Any) -> dict[str, float]:
     """Processor seconds until the first steps are made, in new processes without code on disk."""
     found, lines = {}, []
-    cases = [("balls", 10), ("balls", 1000)] + [(k, 10) for k in ("hinges", "both", "springs", "dampers")]
+    cases = [("balls", 10), ("balls", 1000)] + [
+        (k, 10) for k in ("hinges", "both", "springs", "dampers")
+    ]
     for kind, n in cases[:1] if chosen.quick else cases:
         told = subprocess.run(
             [sys.executable, "-c", COMPILED, kind, str(n)],

@@ -124,7 +124,9 @@ def by_loops(linkage: Any, method: Any, start: Any, compiled: bool, **options: A
 
 def written_out(monkeypatch: Any, linkage: Any, method: Any, start: Any, **options: Any) -> Any:
     monkeypatch.setattr(Linkage, "small", 10**6)
-    run = lm.Plan(linkage, method, h=options["h"], compiled=False).run(start, steps=options["steps"])
+    run = lm.Plan(linkage, method, h=options["h"], compiled=False).run(
+        start, steps=options["steps"]
+    )
     monkeypatch.undo()
     assert not isinstance(run.carry, SiteCarry)
     return run
@@ -167,7 +169,9 @@ def test_native_loops_give_the_bits_of_plain_ones(made: Any) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize("made", [pytest.param(f, marks=pytest.mark.slow) for f in (star, ring, ladder)])
+@pytest.mark.parametrize(
+    "made", [pytest.param(f, marks=pytest.mark.slow) for f in (star, ring, ladder)]
+)
 def test_other_native_loops_give_the_bits_of_plain_ones(made: Any) -> None:
     linkage, start = made()
     runs = [by_loops(linkage, lm.LieRATTLE(), start, how, h=0.01, steps=5) for how in (False, True)]
@@ -238,7 +242,9 @@ def test_runs_of_links_stop_and_go_on_with_the_same_bits(tmp_path: Path) -> None
     assert np.array_equal(whole.g[-1], rest.g[-1])
     assert np.array_equal(whole.mu[-1], rest.mu[-1])
     other = linkage.state(angles={0: 0.2})
-    many = linkage.state(*[np.stack([x, y]) for x, y in zip((start.mu, start.g), (other.mu, other.g))])
+    many = linkage.state(
+        *[np.stack([x, y]) for x, y in zip((start.mu, start.g), (other.mu, other.g))]
+    )
     both = plan.run(many, steps=20)
     assert np.array_equal(both.g[:, 0], whole.g)
     stepper = plan.stepper(start)
