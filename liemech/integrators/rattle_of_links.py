@@ -57,7 +57,9 @@ class Rows(Record):
 
     Fixed are: inertia and its inverse, weight, `ends` of a joint (first and second body, is there a
     second one, the kind), `alive` (which conditions count), `touch` (of a body a joint of which it is the
-    first one, a joint of which it is the second one, each with 1, or 0 if there is none), `own` (the parameters of a joint of each
+    first one, a joint of which it is the second one, each with 1, or 0 if there is none), `tie` (of a joint
+    a later one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
+    is none), `own` (the parameters of a joint of each
     kind: the joint itself, or the first of a kind that it is not, so that formulas have numbers).
     """
 
@@ -67,6 +69,7 @@ class Rows(Record):
     ends: int
     alive: int
     touch: int
+    tie: int
     own: int
     note: int
     force: int
@@ -103,7 +106,7 @@ class Rows(Record):
         """
         n, J = most + freedoms, 36 if full else 6
         widths = dict(
-            inertia=J, inverse=J, weight=1, ends=4, alive=most, touch=4, own=own, note=3, force=6, pull=6,
+            inertia=J, inverse=J, weight=1, ends=4, alive=most, touch=4, tie=4, own=own, note=3, force=6, pull=6,
             held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
             second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
@@ -123,8 +126,8 @@ class Links(System):
     kinds : layouts of the kinds of joints.  most, freedoms : conditions of a joint, at most, and
     coordinates that loads act along.  full : are inertias matrices?
     bodies, joints : how many.  more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
-    couplings : pairs of joints that a body ties together, with the sides on which it is, and the
-    block.  pivots, belows, updates : what elimination does, see `order_of`.  places : in a row.
+    couplings : pairs of joints that a body ties together, beside `tie`, with the sides on which it is,
+    and the block.  pivots, belows, updates : what elimination does, see `order_of`.  places : in a row.
     """
 
     group: LieGroup
@@ -171,6 +174,7 @@ class Links(System):
         return self.of_kind(work, formula, k + 1)
 
 
+TIE = carried_layout((0, 0.0, 0.0, 0.0))
 ENDS, TOUCH = carried_layout((0, 0, 0.0, 0)), carried_layout((0, 0.0, 0, 0.0))
 
 
@@ -290,6 +294,7 @@ class RattleOfLinks(Record):
                     there, sign = rows.first_there if turn == 1 else rows.first, 1.0
                     if turn == 1:
                         sign = h
+                    each(sites, tied, system, there, system.most, work)
                     coupled(system, work, there, system.most)
                     bad = factored(system, work, sign, system.most)
                 solved(sites, system, work, system.most)
@@ -342,6 +347,7 @@ class RattleOfLinks(Record):
             if last or tried == AT_LOADS:
                 break
             each(sites, excess_of_rates, system, work)
+            each(sites, tied, system, rows.first, n, work)
             coupled(system, work, rows.first, n)
             factored(system, work, 1.0, n)
             solved(sites, system, work, n)
@@ -692,6 +698,29 @@ def save_pushed(system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: 
         below(work, rows.diagonal), 0, vec(*[abs(row[i]) for i, row in enumerate(block)]), vector(n)
     )
     save(below(work, rows.block), 0, mat(*block), matrix(n, n))
+
+
+def tied(system: Any, begins: int, n: int, work: Any) -> None:
+    """The two blocks of a joint and a later one that a body ties it to."""
+    rows, layout, square = system.rows, matrix(n, 6), matrix(n, n)
+    other, mine, theirs, there = load(below(work, rows.tie), 0, TIE)
+    side = rows.second - rows.first
+    found: list[Any] = []
+    for begin in (begins, rows.first_pushed):
+        one, two = (below(work, begin + k * side) for k in range(2))
+        own = chosen(mine, load(one, 0, layout), load(two, 0, layout))
+        his = chosen(theirs, at(one, other, 0, layout), at(two, other, 0, layout))
+        found = [*found, own, his]
+    a, b, p, q = found
+    blocks = below(work, rows.block)
+    for slot, left, right in ((1, b, p), (2, a, q)):
+        block = mat(*[vec(*[there * dot(x, y) for y in right]) for x in left])
+        save(blocks, slot, block, square)
+
+
+def chosen(second: float, a: Mat, b: Mat) -> Mat:
+    """One of two matrices: the second one, if `second` is 1."""
+    return mat(*[vec(*[where(second > 0.0, y, x) for x, y in zip(u, v)]) for u, v in zip(a, b)])
 
 
 def excess_of(system: Any, work: Any) -> None:

@@ -134,6 +134,7 @@ def linked(linkage: Any) -> LinkedForm | None:
         inverse = np.linalg.inv(J) if full else 1.0 / J
         fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
     fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
+    tables, blocks, ties = tables_of(ends, filling, places)
     mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
     more: list[int] = []
     for j, bodies_of in enumerate(ends):
@@ -150,15 +151,16 @@ def linked(linkage: Any) -> LinkedForm | None:
         touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
         alive = [float(i in kept) for i in range(most)]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
+        tie = ties.get(place, (0, 0.0, 0.0, 0.0))
         numbers: list[Any] = [
             *head,
             *alive,
             *touch,
+            *tie,
             *[x for i in shown for x in leaves(joints[i], layouts[i])],
         ]
         for row, x in enumerate(numbers, rows.ends):
             (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
-    tables, blocks = tables_of(ends, filling, places)
     size = most + freedoms
     trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
     links = Links(
@@ -263,9 +265,10 @@ def has_loops(ends: list[tuple[int, int]]) -> bool:
 
 def tables_of(
     ends: list[tuple[int, int]], filling: list[list[int]], places: int
-) -> tuple[list[Table], int]:
+) -> tuple[list[Table], int, dict[int, tuple[int, float, float, float]]]:
     """What elimination does, as lists of numbers: couplings, pivots, belows and updates of `Links`;
-    and how many blocks a place has.
+    how many blocks a place has; and of each joint the tie to a later one, of which the place has the
+    blocks.
 
     couplings : how many; of each the joints j and k, the sides of j and k on which they have a body
     in common, where the block is, and 0, 1 if it is added to what is there, -1 if it is zero.
@@ -274,21 +277,28 @@ def tables_of(
     begin and end.  updates : of each where the block (k, j) is, and (i, j), which loses (i, k) (k, j).
     """
     blocks: dict[tuple[int, int], tuple[int, int]] = {(k, k): (k, 0) for k in range(len(ends))}
+    ties: dict[int, tuple[int, float, float, float]] = {}
+    number = 0
     for k, later in enumerate(filling):
         for i in later:
+            both = _sides(ends[k], ends[i])
+            if k not in ties and both:
+                ties[k] = i, float(both[0][0]), float(both[0][1]), 1.0
+                blocks[i, k], blocks[k, i] = (k, 1), (k, 2)
+                continue
             for pair in ((i, k), (k, i)):
-                number = len(blocks) - len(ends)
-                blocks[pair] = number % places, 1 + number // places
+                blocks[pair] = number % places, 3 + number // places
+                number += 1
     couplings: list[list[int]] = []
     for (j, k), there in blocks.items():
         if j == k:
             continue
-        common = [
-            (side, other)
-            for side, b in enumerate(ends[j])
-            for other, c in enumerate(ends[k])
-            if b == c and b >= 0
-        ]
+        common = _sides(ends[j], ends[k])
+        if ties.get(j, (-1,))[0] == k or ties.get(k, (-1,))[0] == j:
+            one, other = ties[min(j, k)][1:3]
+            known = (int(one), int(other)) if j < k else (int(other), int(one))
+            couplings += [[j, k, *s, *there, 1] for s in common if s != known]
+            continue
         for turn, sides in enumerate(common or [(0, 0)]):
             couplings.append([j, k, *sides, *there, min(turn, 1) if common else -1])
     pivots, belows, updates = [0], [], []  # type: list[int], list[list[int]], list[list[int]]
@@ -304,5 +314,10 @@ def tables_of(
         np.ravel(belows),
         np.ravel(updates),
     )
-    most = max(slot for _, slot in blocks.values())
-    return [of_whole([*some, 0]) for some in found], most + 1
+    most = max(2, *[slot for _, slot in blocks.values()])
+    return [of_whole([*some, 0]) for some in found], most + 1, ties
+
+
+def _sides(one: tuple[int, int], other: tuple[int, int]) -> list[tuple[int, int]]:
+    """The sides of two joints on which they have a body in common."""
+    return [(s, t) for s, b in enumerate(one) for t, c in enumerate(other) if b == c and b >= 0]
