@@ -50,7 +50,7 @@ def linked_method(plan: Any) -> RattleOfLinks | None:
 class LinksRun(SiteRun):
     """One run of a linkage of many bodies."""
 
-    def _laid_out(self, width: int) -> Planes:
+    def _room_for(self, width: int) -> Planes:
         """Two copies of what the method carries along, and what a step works with."""
         form = self.plan._one.linked
         made = Planes.of_rows(2 * width + len(form.fixed) + form.more, self.count)
@@ -81,3 +81,7 @@ class LinksRun(SiteRun):
             f"{method}: the solution that grows out of h = 0 ends at h = {reached * self.h:.3g}, at "
             f"{label}. {why}"
         )
+
+    def _origin(self, error: Any, t: float) -> Any:
+        """The error itself, which knows the joint."""
+        return error
