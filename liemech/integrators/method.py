@@ -67,6 +67,8 @@ class Method(Record):
         """A short name for tables and pictures."""
         return repr(self)
 
+    together: ClassVar[bool] = False  # does it step all sites of a system at once, not one by one?
+
     def step(self, system: Any, t: float, state: Any, h: float) -> Any:
         """The state after one step of length h from time t: a formula, without side effects."""
         raise undefined(self, "step")
