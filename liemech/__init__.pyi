@@ -2,8 +2,10 @@ from . import actions as actions
 from . import charts as charts
 from . import class_functions as class_functions
 from . import errors as errors
+from . import estimation as estimation
 from . import formulas as formulas
 from . import joints as joints
+from . import loops as loops
 from . import models as models
 from . import neighbours as neighbours
 from . import parts as parts
@@ -117,6 +119,10 @@ from .retractions import CayleyAdjoint as CayleyAdjoint
 from .retractions import Exponential as Exponential
 from .retractions import Retraction as Retraction
 from .simulation.integrate import integrate as integrate
+from .simulation.measured_orders import measure_order as measure_order
+from .simulation.options import ErrorControl as ErrorControl
+from .simulation.options import FixedSteps as FixedSteps
+from .simulation.options import Save as Save
 from .simulation.plan import Plan as Plan
 from .simulation.trajectory import Trajectory as Trajectory
 from .systems.canonical import CanonicalState as CanonicalState
@@ -136,6 +142,7 @@ from .systems.double_bracket import DoubleBracket as DoubleBracket
 from .systems.driven import DrivenHamiltonianSystem as DrivenHamiltonianSystem
 from .systems.driven import DrivenLiePoissonSystem as DrivenLiePoissonSystem
 from .systems.driven_hamiltonian import DrivenHamiltonian as DrivenHamiltonian
+from .systems.driven_kinetic_energy import DrivenKineticEnergy as DrivenKineticEnergy
 from .systems.group_equation import GroupEquation as GroupEquation
 from .systems.group_equation import LinearGroupEquation as LinearGroupEquation
 from .systems.hamiltonian import Hamiltonian as Hamiltonian

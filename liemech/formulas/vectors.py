@@ -196,7 +196,7 @@ class Vec(tuple[Any, ...], Operand):
         return tuple(self)
 
     def __repr__(self) -> str:
-        return f"Vec({', '.join(map(str, self))})"
+        return f"Vec({few(map(str, self), 12)})"
 
 
 class Truths(Vec):
@@ -273,6 +273,14 @@ class Entries:
 
     def __repr__(self) -> str:
         return f"Entries({', '.join(map(str, map(tuple, self.rows)))})"
+
+
+def few(texts: Iterable[str], most: int) -> str:
+    """Texts with commas between them; of more than `most` the first three, the last, and how many."""
+    found = list(texts)
+    if len(found) <= most:
+        return ", ".join(found)
+    return f"{', '.join(found[:3])}, ..., {found[-1]}; {len(found)} in all"
 
 
 def _beside_numbers(other: Any) -> bool:
@@ -524,7 +532,7 @@ class Mat(Operand):
         return np.array([np.asarray(row, dtype=dtype) for row in self.rows])
 
     def __repr__(self) -> str:
-        return f"Mat({', '.join(repr(tuple(row)) for row in self.rows)})"
+        return f"Mat({few((repr(tuple(row)) for row in self.rows), 6)})"
 
 
 _NESTED = (*_VECTORS, Mat)
