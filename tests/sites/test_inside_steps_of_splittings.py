@@ -30,6 +30,7 @@ def small_runs(monkeypatch: pytest.MonkeyPatch, numbers: int) -> None:
     monkeypatch.setattr(lm.System, "small", numbers)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("method", "h"), [(METHODS[0], -0.1), (METHODS[1], 0.1)], ids=repr)
 def test_times_inside(monkeypatch: pytest.MonkeyPatch, method: Any, h: float) -> None:
     """The states that the system written out has, in plain Python and natively."""
@@ -46,6 +47,7 @@ def test_times_inside(monkeypatch: pytest.MonkeyPatch, method: Any, h: float) ->
         assert np.array_equal(run.g, found[0].g.reshape(run.g.shape))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_zeros(monkeypatch: pytest.MonkeyPatch, method: Any) -> None:
     """Those of the state of all sites, written out; the run goes on as one that looks for none."""
