@@ -105,3 +105,9 @@ def test_what_functions_are_of() -> None:
         lm.integrate(*many, record=["mu"], events=[lambda t, state: state.mu[0]], **way)
     with pytest.raises(lm.errors.InvalidInput, match="record= names no totals"):
         lm.integrate(*many, record=["mu"], events=[lambda t, total: total.spin[0]], **way)
+
+
+def test_at_is_told_by_name() -> None:
+    run = lm.integrate(spins(N), lm.RKMK(), spins(N).state(mu=START), h=0.1, steps=3)
+    with pytest.raises(lm.errors.InvalidInput, match="give the run t_eval"):
+        run.at(0.05)
