@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import liemech as lm
 from liemech.formulas import Mat, gradient, vec
-from liemech.models.effectors import ConservativeEffector, Flight
+from liemech.models.effectors import ConservativeEffector, Place
 from liemech.models.space_forces import SUN_RADIUS, sunlight
 from liemech.systems.kinetic_energy import KineticEnergy
 
@@ -126,7 +126,7 @@ def test_forces_and_torques_are_those_of_the_energy(name: str) -> None:
             return self.of.energy(here)
 
     R = Mat.of(TURN.as_matrix().tolist())
-    here = Flight(None, vec(*POSITION), None, R, None, None, MASS, Mat.of(J.tolist()))
+    here = Place(vec(*POSITION), R, MASS, Mat.of(J.tolist()))
     slow = ByEnergy(effector)
     force, torque = np.array(effector.force(here)), np.array(effector.torque(here))
     assert np.allclose(
