@@ -2,6 +2,7 @@ from . import actions as actions
 from . import charts as charts
 from . import class_functions as class_functions
 from . import errors as errors
+from . import estimation as estimation
 from . import formulas as formulas
 from . import joints as joints
 from . import loops as loops
@@ -119,6 +120,9 @@ from .retractions import Exponential as Exponential
 from .retractions import Retraction as Retraction
 from .simulation.integrate import integrate as integrate
 from .simulation.measured_orders import measure_order as measure_order
+from .simulation.options import ErrorControl as ErrorControl
+from .simulation.options import FixedSteps as FixedSteps
+from .simulation.options import Save as Save
 from .simulation.plan import Plan as Plan
 from .simulation.trajectory import Trajectory as Trajectory
 from .systems.canonical import CanonicalState as CanonicalState
