@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -116,6 +116,8 @@ class Spacecraft(MechanicalSystem):
     Source: Hughes, Spacecraft Attitude Dynamics, sections 3.5, 8.1; Schaub and Junkins, Analytical
     Mechanics of Space Systems, 4th ed., chapter 4.
     """
+
+    in_space: ClassVar[bool] = True
 
     body: LiePoissonSystem = field(init=False, repr=False)
     potential: Any = field(init=False, repr=False)

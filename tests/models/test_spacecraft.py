@@ -326,6 +326,38 @@ def test_a_law_of_control_is_a_subclass() -> None:
     assert np.abs(angle - 1e-4 * (1.0 + d * run.t) * np.exp(-w * run.t)).max() < 1e-9
 
 
+def test_momenta_in_space_are_sums_of_what_acts_on_them() -> None:
+    """RKMK on G x g* adds up K_g f: the vertical spin in a field that is the same all around the
+    vertical is kept to rounding, where steps on T*G, of the same order, let it drift.
+    """
+
+    @lm.record
+    class Weight(ConservativeEffector):
+        centre: lm.Vec
+
+        def energy(self, here: Any) -> float:
+            return lm.dot(here.attitude[2], self.centre)
+
+    craft = M.Spacecraft([1.0, 1.5, 0.7], 1.0, [Weight([0.8, 0.0, 1.0])])
+    other = lm.MechanicalSystem(craft.body, craft.potential)
+    start = craft.state_of(
+        [0.0] * 3, [0.0] * 3, Rotation.from_rotvec([0.4, -0.3, 0.5]), [0.3, 0.4, 1.5]
+    )
+    ends: dict[str, Any] = {}
+    for system in craft, other:
+        for n in (40, 80, 640):
+            begin = system.state(start.mu, start.g)
+            run = lm.integrate(system, lm.RKMK(order=4), begin, h=4.0 / n, steps=n)
+            ends[f"{system.in_space} {n}"] = np.r_[run.mu[-1], run.g[-1]]
+            spin = np.einsum("ni,ni->n", run.g[:, 6:9], run.mu[:, :3])
+            if n == 40:
+                assert np.ptp(spin) < 1e-14 if system.in_space else np.ptp(spin) > 1e-7
+    assert np.abs(ends["True 640"] - ends["False 640"]).max() < 1e-7
+    for name in "True", "False":
+        errors = [np.abs(ends[f"{name} {n}"] - ends["True 640"]).max() for n in (40, 80)]
+        assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.5)
+
+
 # ---------------------------------------------------------------- products of groups
 
 
