@@ -39,8 +39,8 @@ LAYERS = (
     "viewer",
     "command_line",
     "__main__",
-    *("actions", "charts", "class_functions", "joints", "neighbours", "parts", "structures"),
-    "time_scales",
+    *("actions", "charts", "class_functions", "joints", "loops", "neighbours", "parts"),
+    *("structures", "time_scales"),
 )
 """From the ground up: a module imports from its own layer and from those before it, never from
 those after it.

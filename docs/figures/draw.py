@@ -68,6 +68,8 @@ SECTIONS = {
         "eccentric_orbit",
     ),
     "Many bodies": ("binary_asteroid", "drop_of_water"),
+    "At work": ("attitude_control", "rocket", "flight_code"),
+    "Damping and noise": ("paramagnet", "relaxing_body"),
     "From measurements": ("fit_inertia",),
     "In the browser": (
         "flip_in_the_browser",

@@ -398,6 +398,13 @@ def side_by_side(bodies: int | None) -> int:
 # ------------------------------------------------------------------ translation
 
 
+def translated(entry: Callable[..., Any], *args: Any) -> str:
+    """A driver for one body and arguments like these, in LLVM's language.  Raises NotCompilable."""
+    _imported()
+    kinds = tuple(map(kind_of, args))
+    return _translated(entry, kinds, 1)[1]
+
+
 def _translated(
     entry: Callable[..., Any],
     kinds: tuple[Kind, ...],

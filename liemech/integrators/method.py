@@ -35,6 +35,8 @@ class Method(Record):
     shortens: ClassVar[bool] = False
     # is a step a power series in time, so that it sees an input from where it begins only?
     analytic: ClassVar[bool] = False
+    # does a step draw random numbers, which are known at its ends only?
+    noisy: ClassVar[bool] = False
     # does a step add to the state, so that it is worth to remember what rounding takes from the sum?
     adds: ClassVar[bool] = True
 
@@ -116,6 +118,10 @@ class Method(Record):
             raise IncompatibleSystem(
                 f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}"
             )
+        if system.noisy and not self.noisy:
+            raise IncompatibleSystem(
+                f"{self!r} draws no random numbers, and {system!r} has noise. {system.alternatives}."
+            )
         for need in self.needs:
             if getattr(system, need, None) is None:
                 raise IncompatibleSystem(
@@ -164,6 +170,11 @@ class Wrapping(Method):
     def symplectic(self) -> bool:  # type: ignore[override]
         """Is the method symplectic?"""
         return self.method.symplectic
+
+    @property
+    def noisy(self) -> bool:  # type: ignore[override]
+        """Does the method draw random numbers?"""
+        return self.method.noisy
 
     @property
     def adds(self) -> bool:  # type: ignore[override]

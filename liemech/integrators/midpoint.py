@@ -13,7 +13,9 @@ from ..groups.so3 import SO3, plus
 from ..groups.unit_quaternions import UnitQuaternions
 from ..retractions import Cayley
 from ..solvers import fixed_point, newton
+from ..systems.double_bracket import DoubleBracket
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.stochastic import NoisyMotion
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
 from .implicit import Implicit
@@ -35,13 +37,14 @@ class ImplicitMidpoint(Implicit):
     energy, of which it is the discrete gradient.  But it is not a Poisson map: on so(3)*, whose
     bracket depends on mu, only the spherical rule is.
 
-    Rotations only, with any Hamiltonian.  Raises NoConvergence.
+    Rotations only, with any Hamiltonian, and with `DoubleBracket` damping.  Raises NoConvergence.
     Source: Hairer, Lubich, Wanner, IV.2.1, VI.4; Austin, Krishnaprasad, Wang, J. Comput. Phys. 107
     (1993).
     """
 
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
+    serves: ClassVar[tuple[type, ...]] = LiePoissonSystem, DoubleBracket, NoisyMotion
 
     @property
     def name(self) -> str:
@@ -53,9 +56,9 @@ class ImplicitMidpoint(Implicit):
         return h * system.velocity(m)
 
     def require(self, system: Any) -> None:
-        """A Lie-Poisson system of rotations."""
+        """A Lie-Poisson system of rotations, damped or not."""
         super().require(system)
-        require_rotations(self, system)
+        require_rotations(self, system, self.serves)
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
         """The mean is the momentum itself."""
@@ -106,6 +109,7 @@ class SphericalMidpoint(ImplicitMidpoint):
     """
 
     symplectic: ClassVar[bool] = True
+    serves: ClassVar[tuple[type, ...]] = (LiePoissonSystem,)
 
     @property
     def name(self) -> str:
@@ -205,11 +209,9 @@ def cofactors(q: Mat) -> Mat:
     return mat(cross(q[1], q[2]), cross(q[2], q[0]), cross(q[0], q[1]))
 
 
-def require_rotations(method: Method, system: Any) -> None:
-    """Raise IncompatibleSystem unless the system is a Lie-Poisson system of rotations."""
-    if not (
-        isinstance(system, LiePoissonSystem) and isinstance(system.group, (SO3, UnitQuaternions))
-    ):
+def require_rotations(method: Method, system: Any, kinds: Any = LiePoissonSystem) -> None:
+    """Raise IncompatibleSystem unless the system is one of rotations, of these kinds."""
+    if not (isinstance(system, kinds) and isinstance(system.group, (SO3, UnitQuaternions))):
         raise IncompatibleSystem(
             f"{method!r} is a method for momenta on so(3)*, a LiePoissonSystem on SO3() such as "
             f"RigidBody([1.0, 1.5, 2.0]); got {system!r}. RKMK(order=4) accepts every system"

@@ -18,20 +18,21 @@ from ..integrators.method import Method
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
 from ..systems.poisson import PoissonState
-from ..systems.site_state import SiteState
 from ..systems.system import State, System, small_state
 from .arrival import FictiveMotion
-from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
+from .carry import Carry
+from .control import CLOCK
 from .dense import DenseOutput
 from .encoding import Decoder, encoded
 from .events import Met
 from .fictive import FictiveCarry, Origin
 from .files import read, write
 from .sites_carry import SiteCarry
+from .sites_states import kind_of
 from .stopped import Stopped
 from .systems import Methods, OfBodies, Systems, of_body
 
-FORMAT = 2
+FORMAT = 3
 KINDS = "Trajectory", "TransformedTrajectory", "TangentTrajectory"
 
 
@@ -79,11 +80,8 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
             arrays[f"event.{i}.{name}"] = np.concatenate([states.arrays[name] for _, states in met])
         about["events"].append([list(met[0][1].arrays), [len(times) for times, _ in met]])
         about["states"] = encoded(type(met[0][1]))
-    if isinstance(run.carry, Carries):
-        members = enumerate(run.carry.members)
-        about["carries"] = [_carried(member, f"carry.{i}", arrays) for i, member in members]
-    elif run.carry is not None:
-        about["carry"] = _carried(run.carry, "carry", arrays)
+    if run.carry is not None:
+        about["carry"] = _carried(run.carry, arrays)
     write(Path(path), arrays, about)
 
 
@@ -92,82 +90,66 @@ def _of_each(thing: Any) -> Any:
     return [encoded(x) for x in thing] if isinstance(thing, OfBodies) else encoded(thing)
 
 
-def _carried(carry: Any, name: str, arrays: dict[str, Any]) -> dict[str, Any]:
-    """What is told of a carry; its arrays go to the others, by this name."""
+def _carried(carry: Any, arrays: dict[str, Any]) -> dict[str, Any]:
+    """What is told of a carry; its arrays go to the others."""
     if isinstance(carry, SiteCarry):
-        parts = {f"{name}.state.{part}": x for part, x in carry.state.arrays.items()}
-        arrays |= {f"{name}.numbers": carry.numbers} | parts
-        arrays |= {} if carry.clock is None else {f"{name}.clock": carry.clock}
+        parts = {f"carry.state.{part}": x for part, x in carry.state.arrays.items()}
+        arrays |= {"carry.numbers": carry.numbers} | parts
+        arrays |= {} if carry.clock is None else {"carry.clock": carry.clock}
         told = {"t0": carry.t0, "h": carry.h, "step": carry.step, "sites": list(carry.state.arrays)}
         return told | {"met": carry.met, "ended": carry.event}
-    if isinstance(carry, Waiting):
-        return {"state": encoded(carry.state), "waiting": carry.t}
-    if isinstance(carry, Ended):
-        error = None if carry.error is None else str(carry.error)
-        there = [carry.t, carry.steps, error, carry.tau, carry.z]
-        return {"state": encoded(carry.state), "there": there}
-    if isinstance(carry, AdaptiveCarry):
-        arrays |= {f"{name}.numbers": carry.numbers, f"{name}.clock": carry.clock}
-        told = {"t": carry.t, "state": encoded(carry.state), "ended": carry.event}
-        return told | {"met": carry.met}
-    fictive, met = isinstance(carry, FictiveCarry), carry.met
+    fictive = isinstance(carry, FictiveCarry)
     inner = carry.inner if fictive else carry
-    taken = inner.step if inner.taken is None else inner.taken
-    steps = np.broadcast_to(np.asarray(taken, float), inner.numbers.shape[1:])[
-        None
-    ]  # behind the numbers
-    arrays |= {
-        f"{name}.numbers": np.concatenate([inner.numbers, steps]),
-        f"{name}.last": inner.last,
+    arrays |= {f"carry.{name}": getattr(inner, name) for name in ("numbers", "clock", "last")}
+    if fictive and carry.here is not None:
+        arrays["carry.here"] = carry.here
+    errors = {str(i): None if error is None else str(error) for i, error in inner.ended.items()}
+    return {
+        "t0": inner.t0.tolist() if isinstance(inner.t0, np.ndarray) else inner.t0,
+        "state": encoded(tuple(inner.state.parts.values()) if fictive else inner.state),
+        "ended": errors,
+        "met": [[i, met] for i, met in carry.met.items()],
+        "cut": [[i, event] for i, event in inner.cut.items()],
     }
-    told = {"t0": inner.t0, "h": encoded(inner.h), "step": inner.step, "met": met}
-    told["state"] = encoded(tuple(inner.state.parts.values()) if fictive else inner.state)
-    told["failures"] = {str(i): str(error) for i, error in inner.failures.items()}
-    if fictive:
-        ahead = None if carry.ahead is None else tuple(carry.ahead.parts.values())
-        told |= {"tau": carry.tau, "ahead": encoded(ahead)}
-    return told
 
 
 def _carry_of(
-    kept: Any, name: str, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder
+    kept: Any, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder
 ) -> Any:
     """The carry of which that was told.  origin : of a run in fictive time."""
     if "sites" in kept:
-        parts = {part: arrays[f"{name}.state.{part}"] for part in kept["sites"]}
+        parts = {part: arrays[f"carry.state.{part}"] for part in kept["sites"]}
         kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
         by_site = "mu" in parts and np.ndim(parts["mu"]) == 2  # else of several species, in a row
-        there = SiteState(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
+        there = kind_of(parts)(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
         met = Met([(event, n) for event, n in kept.get("met", ())])
-        rest = arrays[f"{name}.numbers"], there, met, arrays.get(f"{name}.clock")
+        rest = arrays["carry.numbers"], there, met, arrays.get("carry.clock")
         return SiteCarry(kept["t0"], kept["h"], kept["step"], *rest, kept.get("ended"))
     state: Any = decode(kept["state"])
-    wanted: Any = State if origin is None or "step" not in kept else tuple
+    wanted: Any = State if origin is None else tuple
     if not isinstance(state, wanted):
         raise InvalidInput(f"{decode.where}: {state!r} is no state")
-    if "waiting" in kept:
-        return Waiting(state, kept["waiting"])
-    if "there" in kept:
-        t, steps, text, tau, z = kept["there"]
-        error = None if text is None else IntegrationFailure(text)
-        return Ended(state, t, steps, error, tau, z, origin)
-    met = Met([(event, n) for event, n in kept.get("met", ())])  # older files have none
-    if "t" in kept:
-        own = arrays[f"{name}.numbers"], arrays[f"{name}.clock"]
-        return AdaptiveCarry(*own, state, kept["t"], kept["ended"], met)
-    failures: dict[int, Exception | None] = {
-        int(i): IntegrationFailure(text) for i, text in kept["failures"].items()
+    numbers, clock, last = (arrays[f"carry.{name}"] for name in ("numbers", "clock", "last"))
+    lead = () if bodies is None else (bodies,)
+    for array, height in (numbers, len(numbers)), (clock, CLOCK.width), (last, len(last)):
+        _require_shape(decode.where, array, (height, *lead))
+    t0 = np.array(kept["t0"]) if isinstance(kept["t0"], list) else kept["t0"]
+    ended = {
+        int(i): None if text is None else IntegrationFailure(text)
+        for i, text in kept["ended"].items()
     }
-    numbers, steps = arrays[f"{name}.numbers"][:-1], arrays[f"{name}.numbers"][-1]
-    taken = None if bodies is None or (steps == kept["step"]).all() else steps
-    given = kept["t0"], decode(kept["h"]), kept["step"], bodies, numbers, arrays[f"{name}.last"]
-    carry = Carry(None, *given, failures, met, taken)
+    each = {i: Met([(event, n) for event, n in counts]) for i, counts in kept["met"]}
+    cut = dict(kept["cut"])
+    own = {} if origin is not None else each
+    carry = Carry(None, t0, numbers, clock, last, bodies, ended, own, cut)
     if origin is None:
         vars(carry)["state"] = state
         return carry
-    kind = type(origin.whole.extended(origin.start, 0.0))
-    vars(carry)["state"], ahead = kind(*state), decode(kept["ahead"])
-    return FictiveCarry(origin, carry, None if ahead is None else kind(*ahead), kept["tau"], met)
+    first, here = origin[0] if isinstance(origin, tuple) else origin, arrays.get("carry.here")
+    if here is not None:
+        _require_shape(decode.where, here, (len(last) + 2, *lead))
+    vars(carry)["state"] = type(first.whole.extended(first.start, 0.0))(*state)
+    return FictiveCarry(origin, carry, here, each)
 
 
 def load(
@@ -290,17 +272,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     if ended is not None and not (type(ended) is int and 0 <= ended < len(events)):
         raise InvalidInput(f"{decode.where}: {ended!r} is the number of no event")
     if "carry" in about:
-        carry = _carry_of(about["carry"], "carry", arrays, bodies, origin, decode)
-    elif "carries" in about:
-        own = origin if isinstance(origin, tuple) else (None,) * len(about["carries"])
-        carry = Carries(
-            tuple(
-                [
-                    _carry_of(told, f"carry.{i}", arrays, None, own[i], decode)
-                    for i, told in enumerate(about["carries"])
-                ]
-            )
-        )
+        carry = _carry_of(about["carry"], arrays, bodies, origin, decode)
     reasons = {
         int(body): (steps, IntegrationFailure(text))
         for body, (steps, text) in about["stopped"].items()

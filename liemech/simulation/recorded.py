@@ -27,7 +27,7 @@ from ..formulas.vectors import small
 from ..systems.system import State
 from .dense import evaluated, flat, observe
 from .drift import RECORDED
-from .trajectory import Trajectory, TransformedTrajectory
+from .trajectory import Trajectory
 
 COMPUTED = *RECORDED, "multipliers"
 """Quantities that a run computes from its samples, unless they were kept."""
@@ -178,33 +178,6 @@ class Recorder:
                 f"liemech.mat(...); got {result!r}"
             )
         return result
-
-    def presented(self, run: Any, kind: type, compiled: Any) -> Any:
-        """A run that kept the states, with what is to be kept instead."""
-        own: dict[str, Any] = {"observed": self.observed, "dense": None}
-        try:
-            kept = self.values(run, kind, run.t, run.states, compiled)
-        except (Exception, IntegrationInterrupted) as caught:
-            error: Any = caught
-            n, kept = error.kept
-            own |= {"t": run.t[:n], "states": kept, "carry": None}
-            if isinstance(run, TransformedTrajectory):
-                own |= {"tau": run.tau[:n], "z": None if run.z is None else run.z[:n]}
-            error.trajectory = dataclasses.replace(run, **own)
-            raise
-        return dataclasses.replace(run, states=kept, **own)
-
-    def instead(self, make: Callable[[], Any], kind: type, compiled: Any) -> Any:
-        """The same of a run to be made, which may fail."""
-        try:
-            run = make()
-        except BaseException as caught:
-            error: Any = caught
-            run = getattr(error, "trajectory", None)
-            if isinstance(run, Trajectory) and not run.observed:
-                error.trajectory = self.presented(run, kind, compiled)
-            raise
-        return self.presented(run, kind, compiled)
 
 
 # ------------------------------------------------------------------ what a user asks for

@@ -20,9 +20,6 @@ from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
 from .fictive import Origin
-from .sites_totals import constants as constants_of_sites
-from .sites_totals import energy as energy_of_sites
-from .sites_totals import of_sites
 from .stopped import NONE, Stop
 from .systems import OfBodies, Systems, of_body
 
@@ -189,15 +186,21 @@ class Trajectory:
         """What the system computes from parts of the state, or what was recorded of it."""
         if name in self.observed:
             return self.states[name]
-        if name == "energy" and self.bodies is None and of_sites(self.system, self.states):
-            return energy_of_sites(self.system, self.t, self.states)
+        if name == "energy" and self._is_of_sites:
+            from .sites_totals import energy
+
+            return energy(self.system, self.t, self.states)
         formula = getattr(self._laws, name, None)
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
         needed = [*inspect.signature(formula).parameters]
         self._recorded(name, [part for part in needed if part != "t"])
         known = {
-            "t": self.t if self.bodies is None or self.t.ndim == 2 else self.t[:, None],
+            "t": self.t
+            if self.bodies is None
+            else np.broadcast_to(
+                self.t if self.t.ndim == 2 else self.t[:, None], (len(self.t), self.bodies)
+            ),
             **self.states,
         }
         return formula(*(known[part] for part in needed))
@@ -452,7 +455,11 @@ class Trajectory:
 
     @property
     def _is_of_sites(self) -> bool:
-        return self.bodies is None and of_sites(self.system, self.states) is not None
+        if self.bodies is not None or self.system.site_form is None:
+            return False
+        from .sites_totals import of_sites
+
+        return of_sites(self.system, self.states) is not None
 
     @cached_property
     def _constants(self) -> dict[str, np.ndarray]:
@@ -460,7 +467,9 @@ class Trajectory:
         if self.observed:
             return {name: self.states[name] for name in self.observed if name in RECORDED}
         if self._is_of_sites:
-            return constants_of_sites(self.system, self.t, self.states)
+            from .sites_totals import constants
+
+            return constants(self.system, self.t, self.states)
         return self.system.constants(self.states)
 
     def _attitude(self, what: str) -> np.ndarray:
