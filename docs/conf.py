@@ -21,7 +21,6 @@ extensions = [
         "docstrings",
         "reference",
         "examples",
-        "outputs",
         "breaks",
         "contact_sheet",
     ),

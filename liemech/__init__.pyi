@@ -2,6 +2,7 @@ from . import actions as actions
 from . import charts as charts
 from . import class_functions as class_functions
 from . import errors as errors
+from . import estimation as estimation
 from . import formulas as formulas
 from . import joints as joints
 from . import loops as loops

@@ -34,6 +34,7 @@ LAYERS = (
     "integrators",
     "models",
     "simulation",
+    "estimation",
     "checks",
     "plots",
     "viewer",
@@ -52,7 +53,7 @@ DOORS = {("simulation", "plots"), ("simulation", "viewer")}
 HOMES = {"llvmlite": "compiler", "numba": None, "matplotlib": "plots", "meshcat": "viewer"}
 """The one layer that may know an optional package; None: nobody."""
 
-SOURCED = ("groups", "retractions", "models", "integrators")
+SOURCED = ("groups", "retractions", "models", "integrators", "estimation")
 """The layers made of other people's mathematics: a public docstring says where the formula stands
 in print.
 """

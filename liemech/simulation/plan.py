@@ -256,8 +256,6 @@ class Plan:
         self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any, path: Any, seconds: Any
     ) -> Trajectory | None:
         """A run of a system of many sites, site by site; None if it is to be written out."""
-        from .sites_states import by_site, first_of
-
         sites: Any = self._sites
         if sites.knows(start):
             start, t0 = self._start_of_sites(start), arguments.real(t0, "t0")
@@ -270,6 +268,8 @@ class Plan:
 
     def _start_of_sites(self, start: Any) -> Any:
         """The start of a system of many sites, with the parts that the run needs."""
+        from .sites_states import by_site, first_of
+
         sites: Any = self._sites
         start = by_site(self._one, arguments.known(self._one, start))
         first = first_of(start)

@@ -125,8 +125,11 @@ class Recorder:
         for name, quantity in self.quantities.items():
             if isinstance(quantity, str):
                 formula = getattr(run.system, quantity)
+                rows = t if run.bodies is None or t.ndim == 2 else t[:, None]
+                axes = t.shape if run.bodies is None else (len(t), run.bodies)
+                given = states | {"t": np.broadcast_to(rows, axes)}
                 found[name] = np.asarray(
-                    formula(*(states[part] for part in inspect.signature(formula).parameters))
+                    formula(*(given[part] for part in inspect.signature(formula).parameters))
                 )
             elif len(t):
                 found[name] = self._of_function(

@@ -172,7 +172,8 @@ class Stepper:
             return here.t
         with self._lock:
             whole = self._carry.origin.whole
-            return float(whole.apart({name: x[None] for name, x in here.parts.items()})[0][0])
+            times = whole.apart({name: x[None] for name, x in here.parts.items()})[0][0]
+            return times if np.ndim(times) else float(times)
 
     @property
     def steps(self) -> int:
