@@ -532,13 +532,13 @@ def test_nor_are_those_of_planets_pendulums_and_linkages(name: str) -> None:
     """Chords of a planet's orbit are not its motion."""
     scene = SCENES[name]()
     run = scene.run(("q", "p") if "q" in scene.start.parts else ("mu", "g"), 1, False)
-    every = {part: rows for part, rows in run.states.items()}
+    every = dict(run.states)
     whole = Motion(scene.system, run.t, every, run.bodies)
     assert Scene(whole).shown[0].motion.joined
     few = {part: rows[::60] for part, rows in every.items()}
     assert not Scene(Motion(scene.system, run.t[::60], few, run.bodies)).shown[0].motion.joined
     # of the whole of a long one the first stretch, with all its samples
-    times = {part: np.concatenate([rows] * 40) for part, rows in every.items()}
-    t = scene.h * np.arange(40.0 * len(run.t))
+    times = {part: np.concatenate([rows] * 200) for part, rows in every.items()}
+    t = scene.h * np.arange(200.0 * len(run.t))
     first = Scene(Motion(scene.system, t, times, run.bodies)).shown[0].motion
     assert first.joined and np.array_equal(first.t, t[: len(first.t)]) and "first" in first.note
