@@ -119,6 +119,10 @@ from .retractions import CayleyAdjoint as CayleyAdjoint
 from .retractions import Exponential as Exponential
 from .retractions import Retraction as Retraction
 from .simulation.integrate import integrate as integrate
+from .simulation.measured_orders import measure_order as measure_order
+from .simulation.options import ErrorControl as ErrorControl
+from .simulation.options import FixedSteps as FixedSteps
+from .simulation.options import Save as Save
 from .simulation.plan import Plan as Plan
 from .simulation.trajectory import Trajectory as Trajectory
 from .systems.canonical import CanonicalState as CanonicalState

@@ -80,7 +80,7 @@ def place(system: Any, g: Array) -> Array:
     """
     group = configurations(system)
     if isinstance(group, ProductGroup):
-        return g[:, 9:]
+        return g[:, 9:12]
     return (
         np.column_stack([g[:, :2, 2], np.zeros(len(g))]) if isinstance(group, SE2) else g[:, :3, 3]
     )
@@ -127,8 +127,10 @@ def _hanging(angles: Array) -> Array:
 
 
 def _turning_and_moving(group: ProductGroup) -> bool:
-    kinds = [type(factor) for factor in group.factors]
-    return kinds == [SO3, VectorSpace] and group.factors[1].dim == 3
+    kinds = [type(factor) for factor in group.factors]  # angles of wheels may follow
+    return (
+        kinds in ([SO3, VectorSpace], [SO3, VectorSpace, VectorSpace]) and group.factors[1].dim == 3
+    )
 
 
 def quaternions(R: Array) -> Array:

@@ -8,6 +8,7 @@ Every picture takes `ax=`, plane axes to draw on, and returns the axes; without 
 figure that no window system knows of. Nothing touches Matplotlib's settings.
 """
 
+from ..simulation.measured_orders import order_of
 from .attitude import euler_angles, quaternion
 from .choice import plot
 from .cloud import cloud
@@ -15,7 +16,7 @@ from .components import components
 from .energy_curves import energy_levels, principal_moments, separatrix
 from .figure_one import Panel, figure_one
 from .invariants import drift, invariants
-from .orders import order_of, orders, work_precision
+from .orders import orders, work_precision
 from .path import path
 from .phase import phase_portrait
 from .poincare import poincare_section, section

@@ -15,6 +15,7 @@ from ..models.n_body import NBody
 from ..models.pendulums import Pendulum
 from ..models.poses import flies, place, places, rods
 from ..models.space_bodies import OrbitingBody
+from ..models.spacecraft import Spacecraft
 from ..systems.canonical import CanonicalSystem
 from .cloud import colors
 from .projection import VIEW, view_frame
@@ -93,7 +94,7 @@ def path(
             markeredgewidth=0.5,
             zorder=4,
         )
-    if isinstance(run.system, (Kepler, OrbitingBody)):
+    if isinstance(run.system, (Kepler, OrbitingBody, Spacecraft)):
         ax.plot(
             0.0, 0.0, marker="o", markersize=9.0, color="#C87F00", markeredgecolor="white", zorder=3
         )

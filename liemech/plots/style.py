@@ -216,10 +216,19 @@ def time_unit(system: Any) -> str:
 
 
 def save(figure: Figure, path: str | PathLike[str], dpi: int = 200) -> None:
-    """Write a figure to PNG, SVG or PDF, by the ending of `path`; the same figure gives the same
+    """Write a figure to PNG, SVG, PDF or PGF, by the ending of `path`; the same figure gives the same
     bytes.
+
+    PGF is for `\\input` in LaTeX, with the fonts of the document: it needs no LaTeX to be written,
+    and of the document `\\usepackage{pgf}`.  Texts of labels are escaped, mathematics stays.
     """
     from matplotlib import rc_context
+
+    if Path(path).suffix.lower() == ".pgf":
+        from .pgf import write_pgf
+
+        write_pgf(figure, Path(path))
+        return
 
     undated: dict[str, dict[str, Any]] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     with rc_context({"svg.hashsalt": "liemech"}):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import importlib
 import os
+import platform
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure, InvalidInput, MissingExtra
+from ..errors import FileWarning, IntegrationFailure, InvalidInput, MissingExtra, warn
 from ..formulas.pytree import layout_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
@@ -23,7 +26,7 @@ from .arrival import FictiveMotion
 from .carry import Carry
 from .control import CLOCK
 from .dense import DenseOutput
-from .encoding import Decoder, encoded
+from .encoding import LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
 from .events import Met
 from .fictive import FictiveCarry, Origin
 from .files import read, write
@@ -32,7 +35,11 @@ from .sites_states import kind_of
 from .stopped import Stopped
 from .systems import Methods, OfBodies, Systems, of_body
 
-FORMAT = 3
+FORMAT = 4
+READ = 2, 3, 4
+"""Formats that can be read: 4 has long lists of numbers beside the text; in 2 the run stands in another
+way, so that it cannot be gone on with.
+"""
 KINDS = "Trajectory", "TransformedTrajectory", "TangentTrajectory"
 
 
@@ -46,11 +53,11 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
             f"Trajectory.save: a {kind} has more than "
             "samples; save the arrays you need, numpy.savez"
         )
-    fictive = kind == "TransformedTrajectory"
+    pool, fictive = Pool(), kind == "TransformedTrajectory"
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
-    about: dict[str, Any] = {"format": FORMAT, "h": encoded(run.h)}
+    about: dict[str, Any] = {"format": FORMAT, "written": here(), "h": encoded(run.h, pool)}
     about |= {"steps": run.steps, "bodies": run.bodies}
-    about |= {"method": _of_each(run.method), "system": _of_each(run.system)}
+    about |= {"method": _of_each(run.method, pool), "system": _of_each(run.system, pool)}
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
     about |= {"breaks": list(run.breaks), "ended": run.ended, "parts": list(run.states)}
     about["stopped"] = {
@@ -59,7 +66,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     if fictive:
         arrays |= {"tau": run.tau} if run.z is None else {"tau": run.tau, "z": run.z}
         origins = run.origin if isinstance(run.origin, tuple) else (run.origin,)
-        about["origin"] = [[encoded(o.given), encoded(o.start)] for o in origins]
+        about["origins"] = [encoded_each([getattr(o, x) for o in origins], pool) for x in ORIGIN]
         about["together"] = origins is not run.origin
     if kind == "TangentTrajectory":
         arrays |= {f"tangent.{name}": x for name, x in run.tangent.items()}
@@ -71,7 +78,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
             arrays["dense.begun"] = run.dense.begun
     elif run.dense is not None:
         arrays["dense"] = run.dense.rows
-        about["dense"] = [run.dense.order, encoded(run.dense.example)]
+        about["dense"] = [run.dense.order, encoded(run.dense.example, pool)]
     about["events"] = []
     for i, event in enumerate(run.events):
         met = event if run.bodies is not None else (event,)
@@ -81,16 +88,45 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
         about["events"].append([list(met[0][1].arrays), [len(times) for times, _ in met]])
         about["states"] = encoded(type(met[0][1]))
     if run.carry is not None:
-        about["carry"] = _carried(run.carry, arrays)
-    write(Path(path), arrays, about)
+        about["carry"] = _carried(run.carry, arrays, pool)
+    write(Path(path), arrays | pool.arrays, about)
 
 
-def _of_each(thing: Any) -> Any:
+ORIGIN = "given", "start"
+"""The fields of the origin of a run in fictive time that are kept."""
+
+
+def here() -> dict[str, str]:
+    """What writes a file, and when."""
+    versions = {
+        "liemech": sys.modules[LIBRARY].__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+    }
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    return versions | {"platform": f"{platform.system()} {platform.machine()}", "date": now}
+
+
+def told_apart(written: Any, now: dict[str, str]) -> str:
+    """What of a file's library, Python and machine is another one here; empty if nothing is."""
+    if not isinstance(written, dict):
+        return ""
+    kept = {name: str(written.get(name, "?")) for name in ("liemech", "python", "platform")}
+    minor = {name: x.rpartition(".")[0] if name == "python" else x for name, x in kept.items()}
+    own = {name: x.rpartition(".")[0] if name == "python" else x for name, x in now.items()}
+    return ", ".join(
+        f"{'Python' if name == 'python' else name} {kept[name]} (here {now[name]})"
+        for name in kept
+        if minor[name] != own[name]
+    )
+
+
+def _of_each(thing: Any, pool: Pool) -> Any:
     """A system or a method, or those of each body."""
-    return [encoded(x) for x in thing] if isinstance(thing, OfBodies) else encoded(thing)
+    return encoded_each([*thing], pool) if isinstance(thing, OfBodies) else encoded(thing, pool)
 
 
-def _carried(carry: Any, arrays: dict[str, Any]) -> dict[str, Any]:
+def _carried(carry: Any, arrays: dict[str, Any], pool: Pool) -> dict[str, Any]:
     """What is told of a carry; its arrays go to the others."""
     if isinstance(carry, SiteCarry):
         parts = {f"carry.state.{part}": x for part, x in carry.state.arrays.items()}
@@ -106,7 +142,7 @@ def _carried(carry: Any, arrays: dict[str, Any]) -> dict[str, Any]:
     errors = {str(i): None if error is None else str(error) for i, error in inner.ended.items()}
     return {
         "t0": inner.t0.tolist() if isinstance(inner.t0, np.ndarray) else inner.t0,
-        "state": encoded(tuple(inner.state.parts.values()) if fictive else inner.state),
+        "state": encoded(tuple(inner.state.parts.values()) if fictive else inner.state, pool),
         "ended": errors,
         "met": [[i, met] for i, met in carry.met.items()],
         "cut": [[i, event] for i, event in inner.cut.items()],
@@ -167,11 +203,30 @@ def load(
         importlib.import_module(name)
     try:
         arrays, about = read(path)
-        if about.get("format") != FORMAT:
+        differs = told_apart(about.get("written"), here())
+        if about.get("format") not in READ:
             raise InvalidInput(
-                f"{path}: is of format {about.get('format')!r}; this liemech reads format {FORMAT}"
+                f"{path}: is of format {about.get('format')!r}, and liemech {here()['liemech']} reads "
+                f"formats {READ[0]} to {FORMAT}: load it with the version that wrote it"
+                f"{f': {differs}' if differs else ''}"
             )
-        return _run_of(arrays, about, Decoder(f"{path}", frozenset(named), bool(trusted)))
+        if about["format"] == 2 and about.keys() & {"carry", "carries"}:
+            about = {name: x for name, x in about.items() if name not in ("carry", "carries")}
+            warn(
+                f"{path}: is of format 2, in which a run stands in another way: its samples are here, "
+                "and no plan goes on from them but from run.last, as a start",
+                FileWarning,
+            )
+        pool = {name: arrays.pop(name) for name in [*arrays] if name.startswith(POOL)}
+        decode = Decoder(f"{path}", frozenset(named), bool(trusted), pool)
+        found = _run_of(arrays, about, decode) | {"written": about.get("written")}
+        if differs:
+            warn(
+                f"{path}: was written elsewhere: {differs}; the samples are as they were, what is "
+                "computed of them, or goes on from them, may differ in the last digits",
+                FileWarning,
+            )
+        return found
     except (MissingExtra, OSError):
         raise
     # whatever comes of content that is none
@@ -187,9 +242,9 @@ def load(
 def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> dict[str, Any]:
     """The fields of a Trajectory from what a file holds."""
     made, method = (
-        of_each(tuple([decode.record(x, kind) for x in told]))
-        if isinstance(told, list)
-        else decode.record(told, kind)
+        decode.record(told, kind)
+        if isinstance(told, dict) and "class" in told
+        else of_each(tuple(decode.each(told, kind)))
         for told, kind, of_each in (
             (about["system"], System, Systems),
             (about["method"], Method, Methods),
@@ -206,6 +261,9 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     bodies = about["bodies"]
     if bodies is not None and type(bodies) is not int:
         raise InvalidInput(f"{decode.where}: {bodies!r} is no number of bodies")
+    for several in (made, method):
+        if isinstance(several, OfBodies) and len(several) != bodies:
+            raise InvalidInput(f"{decode.where}: {several!r} are not those of {bodies} bodies")
     for name, x in states.items():
         if len(x) != len(arrays["t"]) or (bodies is not None and x.shape[1:2] != (bodies,)):
             raise InvalidInput(
@@ -216,16 +274,13 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     events = []
     carry: Any = None
     origin: Any = None
-    if "origin" in about:
+    if "origin" in about or "origins" in about:
+        told = about["origins"] if "origins" in about else [*zip(*about["origin"], strict=True)]
+        pairs = zip(
+            decode.each(_listed(told[0]), System), decode.each(_listed(told[1]), State), strict=True
+        )
         origin = tuple(
-            [
-                Origin(
-                    decode.record(given, System),
-                    of_body(method, i),
-                    decode.record(start, State),
-                )
-                for i, (given, start) in enumerate(about["origin"])
-            ]
+            [Origin(given, of_body(method, i), start) for i, (given, start) in enumerate(pairs)]
         )
         if about["together"]:
             origin = origin[0]
@@ -303,6 +358,11 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         "breaks": tuple([float(t) for t in about.get("breaks", ())]),
         "ended": ended,
     }
+
+
+def _listed(told: Any) -> Any:
+    """What is told of many: in a list of its own, or as one thing."""
+    return [*told] if isinstance(told, (list, tuple)) else told
 
 
 def _require_shape(where: str, array: np.ndarray, shape: tuple[int, ...]) -> None:

@@ -67,15 +67,15 @@ class FirstOrderHold:
         """Forget the last command."""
         self._last = None if self.first is None else command_of(self.first, "first")
 
-    def __call__(self, t: float, command: Any) -> Ramp:
-        """The command from the time t on."""
+    def __call__(self, t: float, command: Any) -> Any:
+        """The command from the time t on; of an ensemble, (bodies, dim), a list of them."""
         now = command_of(command, "command")
         last = now if self._last is None else self._last
         slope, begin = (now - last) / self.period, last if self.delayed else now
         self._last = now
-        both = (small(begin), small(slope)) if now.ndim else (float(begin), float(slope))
-        made: Ramp = fill(Ramp, {"value": both[0], "slope": both[1], "t0": float(t)})
-        return made
+        if now.ndim > 1:
+            return [ramp(t, *both) for both in zip(begin, slope, strict=True)]
+        return ramp(t, begin, slope)
 
     def __repr__(self) -> str:
         return f"FirstOrderHold({self.period}{', delayed=True' if self.delayed else ''})"
@@ -134,6 +134,13 @@ class RateLimit:
 
     def __repr__(self) -> str:
         return f"RateLimit({self.rate.tolist()}, {self.period}, {self.first.tolist()})"
+
+
+def ramp(t: float, value: np.ndarray, slope: np.ndarray) -> Ramp:
+    """A ramp from the time t on, whose numbers are checked already."""
+    both = (small(value), small(slope)) if value.ndim else (float(value), float(slope))
+    made: Ramp = fill(Ramp, {"value": both[0], "slope": both[1], "t0": float(t)})
+    return made
 
 
 def command_of(value: Any, name: str) -> np.ndarray:

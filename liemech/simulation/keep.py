@@ -347,8 +347,9 @@ class Quantities:
             kept = self._values(t, self.run.view.arrays(numbers))
         except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
-            n, kept = error.kept
-            self.kept.append((t[:n], kept))
+            if hasattr(error, "kept"):
+                n, kept = error.kept
+                self.kept.append((t[:n], kept))
             raise
         self.kept.append((t, kept))
 
@@ -368,5 +369,5 @@ class Quantities:
             return found | {"states": self._values(found["t"], found["states"])}
         except (Exception, IntegrationInterrupted) as caught:
             error: Any = caught
-            self.until = error.kept[0]
+            self.until = error.kept[0] if hasattr(error, "kept") else 0
             raise

@@ -138,7 +138,8 @@ class Input:
     def columns(self, value: Any, bodies: int) -> np.ndarray:
         """The numbers of a value for all bodies, or of one for each, (width, bodies) or (width, 1)."""
         if self.shape is None:
-            return np.array(self.numbers(value))[:, None]
+            each = value if type(value) is list and len(value) == bodies else [value]
+            return np.array([self.numbers(one) for one in each]).T
         array = np.asarray(value)
         if array.shape != (bodies, *self.shape):
             if array.ndim > len(self.shape):

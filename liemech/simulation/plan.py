@@ -38,7 +38,16 @@ from .execution import like
 from .fictive import FictiveCarry
 from .fictive_run import FictiveRun, StraightFictiveRun
 from .going_on import carry_of
-from .options import EQUAL, FICTIVE, TOLERANCE, Options
+from .options import (
+    EQUAL,
+    FICTIVE,
+    TOLERANCE,
+    ErrorControl,
+    FixedSteps,
+    Options,
+    Save,
+    words_of,
+)
 from .prepared import Steps
 from .recorded import recorder_of
 from .short import advanced, short, short_steps, short_steps_of_many
@@ -73,6 +82,9 @@ class Plan:
     across one.  Those of tables in the fields of the system are known.
     record, events, compiled, progress, workers : as for `integrate`.
 
+    control, save : FixedSteps(h), ErrorControl(rtol, atol) and Save(every=..., record=...) say the same
+    by values.
+
     A plan does not change; `replace` makes another one.  What formulas read from outside counts as
     it is when a run begins.
     """
@@ -84,6 +96,8 @@ class Plan:
         method: Method | Sequence[Method],
         h: Any = None,
         *,
+        control: FixedSteps | ErrorControl | None = None,
+        save: Save | None = None,
         rtol: float | None = None,
         atol: float | None = None,
         max_step: float | None = None,
@@ -105,7 +119,12 @@ class Plan:
         options = self.options = Options(
             h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision,
             compiled, progress, workers,
-        ).checked()  # fmt: skip
+        ).with_values(control, save).checked()  # fmt: skip
+        h = options.h
+        if save is not None and save.at is not None:
+            raise InvalidInput(
+                f"Plan: the times of {save!r} are those of a run: plan.run(..., t_eval=)"
+            )
         several, kinds = systems_of(system), methods_of(method)
         one: Any = system if several is None else several[0]
         for way in (method,) if kinds is None else kinds:
@@ -125,21 +144,22 @@ class Plan:
         self._laid_out: dict[Any, tuple[Layout, int]] = {}
         first = self._first_of
         self.fictive = bool(first("method").fictive or one.fictive)  # steps equal in fictive time
-        control = FICTIVE if self.fictive else TOLERANCE if options.asks_for_tolerance else EQUAL
-        options.require(control, first("method"))
+        kind = FICTIVE if self.fictive else TOLERANCE if options.asks_for_tolerance else EQUAL
+        options.require(kind, first("method"))
         self._steps: Any
-        if control == TOLERANCE:
+        if kind == TOLERANCE:
             h = None if h is None else arguments.step(first("h"))
             tolerances = (
                 arguments.tolerance(first("rtol"), "rtol", arguments.RTOL),
                 arguments.tolerance(first("atol"), "atol", arguments.ATOL),
                 arguments.longest(first("max_step")),
             )
-            own: Any = h, *tolerances, options.breaks, dense, compiled, progress
+            own: Any = h, *tolerances, options.breaks, options.dense, compiled, progress
             self._steps = AdaptiveSteps(one, first("method"), *own)
         else:
             h = arguments.steps(h)
-            own = h, options.every, compensated, precision, compiled, progress, options.workers
+            digits = options.compensated, options.precision
+            own = h, options.every, *digits, compiled, progress, options.workers
             self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
         self._sites = self._of_sites()
@@ -163,6 +183,8 @@ class Plan:
         Native code is shared as far as it depends on numbers only: another inertia costs no
         compilation.
         """
+        values = [changed.pop(name, None) for name in ("control", "save")]
+        changed = words_of(*values) | changed
         unknown = sorted(set(changed) - set(self._given))
         if unknown:
             raise InvalidInput(

@@ -82,14 +82,15 @@ class Recorder:
             return tuple(dict.fromkeys([*start.arrays, *self.parts, *self.chosen]))
         wanted = [name for name, x in system.essential_part(start).parts.items() if x is not None]
         for quantity in self.quantities.values():
-            parts = inspect.signature(getattr(system, str(quantity))).parameters
+            formula = getattr(system, str(quantity))
+            parts = [name for name in inspect.signature(formula).parameters if name != "t"]
             if not set(parts) <= set(start.parts):
                 raise InvalidInput(
                     f"integrate: record={quantity!r} is a formula of {', '.join(parts)}, not of "
                     f"the state, which is {', '.join(start.parts)}; "
                     "record a function of time and state"
                 )
-            wanted += parts
+            wanted += [part for part in parts if part != "t"]
         return tuple(dict.fromkeys([*wanted, *self.parts, *self.chosen]))
 
     # ---------------------------------------------------------------- what is kept
@@ -120,17 +121,15 @@ class Recorder:
         self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any
     ) -> dict[str, np.ndarray]:
         found = {name: states[name] for name in self.parts}
+        each = run.bodies and t.ndim == 1  # of an ensemble, whose bodies share the times
+        known = {"t": np.broadcast_to(t[:, None], (len(t), run.bodies)) if each else t, **states}
         for name in self.chosen:
             found[name] = self.of_chosen(run.system, name, states[name])
         for name, quantity in self.quantities.items():
             if isinstance(quantity, str):
                 formula = getattr(run.system, quantity)
-                rows = t if run.bodies is None or t.ndim == 2 else t[:, None]
-                axes = t.shape if run.bodies is None else (len(t), run.bodies)
-                given = states | {"t": np.broadcast_to(rows, axes)}
-                found[name] = np.asarray(
-                    formula(*(given[part] for part in inspect.signature(formula).parameters))
-                )
+                parts = inspect.signature(formula).parameters
+                found[name] = np.asarray(formula(*(known[part] for part in parts)))
             elif len(t):
                 found[name] = self._of_function(
                     name, quantity, kind, t, states, run.bodies, compiled

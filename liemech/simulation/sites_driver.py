@@ -279,7 +279,8 @@ class Share(Record):
     parts: tuple[str, ...]
 
     def __call__(self, t: float, system: Any, state: Any) -> Any:
-        return getattr(system, self.name)(*[getattr(state, part) for part in self.parts])
+        given = [t if part == "t" else getattr(state, part) for part in self.parts]
+        return getattr(system, self.name)(*given)
 
 
 @record

@@ -190,7 +190,7 @@ def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
     if not isinstance(wanted, str):
         return OfSite(wanted)
     parts = tuple(inspect.signature(getattr(site, wanted)).parameters)
-    missing = [name for name in parts if getattr(example, name, None) is None]
+    missing = [name for name in parts if name != "t" and getattr(example, name, None) is None]
     if missing:
         raise InvalidInput(
             f"integrate: record={wanted!r} needs {', '.join(missing)}; start from a state with it"

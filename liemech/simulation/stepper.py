@@ -308,7 +308,7 @@ class Stepper:
             place = place_of(steps, inner.shape)  # type: ignore[arg-type]
             if place.native(1):
                 self._here = InPlace(place, inner)
-        elif not inner.ended and type(inner.h) is float:
+        elif not (self._fictive or inner.ended) and type(inner.h) is float:
             lanes = inner.shape.lanes_of(steps, STRAIGHT, (), inner.shape.side)  # type: ignore[union-attr]
             if lanes.stepping.native is not None:
                 self._here = BodiesInPlace(steps, lanes, inner, self._plan.options.workers)

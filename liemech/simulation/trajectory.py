@@ -45,7 +45,8 @@ class Trajectory:
     of the terminal one that ended the run.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
     observed : names in `states` that are no parts of the state but functions of it, which `record`
-    asked for.  breaks : times at which fixed steps had to end.
+    asked for.  breaks : times at which fixed steps had to end.  written : of a run from a file the
+    versions of liemech, Python and NumPy, the platform and the date.
     stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took
     and the `error` that ended it.  It stays there, at its own time where t is (n, m).
     """
@@ -66,6 +67,7 @@ class Trajectory:
     observed: tuple[str, ...] = ()
     breaks: tuple[float, ...] = ()
     ended: int | None = None
+    written: Any = None
 
     @classmethod
     def promised(cls, rest: Any, **known: Any) -> Trajectory:
@@ -249,16 +251,24 @@ class Trajectory:
 
     @cached_property
     def rotation(self) -> Rotation:
-        """The attitudes as SciPy rotations, body to space."""
+        """The attitudes as SciPy rotations, body to space; on a product those of its one rotation."""
         from scipy.spatial.transform import Rotation
 
+        from ..groups.product import ProductGroup
         from ..groups.so3 import SO3
         from ..groups.unit_quaternions import UnitQuaternions
 
-        g, group = (
-            self._attitude("rotation"),
-            getattr(self.system, "configurations", self.system.group),
-        )
+        g: Any = self._attitude("rotation")
+        group: Any = getattr(self.system, "configurations", self.system.group)
+        if isinstance(group, ProductGroup):
+            turning = (SO3, UnitQuaternions)
+            found = [k for k, f in enumerate(group.factors) if isinstance(f, turning)]
+            if len(found) != 1:
+                raise InvalidInput(
+                    f"Trajectory.rotation is for one rotation of space, and {group!r} has "
+                    f"{len(found) or 'none'}; take the factors apart, {type(group).__name__}.split(run.g)"
+                )
+            g, group = group.split(g)[found[0]], group.factors[found[0]]
         if isinstance(group, UnitQuaternions):
             return group.rotation(g)
         if group.element_shape != (3, 3) or not np.all(SO3().contains(g)):
@@ -341,6 +351,8 @@ class Trajectory:
         modules : names of modules to import for classes of your own, unless they are imported
         already.  trusted : import whatever modules the file names, which runs their code; only for
         files whose origin you know.
+        Warns (FileWarning) where another version of liemech or Python, or another machine, has
+        written it; `written` of the run has all that is told.
         Raises InvalidInput if the file is damaged or was not written by `save`, or if a class is
         not there.  Without `trusted` a file chooses among the records of the library and of your
         program; it names nothing that is called, and nothing of it is imported or evaluated.

@@ -94,6 +94,8 @@ class TurnsOfColours(Turns):
     form : `FieldAtSite`.
     """
 
+    __repr__ = Turns.__repr__
+
     def make(
         self,
         k: int,
@@ -134,6 +136,8 @@ class TurnsOfBonds(Turns):
 
     form : the terms, `BondsOfSite` and then energies of single sites.
     """
+
+    __repr__ = Turns.__repr__
 
     def make(
         self,

@@ -255,7 +255,8 @@ class MechanicalSystem(System):
         """A start for `integrate`: body momentum mu, or body velocity xi, and configuration g.
 
         mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for
-        each body; SciPy's Rotation and RigidTransform will do.
+        each body; SciPy's Rotation and RigidTransform will do, on a product a tuple of the factors'
+        elements, (rotation, x).
         Raises InvalidInput for a missing g, wrong shapes, entries that are not finite, and a g that
         is not on the group.
         """

@@ -16,6 +16,7 @@ from ..models.kirchhoff import KirchhoffBody
 from ..models.poses import attitude, configurations, flies, is_pose, place, toward
 from ..models.rolling import Blade, Rolling
 from ..models.space_bodies import OrbitingBody
+from ..models.spacecraft import Spacecraft
 from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing
@@ -44,7 +45,8 @@ class Body(Content):
     whose content fits a ball of radius 1.  triad : the axes of the body, one to three in red, green
     and plum.  A top is a disc on a stick through its centre of mass, a body in a fluid an
     ellipsoid; what rolls is a ball on its plane and what glides a sleigh on its blade, both to
-    scale.  Other bodies that fly are drawn larger than to scale.
+    scale.  Other bodies that fly are drawn larger than to scale.  Reaction wheels are discs on the
+    faces, or corners, that their axes point at; a mark shows the spin.
     """
 
     panel: ClassVar[str] = "space"
@@ -102,7 +104,10 @@ class Body(Content):
         elif isinstance(system, KirchhoffBody):
             _octants(drawing, 0.5 * box_of_inertia(inertia_of(system)), color)
         else:
-            _box(drawing, "body", box_of_inertia(inertia_of(system)), color)
+            edges = box_of_inertia(inertia_of(system))
+            _box(drawing, "body", edges, color)
+            if isinstance(system, Spacecraft) and system.wheels is not None:
+                _wheels(drawing, np.array(system.wheels.axes), motion["g"][:, 12:], edges, color)
         if self.triad:
             for k, axis in enumerate(AXES):
                 drawing.add(
@@ -138,7 +143,7 @@ class Path(Content):
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """The trail."""
         drawing.trail("path", drawing.panel.inside(place(motion.system, motion["g"])))
-        if isinstance(motion.system, OrbitingBody):
+        if isinstance(motion.system, (OrbitingBody, Spacecraft)):
             drawing.once(
                 "centre", ball(0.05, "#C87F00"), position=drawing.panel.inside(np.zeros(3))
             )
@@ -150,7 +155,7 @@ class Path(Content):
 def _room(motion: Motion) -> Array:
     """The path of a body, and what it orbits."""
     path = place(motion.system, motion["g"])
-    orbits = isinstance(motion.system, OrbitingBody)
+    orbits = isinstance(motion.system, (OrbitingBody, Spacecraft))
     return np.concatenate([path, np.zeros((1, 3))]) if orbits else path
 
 
@@ -174,6 +179,32 @@ def _octants(drawing: Drawing, half: Array, color: str) -> None:
     """A ball or an ellipsoid with these half axes, in two colours, which show how it turns."""
     shape = often(ball(1.0, "#ffffff"), 1, [half], sides=shares((color, drawing.color)))
     drawing.add("body/ellipsoid", shape, cloud=np.zeros((1, 3)))
+
+
+def _wheels(drawing: Drawing, axes: Array, angles: Array, edges: Array, color: str) -> None:
+    """A disc on the box for each wheel, with a mark that shows its angle.
+
+    axes : (n, 3), unit vectors.  angles : (frames, n), in rad.  edges : of the box, (3,).
+    """
+    radius, thick = 0.3 * float(edges.min()), 0.1 * float(edges.min())
+    profile = [(0.0, 0.0), (radius, 0.0), (radius, thick), (0.0, thick)]
+    for k, a in enumerate(axes):
+        x, y, z, w = toward(a)
+        s, c = np.sin(0.5 * angles[:, k]), np.cos(0.5 * angles[:, k])
+        # toward(a), and before it the turn about the third axis
+        q = np.stack([c * x + s * y, c * y - s * x, c * z + s * w, c * w - s * z], axis=-1)
+        face = 0.5 * (edges / np.maximum(np.abs(a), 1e-12)).min()
+        path = f"body/wheel {k + 1}"
+        drawing.add(
+            path,
+            turned(profile, mixed(color, "#000000", 0.25), 32),
+            position=face * a,
+            quaternion=q,
+        )
+        mark = box(
+            np.array([0.25 * radius, 0.9 * radius, 0.3 * thick]), mixed(color, "#000000", 0.75)
+        )
+        drawing.add(f"{path}/mark", mark, position=[0.0, 0.5 * radius, 1.05 * thick])
 
 
 def _box(drawing: Drawing, path: str, edges: Array, color: str) -> None:

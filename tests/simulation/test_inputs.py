@@ -261,6 +261,12 @@ def test_tables_and_ramps_are_inputs(compiled: bool) -> None:
     other.step(3)
     same(loop, other)
     loop.step(1, **{"torque.slope": [0.0, 0.0, 1.0]})  # a part of it
+    both = plan.system.state(mu=[START.mu] * 2, g=[START.g] * 2)
+    many, hold = plan.stepper(both), lm.loops.FirstOrderHold(0.1, first=np.zeros((2, 3)))
+    many.step(2, torque=hold(many.t, COMMANDS[:2]))  # a ramp for each body
+    one = plan.stepper(START)
+    one.step(2, torque=lm.loops.Ramp(COMMANDS[1], COMMANDS[1] / 0.1))
+    assert np.array_equal(many.mu[1], one.mu)
 
 
 def test_reset_and_at() -> None:

@@ -194,6 +194,10 @@ def test_ensembles_know_the_time() -> None:
     for systems in (system(), [system()] * 3):
         runs = lm.integrate(systems, lm.RKMK(order=4), starts, **given)
         assert np.array_equal(runs.energy[:, 2], alone.energy)
+        kept = lm.integrate(systems, lm.RKMK(order=4), starts, record=("energy", "power"), **given)
+        assert np.array_equal(kept.energy, runs.energy)
+        power = system().power(alone.mu, alone.g, alone.t)
+        assert np.array_equal(kept.states["power"][:, 1], power)
 
 
 def test_checks_and_refusals() -> None:
