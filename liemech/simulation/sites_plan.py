@@ -20,10 +20,11 @@ from ..errors import (
     warn,
 )
 from ..formulas.pytree import layout_of
+from ..groups.species import SpeciesGroup
 from ..integrators.ending_at_jumps import AT_ENDS
 from ..integrators.rattle_of_links import Links
 from ..integrators.sublattices import TermSplitting
-from ..systems.site_state import StateOfSites
+from ..systems.site_state import SiteValues, StateOfSites
 from ..systems.system import State
 from .events import name_of
 from .links_run import LinksRun, linked_method
@@ -198,18 +199,26 @@ class SitesOfPlan:
         """
         if isinstance(self.site, Links):
             return None
+        if start.bodies is not None:
+            from .tangent import of_bodies
+
+            asked = steps, t_end, t0, names, given
+            runs = [self.tangent(self._member(start, i), *asked) for i in range(start.bodies)]
+            return None if None in runs else of_bodies(self.plan.method, runs)
         wanted = [f"derivative by {name}" for name in names if name != "start"]
         if self.plan.adaptive:
             wanted.append("derivative of adaptive steps")
-        if start.bodies is not None:
-            wanted.append("derivative of members")
+        one = self.plan._one
+        group = getattr(one, "configurations", one.group)
+        if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
+            wanted.append(f"tangent map of {type(one).__name__} on {group!r}")
         why = wanted[0] if wanted else self.missing(None, None, False)
         if why is None:
             from .sites_tangent import tangent_by_sites
 
             count = self.plan._count(steps, t_end, t0)
             return tangent_by_sites(self, start, count, t0, given)
-        if start.width // (start.bodies or 1) <= LARGE and self.as_one_body:
+        if start.width <= LARGE and self.as_one_body:
             return None
         raise self._too_many(why, start)
 
@@ -236,6 +245,11 @@ class SitesOfPlan:
         by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), TermSplitting)
         return TurnsRun if by_colour else SiteRun
 
+    @staticmethod
+    def _member(start: Any, i: int) -> Any:
+        """One member of an ensemble."""
+        return type(start)(*(None if x is None else x[i] for x in start.parts.values()))
+
     def _members(
         self, start: Any, steps: Any, t_end: Any, t0: float, t_eval: Any
     ) -> Trajectory | None:
@@ -245,8 +259,8 @@ class SitesOfPlan:
         runs: list[Any] = []
         stopped: dict[int, Any] = {}
         for i in range(start.bodies):
-            one = type(start)(*(None if x is None else x[i] for x in start.parts.values()))
             try:
+                one = self._member(start, i)
                 runs.append(self.trajectory(one, steps, t_end, t0, None, t_eval))
             except IntegrationFailure as error:
                 stopped[i] = error
