@@ -22,10 +22,12 @@ from ..errors import (
 from ..formulas.pytree import layout_of
 from ..groups.species import SpeciesGroup
 from ..integrators.ending_at_jumps import AT_ENDS
+from ..integrators.rattle_of_links import Links
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import SiteValues, StateOfSites
 from ..systems.system import State
 from .events import name_of
+from .links_run import LinksRun, linked_method
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
 from .sites_states import by_site
@@ -66,7 +68,9 @@ class SitesOfPlan:
     def of(cls, plan: Any) -> SitesOfPlan | None:
         """None if the system has no site form."""
         site = plan._one.site_form
-        return None if site is None else cls(plan, with_lists(plan._one, site))
+        if site is None or (isinstance(site, Links) and linked_method(plan) is None):
+            return None
+        return cls(plan, with_lists(plan._one, site))
 
     def prepared(
         self, first: State, starts: Planes, curves: bool, level: float | None = None
@@ -144,6 +148,8 @@ class SitesOfPlan:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         if steps.breaks:
             return "breaks of fixed steps (adaptive ones end there)"
+        if isinstance(self.site, Links) and t_eval is not None:
+            return "t_eval"
         method = steps.way_of(0)
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
@@ -162,6 +168,8 @@ class SitesOfPlan:
             return True
         if not self.knows(start):
             return False
+        if isinstance(self.site, Links):
+            return True
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
         few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
         return numbers > few or self.of_sites is not None or not self.as_one_body
@@ -192,7 +200,8 @@ class SitesOfPlan:
             raise IncompatibleSystem(
                 f"integrate: {self.of_sites} is of one site or of totals, and a run by sites has no {why}"
             )
-        if numbers <= LARGE and self.as_one_body and not isinstance(start, SiteCarry):
+        few = numbers <= LARGE or isinstance(self.site, Links)
+        if few and self.as_one_body and not isinstance(start, SiteCarry):
             return None
         raise self._too_many(why, state)
 
@@ -200,6 +209,8 @@ class SitesOfPlan:
         """The run with its tangent map; None if the system is to be written out instead.  Raises
         IncompatibleSystem for one that is too large for that.
         """
+        if isinstance(self.site, Links):
+            return None
         if start.bodies is not None:
             from .tangent import of_bodies
 
@@ -241,6 +252,8 @@ class SitesOfPlan:
         from .turns_of_sites import TurnsRun
 
         plan = self.plan
+        if isinstance(self.site, Links):
+            return LinksRun
         by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), TermSplitting)
         return TurnsRun if by_colour else SiteRun
 
