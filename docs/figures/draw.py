@@ -61,7 +61,7 @@ SECTIONS = {
         "energy_exchange",
         "magnons",
     ),
-    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm"),
+    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm", "net"),
     "Poisson systems, and steps that follow the motion": (
         "lotka_volterra",
         "banana_orbit",
