@@ -34,11 +34,11 @@ import liemech as lm
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 COLOURS = {
     "liemech": "#0072b2",
-    "liemech, symplectic": "#56b4e9",
+    "liemech, symplectic": "#5a3fe0",
     "heyoka": "#d55e00",
     "SciPy": "#009e73",
-    "Exudyn": "#cc79a7",
-    "Lielab": "#e69f00",
+    "Exudyn": "#7b1e5b",
+    "Lielab": "#5c4a12",
 }
 
 
