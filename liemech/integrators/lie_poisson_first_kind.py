@@ -54,6 +54,7 @@ class FirstKindHamiltonJacobi(Implicit):
     """
 
     symplectic: ClassVar[bool] = True
+    of_momenta: ClassVar[bool] = True
     analytic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("hamiltonian",)
 

@@ -25,6 +25,7 @@ from ..formulas.sites import one_site
 from ..systems.system import State
 from ..systems.terms_at_site import at_this_site
 from .control import Equal, Tolerance
+from .links_run import linked_method
 from .sites_driver import (
     BESIDE,
     PLACE,
@@ -57,6 +58,7 @@ class Prepared:
     turning: Any = None
     control: Any
     way: Any
+    method: Any
 
     def __init__(
         self, plan: Any, site: Any, first: State, starts: Planes, curves: bool, level: float | None
@@ -69,7 +71,7 @@ class Prepared:
             self.method = self.way = Embedded(steps.method, curves)
             self.h = 0.0
         else:
-            self.method, self.h = steps.way_of(0), steps.h
+            self.method, self.h = linked_method(plan) or steps.way_of(0), steps.h
             self.way = Whole(self.method)
             self.started = layout_of(steps.remembering_of(site, first))
         self.beginner = self.method, site, self.given, self.started
