@@ -21,6 +21,9 @@ from . import batch, kernel
 
 _DOUBLE = np.dtype(float)
 
+PATIENCE = 0.05
+"""Seconds to wait for another thread, before plain Python is asked."""
+
 
 def prepare(row: OneRow, args: tuple[Any, ...], result: Any) -> None:
     """Look for native code: in this process, on disk from `DISK` seconds of plain Python on, and made
@@ -101,7 +104,8 @@ class Native:
                     return None
             elif kind is not float or shape:
                 return None
-        if not self.lock.acquire(blocking=False):
+        # another thread is there for microseconds; this one, interrupted within, would wait for itself
+        if not (self.lock.acquire(blocking=False) or self.lock.acquire(timeout=PATIENCE)):
             return None
         try:
             if not self.run.reads.unchanged(self.arguments):
