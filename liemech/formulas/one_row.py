@@ -56,7 +56,7 @@ class OneRow:
         self.elements = [i for i, kind in enumerate(kinds) if kind == "Element"]
         self.batch = (signature, owner)
         self.native: Callable[[Any, tuple[Any, ...]], Any] | None = None
-        self.spent, self.next = 0.0, SOON
+        self.spent, self.next = 0.0, 0.0 if (self.formula, type(owner)) in MADE else SOON
 
     def rows(self, args: tuple[Any, ...]) -> Batch:
         """The arguments as a batch of one row."""
@@ -71,6 +71,9 @@ class OneRow:
 
 SOON = 0.005
 """Seconds of plain Python after which native code is asked for."""
+
+MADE: set[Any] = set()
+"""Formulas of classes that have native code in this process: other owners ask for it at once."""
 
 prepare: Callable[[OneRow, tuple[Any, ...], Any], None] | None = None
 """What looks for native code, given a row, its arguments and the result: it sets `native`, or `next`, when to
