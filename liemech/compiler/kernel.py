@@ -441,6 +441,7 @@ def _translation(
         from .dependencies import Reads
         from .instructions import Builder, Names, drop_unused
         from .ir_numbers import F64, I64, Emitter
+        from .large_arrays import LargeArrays
         from .sites import SiteLoops
         from .translation import Interpreter
 
@@ -462,6 +463,11 @@ def _translation(
     head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
     of_sites = "planes" in kinds  # one system, whose sites have the lanes
     emitter = Emitter(builder, 1 if of_sites else lanes, width())
+    in_memory = any(isinstance(k, Layout) and k.in_memory for k in map(_layout, kinds))
+    if in_memory:
+        if lanes > 1:
+            raise NotCompilable("what lies in memory runs one body after the other")
+        emitter.large = LargeArrays(emitter)
     args = arguments(emitter, kinds, function)
     start = builder.block
     begin, end = function.args[4:] if not of_sites else map(I64, (0, 1))
@@ -503,6 +509,8 @@ def _translation(
     index.add_incoming(builder.add(index, I64(emitter.lanes)), builder.block)
     builder.branch(head)
     builder.position_at_end(done)
+    if in_memory:
+        emitter.large.finish()
     builder.ret_void()
     size = drop_unused(module, function)
     entrance(module, function, kinds, sites.rows + sites.lasting)

@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import InvalidType
 from .complex_numbers import Complex
 from .functions import sqrt
-from .numbers import Operand, StandIn, of_an_int
+from .numbers import InMemory, Operand, StandIn, of_an_int
 
 MANY = 1024
 """An array of more numbers is none of a formula, but samples."""
@@ -565,6 +565,10 @@ def dot(a: Any, b: Any) -> Any:
     """Scalar product a . b.  a, b : (n,).  Raises InvalidType if the lengths differ, or for a
     matrix.
     """
+    if isinstance(a, InMemory):
+        return a.inner_with(b)
+    if isinstance(b, InMemory):
+        return b.inner_with(a)
     if len(a) != len(b):
         raise InvalidType(f"dot: the vectors have {len(a)} and {len(b)} components")
     total: Any = None

@@ -12,6 +12,7 @@ from ..errors import InvalidType
 from ..formulas import Complex, Mat, Vec, mat, record, solve, solve3, vec
 from ..formulas.double_double import is_long
 from ..formulas.elimination import INFINITE, inverse, solve_matrix
+from ..formulas.large import Large
 from ..formulas.sums import (
     antisymmetric_map,
     bilinear,
@@ -29,6 +30,7 @@ from .matrix_functions import (
     LOST,
     digits,
     expm1,
+    frobenius2,
     phi1m,
     plus,
 )
@@ -75,43 +77,61 @@ class MatrixLieAlgebra(LieAlgebra):
         return tuple(tuple(map(tuple, c)) for c in self.generated.structure_constants.tolist())
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
-        """The commutator, over the structure constants that are not zero."""
-        if not self.generated.tabled:
+        """The commutator, over the structure constants that are not zero; of large matrices by
+        their products.
+        """
+        if self.is_large:
             x, y = self.hat(xi), self.hat(eta)
             return self.vee(x @ y - y @ x)
         return antisymmetric_map(self.generated.bracket_terms, xi, eta)
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """The transpose of the bracket, over the structure constants that are not zero."""
-        if not self.generated.tabled:
+        """The transpose of the bracket, over the structure constants that are not zero; of large
+        matrices by their products.
+        """
+        if self.is_large:
             x, m = adjoint(self.hat(xi)), self.covector(mu)
             return self.pairing(x @ m - m @ x)
         return bilinear_map(self.generated.ad_star_terms, xi, mu)
 
     def hat(self, xi: Vec) -> Mat:
         """sum_i xi_i E_i."""
+        if self.is_large:
+            return self.generated.hat_map(xi)
         return self._assembled(self.generated.hat_terms, xi)
 
     def vee(self, matrix: Mat) -> Vec:
         """Coordinates by least squares: of a matrix outside the algebra, those of its orthogonal
         projection.
         """
+        if self.is_large:
+            return self.generated.vee_map(matrix)
         return vec(*[entries(terms, matrix) for terms in self.generated.vee_terms])
 
     def covector(self, mu: Vec) -> Mat:
         """The matrix M in the algebra that stands for a momentum, <mu, xi> = Re tr(M^H hat(xi)).
         mu : (dim,).
         """
+        if self.is_large:
+            return self.generated.covector_map(mu)
         return self._assembled(self.generated.covector_terms, mu)
 
     def pairing(self, matrix: Mat) -> Vec:
         """The momentum that a matrix stands for, mu_i = Re tr(M^H E_i): the inverse of `covector`.
         matrix : (n, n).
         """
+        if self.is_large:
+            return self.generated.pairing_map(matrix)
         return vec(*[entries(terms, matrix) for terms in self.generated.pairing_terms])
 
     def ad_size2(self, xi: Vec) -> float:
-        """A bound for the square of the Euclidean norm of ad_xi.  xi : (dim,)."""
+        """A bound for the square of the Euclidean norm of ad_xi, of large matrices that of their
+        Frobenius norms: |[x, y]|^2 <= 2 |x|^2 |y|^2.  xi : (dim,).
+
+        Source: Boettcher and Wenzel, Linear Algebra Appl. 429 (2008) 1864.
+        """
+        if self.is_large:
+            return 2.0 * frobenius2(self.hat(xi))
         return bilinear(self.generated.ad_size_terms, xi, xi)
 
     def _assembled(self, places: Any, v: Vec) -> Mat:
@@ -132,6 +152,8 @@ class MatrixLieAlgebra(LieAlgebra):
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """sum_k ad*_xi^k mu/k!, without forming a matrix unless xi is large."""
+        if self.is_large:
+            return self._moved(expm1(self.hat(xi)), None if self.group._form else expm1(self.hat(-xi)), mu)
         if self.ad_size2(xi) <= 4.0:
             return mu + _series(self.ad_star, xi, mu, self.ad_size2(xi), 0.0)
         g, group = self.group.exp(xi), self.group
@@ -233,6 +255,16 @@ class MatrixLieAlgebra(LieAlgebra):
             for j in range(dim)
         ]
         return mat(*[vec(*[_sum(entry) for entry in row]) for row in rows]).T
+
+    def _moved(self, e: Mat, back: Mat | None, mu: Vec) -> Vec:
+        """mu moved by g, from e = g - 1 and g^-1 - 1 (None: e^H), to rounding of what is added.
+
+        g^H M g^-H = M + d + (M + d) (g^-H - 1) with d = (g - 1)^H M.
+        """
+        m, on_the_right = self.covector(mu), e if back is None else back.H
+        added = e.H @ m
+        added = added + (m + added) @ on_the_right
+        return mu + self.pairing(added)
 
     def _conjugated(self, g: Mat, back: Mat, xi: Vec) -> Vec:
         return self.vee(g @ self.hat(xi) @ back)
@@ -339,6 +371,8 @@ class MatrixLieAlgebra(LieAlgebra):
 
 def adjoint(m: Mat) -> Mat:
     """The conjugate transpose."""
+    if isinstance(m, Large):
+        return m.H
     if isinstance(m[0, 0], Complex):
         return mat(*[vec(*[x.conjugate() for x in row]) for row in m.T])
     return m.T

@@ -11,6 +11,7 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, check_finite, dot, real_array, record, vectors
 from ..formulas.fields import OfEach
+from ..formulas.large import Large
 from ..formulas.of_each import Each, each
 from ..formulas.pytree import fill, laid_out
 from ..formulas.vectors import small
@@ -163,7 +164,8 @@ def times(inertia: Vec | Mat, x: Any) -> Any:
     """The product of an inertia, where a Vec stands for a diagonal matrix, with a vector or another
     such matrix.
     """
-    return inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x
+    by_rows = isinstance(inertia, vectors.Mat) or (isinstance(inertia, Large) and inertia.axes == 2)
+    return inertia @ x if by_rows else inertia * x
 
 
 def trace(inertia: Vec | Mat) -> float:

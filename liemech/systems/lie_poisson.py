@@ -8,11 +8,14 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Element, Vec, record, vec
+from ..formulas import Element, Record, Vec, record, vec
 from ..formulas.arrays import at_a_glance
-from ..formulas.pytree import fill, laid_out
+from ..formulas.large import Large
+from ..formulas.pytree import fields_of, fill, laid_out
+from ..formulas.vectors import Mat
 from ..formulas.remembered import Remembered
 from ..groups.lie_group import LieGroup
+from ..groups.matrix_group import MatrixLieGroup
 from ..groups.power import PowerGroup
 from ..groups.species import SpeciesGroup
 from ..retractions import Retraction
@@ -150,6 +153,8 @@ class LiePoissonSystem(LiePoissonMotion):
     def __post_init__(self) -> None:
         name = type(self).__name__
         energy = hamiltonian_of(name, self.group, self.hamiltonian)
+        if isinstance(self.group, LieGroup) and in_memory(self.group):
+            energy = enlarged(energy)
         if energy is not self.hamiltonian:
             object.__setattr__(self, "hamiltonian", energy)
         given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or _NO_LAGRANGIAN
@@ -197,8 +202,10 @@ class LiePoissonSystem(LiePoissonMotion):
 
     @property
     def is_large(self) -> bool:
-        """Are there more sites than formulas would be written out for?"""
-        return self.group.is_large and isinstance(self.group, (PowerGroup, SpeciesGroup))
+        """Are there more sites than formulas would be written out for, or large matrices?"""
+        return self.group.is_large and isinstance(
+            self.group, (PowerGroup, SpeciesGroup, MatrixLieGroup)
+        )
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
         energy = self.hamiltonian if self.hamiltonian.is_large else None
@@ -246,6 +253,15 @@ class LiePoissonSystem(LiePoissonMotion):
         return self.lagrangian.momentum(
             points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}")
         )
+
+
+def enlarged(energy: Any) -> Any:
+    """The energy of large momenta: vectors and matrices among its fields lie in memory too."""
+    if not isinstance(energy, Record):
+        return energy
+    fields = fields_of(energy)
+    large = {n: Large(x) for n, x in fields.items() if isinstance(x, (Vec, Mat)) and len(x)}
+    return fill(type(energy), vars(energy) | fields | large) if large else energy
 
 
 def in_a_row(system: System, state: State) -> State:
@@ -300,7 +316,8 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
     if isinstance(group, PowerGroup):
         return site_state(name, group, mu, g)
     dim, shape = group._sizes
-    quick = None if isinstance(group, SpeciesGroup) else at_a_glance(mu, dim)
+    large = in_memory(group)
+    quick = None if large or isinstance(group, SpeciesGroup) else at_a_glance(mu, dim)
     if quick is not None and (g is None or (at := element_at_a_glance(group, g)) is not None):
         made = fill(BodyState, {"mu": quick, "g": None if g is None else at})
         return laid_out(made, (dim, None if g is None else shape))
@@ -316,6 +333,15 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
     if len(set(counts)) > 1:
         raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
     bodies = counts[0] if counts else None
-    return BodyState(
-        frozen(momenta, dim, bodies), None if elements is None else frozen(elements, shape, bodies)
+    made = BodyState(
+        frozen(momenta, dim, bodies, large),
+        None if elements is None else frozen(elements, shape, bodies, large),
     )
+    if large:
+        made.lies_in_memory()
+    return made
+
+
+def in_memory(group: LieGroup) -> bool:
+    """Are momenta and elements of the group too large to be written out?"""
+    return group.is_large and isinstance(group, MatrixLieGroup)

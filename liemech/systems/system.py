@@ -13,6 +13,7 @@ from ..formulas.arrays import at_a_glance
 from ..formulas.batches import MEMBERSHIP
 from ..formulas.double_double import DoubleDouble, is_long
 from ..formulas.fields import array_held, frozen_array
+from ..formulas.large import Large
 from ..formulas.pytree import exact, fields_of, names_of
 from ..formulas.remembered import Remembered
 from ..formulas.signatures import bare
@@ -35,6 +36,10 @@ class State(Record):
 
     def _held(self, name: str, value: Any) -> Any:
         return array_held(self, name, value)
+
+    def lies_in_memory(self) -> None:
+        """Note that the members of an ensemble are too large to be written out."""
+        object.__setattr__(self, "large", True)
 
     @property
     def bodies(self) -> int | None:
@@ -62,16 +67,18 @@ def state_of(kind: Any, arrays: Mapping[str, Any]) -> Any:
     return kind(*[arrays.get(name) for name in names_of(kind)])
 
 
-def small_state(kind: Any, arrays: Mapping[str, Any]) -> Any:
-    """The state of one body, as formulas take it."""
-    return state_of(kind, {name: small(np.asarray(x)) for name, x in arrays.items()})
+def small_state(kind: Any, arrays: Mapping[str, Any], large: bool = False) -> Any:
+    """The state of one body, as formulas take it.  large : do its numbers lie in memory?"""
+    taken = Large if large else small
+    return state_of(kind, {name: taken(np.asarray(x)) for name, x in arrays.items()})
 
 
 def member(state: Any, i: int) -> Any:
     """The state of one body, of an ensemble of the i-th."""
     if state.bodies is None:
         return state
-    return small_state(type(state), {name: x[i] for name, x in state.arrays.items()})
+    large = getattr(state, "large", False)
+    return small_state(type(state), {name: x[i] for name, x in state.arrays.items()}, large)
 
 
 def as_precise(omega: Vec, part: Any) -> Vec:
@@ -310,12 +317,14 @@ def _other_rotation(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
     return ""
 
 
-def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None) -> Any:
+def frozen(
+    array: np.ndarray, one: tuple[int, ...], bodies: int | None, large: bool = False
+) -> Any:
     """A field of a state: small for a single body, else an array of its own with a row for each
-    body that nobody can write to.
+    body that nobody can write to.  large : does that of a single body lie in memory?
     """
     if bodies is None:
-        return small(array)
+        return Large(array) if large else small(array)
     return frozen_array(np.broadcast_to(array, (bodies, *one)), "array")
 
 
