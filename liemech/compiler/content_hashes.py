@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from ..formulas.large import Large, LinearMap
+from ..formulas.large import DiagonalSolver, Large, LinearMap
 from ..formulas.numbers import StandIn
 from ..formulas.pytree import PAIRS, Layout
 from ..formulas.records import Record
@@ -99,6 +99,7 @@ _ATTRIBUTES: dict[type, tuple[str, ...]] = {
     Table: ("content",),
     Large: ("content",),
     LinearMap: ("content",),
+    DiagonalSolver: ("content",),
     **dict.fromkeys(PAIRS, ("parts",)),
     types.MethodType: ("__func__", "__self__"),
     property: ("fget",),

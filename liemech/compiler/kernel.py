@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
+from ..formulas.blas import on_one_thread
 from ..formulas.frozen import frozen
 from ..formulas.pytree import Layout, gatherer, layout_of, leaves
 from . import driver, guard_words, interrupts
@@ -153,6 +154,8 @@ class Kernel:
             if key and args and self.reads.follow(known):  # nothing has changed meanwhile
                 cache.store(key, self.reads.manifest(), code)
         self._engine, self.call = llvm.linked(code)
+        if b"liemech_dge" in code or b"liemech_zge" in code:
+            self.call = on_one_thread(self.call)
 
     def __call__(self, *args: Any, bodies: int = 1, begin: int = 0, end: int = 1) -> None:
         """Run on these arguments, for the bodies from begin to end (whole lanes); arrays hold a

@@ -16,7 +16,7 @@ from llvmlite import ir
 
 from ..errors import NotCompilable
 from ..formulas.complex_numbers import Complex
-from ..formulas.large import TOGETHER, Large, LinearMap, size_of
+from ..formulas.large import TOGETHER, DiagonalSolver, Large, LinearMap, size_of
 from ..formulas.pytree import Layout
 from .ir_numbers import F64, I32, I64, Emitter, Num
 from .lookups import constants
@@ -62,7 +62,9 @@ class LargeArrays:
 
     def __init__(self, emitter: Emitter) -> None:
         self.e, self.used, self.widest, self.nested = emitter, 0, 0, 0
-        self.results: list[ir.Value] = []  # where results lie, which are not carried from turn to turn
+        self.results: list[
+            ir.Value
+        ] = []  # where results lie, which are not carried from turn to turn
         b = emitter.builder
         self.size, self.spare = ir.Constant(I64, 0), ir.Constant(I64, 0)
         self.raw = b.call(self._function("malloc", BYTE.as_pointer(), [I64]), [self.size])
@@ -228,7 +230,12 @@ class LargeArrays:
         return found
 
     def _value(
-        self, node: Any, sources: dict[int, ir.Value], i: ir.Value, width: int, known: dict[int, Any]
+        self,
+        node: Any,
+        sources: dict[int, ir.Value],
+        i: ir.Value,
+        width: int,
+        known: dict[int, Any],
     ) -> ir.Value:
         if id(node) not in known:
             b = self.e.builder
@@ -284,13 +291,9 @@ class LargeArrays:
                 i.add_incoming(following, b.block)
                 for phi, s in zip(phis, sums):
                     phi.add_incoming(s, b.block)
-                b.cbranch(
-                    b.icmp_signed("<", following, ir.Constant(I64, whole)), head, done
-                )
+                b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, whole)), head, done)
                 b.position_at_end(done)
-            numbers = [
-                b.extract_element(s, ir.Constant(I32, k)) for s in sums for k in range(WIDE)
-            ]
+            numbers = [b.extract_element(s, ir.Constant(I32, k)) for s in sums for k in range(WIDE)]
             while len(numbers) > 1:
                 half = len(numbers) // 2
                 numbers = [b.fadd(x, y) for x, y in zip(numbers[:half], numbers[half:])]
@@ -333,9 +336,7 @@ class LargeArrays:
         singular = build.icmp_signed("!=", build.load(info, typ=I32), ir.Constant(I32, 0))
         with build.if_then(singular):
             nan, target = self.e.constant(float("nan")).value, self.address(found)
-            self.wide(
-                found.size, lambda i, w: self.store(self.e.spread(nan, w), target, i)
-            )
+            self.wide(found.size, lambda i, w: self.store(self.e.spread(nan, w), target, i))
         return found
 
     def turned(self, a: Large, conjugate: bool) -> Large:
@@ -411,6 +412,72 @@ class LargeArrays:
                 self.store(total, target, self._integer(at, i))
         return found
 
+    def along_diagonals(self, known: DiagonalSolver, x: Large) -> Large:
+        """The solution of tridiagonal equations along the diagonals, row by row."""
+        b, found, n = self.e.builder, self.new(x.form), len(x)
+        target = self.address(found)
+        self.move(self.address(x), target, x.size)
+        down, up, inverse = (self._global(known.symbol(k), F64) for k in range(3))
+        row, inner = ir.Constant(I64, 2 * n), 2 * (n - 1)
+
+        def at(first: ir.Value, i: ir.Value, back: int = 0) -> ir.Value:
+            return b.add(b.add(first, i), ir.Constant(I64, back))
+
+        def eliminate(first: ir.Value, to: int, factor: ir.Value, other: int) -> None:
+            """x_i - factor_i x_i+other for the numbers of a row from `to` on."""
+
+            def body(i: ir.Value, w: int) -> None:
+                own = at(first, i, to)
+                product = b.fmul(
+                    self.load(factor, own, w),
+                    self.load(target, at(own, ir.Constant(I64, 0), other), w),
+                )
+                self.store(b.fsub(self.load(target, own, w), product), target, own)
+
+            self.wide(inner, body)
+
+        def scale(first: ir.Value) -> None:
+            def body(i: ir.Value, w: int) -> None:
+                own = at(first, i)
+                value = b.fmul(self.load(target, own, w), self.load(inverse, own, w))
+                self.store(value, target, own)
+
+            self.wide(2 * n, body)
+
+        with self.turns(n - 1) as j:
+            eliminate(b.mul(b.add(j, ir.Constant(I64, 1)), row), 2, down, -2 * n - 2)
+        scale(ir.Constant(I64, 2 * n * (n - 1)))
+        with self.turns(n - 1) as j:
+            first = b.mul(b.sub(ir.Constant(I64, n - 2), j), row)
+            eliminate(first, 0, up, 2 * n + 2)
+            scale(first)
+        if known.singular:
+            self._without_trace(target, n)
+        return found
+
+    def _without_trace(self, target: ir.Value, n: int) -> None:
+        """Subtract from the main diagonal of a complex matrix its mean."""
+        b = self.e.builder
+        zero = ir.Constant(ir.VectorType(F64, 2), [0.0, 0.0])
+        step, before, head, done = (
+            ir.Constant(I64, 2 * n + 2), b.block, b.append_basic_block(), b.append_basic_block(),
+        )  # fmt: skip
+        b.branch(head)
+        b.position_at_end(head)
+        i, trace = b.phi(I64), b.phi(zero.type)
+        i.add_incoming(ir.Constant(I64, 0), before)
+        trace.add_incoming(zero, before)
+        more = b.fadd(trace, self.load(target, b.mul(i, step), 2))
+        following = b.add(i, ir.Constant(I64, 1))
+        i.add_incoming(following, head)
+        trace.add_incoming(more, head)
+        b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, n)), head, done)
+        b.position_at_end(done)
+        mean = b.fmul(more, ir.Constant(zero.type, [1.0 / n] * 2))
+        with self.turns(n) as k:
+            at = b.mul(k, step)
+            self.store(b.fsub(self.load(target, at, 2), mean), target, at)
+
     def _terms(
         self, places: ir.Value, factors: ir.Value, source: ir.Value, first: ir.Value, terms: int
     ) -> ir.Value:
@@ -435,9 +502,7 @@ class LargeArrays:
         self, places: ir.Value, factors: ir.Value, source: ir.Value, at: ir.Value
     ) -> ir.Value:
         b = self.e.builder
-        return b.fmul(
-            self.load(factors, at, 1), self.load(source, self._integer(places, at), 1)
-        )
+        return b.fmul(self.load(factors, at, 1), self.load(source, self._integer(places, at), 1))
 
     def _integer(self, table: ir.Value, at: ir.Value) -> ir.Value:
         b = self.e.builder
@@ -447,9 +512,12 @@ class LargeArrays:
         """A table of a linear map, which lies in the memory of this process: the places, the
         coefficients, the rows of a group.
         """
-        module, name = self.e.builder.module, known.symbol(group, part)
+        return self._global(known.symbol(group, part), F64 if part == 1 else I64)
+
+    def _global(self, name: str, type_: ir.Type) -> ir.Value:
+        """A table in the memory of this process."""
+        module = self.e.builder.module
         table = module.globals.get(name)
-        type_ = F64 if part == 1 else I64
         if table is None:
             table = ir.GlobalVariable(module, type_, name)
             table.global_constant, table.linkage = True, "external"
@@ -483,9 +551,7 @@ class LargeArrays:
 
     def _call(self, routine: str, *arguments: ir.Value) -> None:
         b, byte = self.e.builder, BYTE.as_pointer()
-        function = self._function(
-            f"liemech_{routine}", ir.VoidType(), [byte] * len(arguments)
-        )
+        function = self._function(f"liemech_{routine}", ir.VoidType(), [byte] * len(arguments))
         b.call(function, [b.bitcast(x, byte) for x in arguments])
 
 

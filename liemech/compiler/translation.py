@@ -148,10 +148,13 @@ class Interpreter(Statements):
             ):
                 return self.inline(function, args, options)
             return function(*args, **options)
-        if isinstance(function, large.LinearMap):
+        if isinstance(function, (large.LinearMap, large.DiagonalSolver)):
             return function(*args)
         if isinstance(function, types.FunctionType) and not _of_numbers(function):
-            if function.__module__ in (sums.__name__, large.__name__):  # Python runs these as they stand
+            if function.__module__ in (
+                sums.__name__,
+                large.__name__,
+            ):  # Python runs these as they stand
                 self.reads.settled(*args)
                 return function(*args, **options)
             return self.inline(function, args, options)

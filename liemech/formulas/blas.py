@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -76,6 +76,16 @@ def one_thread() -> Iterator[None]:
         functions[1](before)
 
 
+def on_one_thread(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function while `one_thread` lasts."""
+
+    def alone(*args: Any) -> Any:
+        with one_thread():
+            return function(*args)
+
+    return alone
+
+
 _ONE, _ZERO = (ctypes.c_double * 2)(1.0, 0.0), (ctypes.c_double * 2)(0.0, 0.0)
 
 
@@ -83,7 +93,10 @@ def product(a: np.ndarray, b: np.ndarray, is_complex: bool) -> np.ndarray:
     """A B.  a : (m, k), b : (k, n), of complex ones with a last axis of 2, in one piece."""
     (m, k), n = a.shape[:2], b.shape[1]
     found = np.empty((m, n, *a.shape[2:]))
-    no, sizes = ctypes.byref(ctypes.c_char(b"N")), [ctypes.byref(ctypes.c_int(x)) for x in (n, m, k)]
+    no, sizes = (
+        ctypes.byref(ctypes.c_char(b"N")),
+        [ctypes.byref(ctypes.c_int(x)) for x in (n, m, k)],
+    )
     with one_thread():
         _routine("zgemm" if is_complex else "dgemm")(
             no, no, *sizes, _ONE, b.ctypes.data, sizes[0], a.ctypes.data, sizes[2], _ZERO,

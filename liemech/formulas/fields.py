@@ -327,6 +327,8 @@ def _of_each(owner: Any, name: str, value: Any, axes: set[int], what: str) -> An
 def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
     if type(value) is Vec and Vec in allowed and _FLOAT.issuperset(map(type, value)):
         return value
+    if isinstance(value, Large):
+        return value
     if isinstance(value, OfEach):
         what = " or ".join({"Vec": "a vector", "Mat": "a matrix"}[k.__name__] for k in allowed)
         return _of_each(owner, name, value, {AXES[k.__name__] for k in allowed}, what)

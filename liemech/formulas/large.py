@@ -157,7 +157,11 @@ class Large(InMemory):
         return self._by_numbers(operator.add, self, other)
 
     def __radd__(self, other: Any) -> Any:
-        return self if type(other) is int and other == 0 else self._by_numbers(operator.add, other, self)
+        return (
+            self
+            if type(other) is int and other == 0
+            else self._by_numbers(operator.add, other, self)
+        )
 
     def __sub__(self, other: Any) -> Any:
         return self._by_numbers(operator.sub, self, other)
@@ -173,6 +177,9 @@ class Large(InMemory):
 
     def __truediv__(self, other: Any) -> Any:
         return self._by_numbers(operator.truediv, self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self._by_numbers(operator.truediv, other, self)
 
     def __neg__(self) -> Large:
         made: Large = self._by_numbers(operator.mul, -1.0, self)
@@ -366,3 +373,67 @@ class LinearMap:
                     sums += coefficients[:, k] * numbers[places[:, k]]
                 found[rows] = sums
         return Large.of(found.reshape(_inside(*self.target)), self.target[1])
+
+
+class DiagonalSolver:
+    """The solution X of equations along every diagonal of a matrix, each tridiagonal:
+
+        l_jk X_j-1,k-1 + d_jk X_jk + u_jk X_j+1,k+1 = B_jk,
+
+    of real coefficients, by elimination without pivots.  Where the main diagonal has no unique
+    solution (its last pivot is rounding) the one whose trace is zero is taken.
+
+    lower, diagonal, upper : (n, n).  Source: Golub and Van Loan, Matrix Computations, 4th ed.,
+    section 4.3.6.
+    """
+
+    __slots__ = ("content", "down", "inverse", "shape", "singular", "up")
+
+    def __init__(self, lower: np.ndarray, diagonal: np.ndarray, upper: np.ndarray) -> None:
+        n = len(diagonal)
+        self.shape = n, n
+        pivots, down = diagonal.copy(), np.zeros((n, n))
+        for j in range(1, n):
+            down[j, 1:] = lower[j, 1:] / pivots[j - 1, :-1]
+            pivots[j, 1:] -= down[j, 1:] * upper[j - 1, :-1]
+        up = upper.copy()
+        up[-1] = up[:, -1] = 0.0
+        self.singular = bool(abs(pivots[-1, -1]) <= 1e-6 * abs(diagonal[-1, -1]))
+        if self.singular:
+            pivots[-1, -1] = np.inf
+        # of real and imaginary part
+        self.down, self.up, self.inverse = (
+            np.repeat(x[..., None], 2, axis=2) for x in (down, up, 1.0 / pivots)
+        )
+        import hashlib
+
+        tables = [self.down, self.up, self.inverse]
+        self.content = hashlib.sha256(b"".join([x.tobytes() for x in tables])).hexdigest()[:24]
+        TABLES[self.content] = tables
+
+    def symbol(self, part: int) -> str:
+        """The name by which native code knows a table: `down`, `up` or `inverse`."""
+        return f"liemech_table_{self.content}_{part}"
+
+    def __call__(self, b: Large) -> Large:
+        """X of a complex matrix B."""
+        if b.form != (self.shape, True):
+            raise InvalidType(f"{b!r} where a complex matrix of shape {self.shape} belongs")
+        if b.numbers is None:
+            made: Large = b._engine.along_diagonals(self, b)
+            return made
+        x, n = b.numbers.copy(), len(b)
+        with np.errstate(all="ignore"):
+            for j in range(1, n):
+                x[j, 1:] -= self.down[j, 1:] * x[j - 1, :-1]
+            x[-1] *= self.inverse[-1]
+            for j in range(n - 2, -1, -1):
+                x[j, :-1] -= self.up[j, :-1] * x[j + 1, 1:]
+                x[j] *= self.inverse[j]
+        if self.singular:
+            d = np.arange(n)
+            trace = np.array([0.0, 0.0])
+            for one in x[d, d]:
+                trace = trace + one
+            x[d, d] -= trace * (1.0 / n)
+        return Large.of(x, True)

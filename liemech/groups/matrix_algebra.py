@@ -153,7 +153,9 @@ class MatrixLieAlgebra(LieAlgebra):
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """sum_k ad*_xi^k mu/k!, without forming a matrix unless xi is large."""
         if self.is_large:
-            return self._moved(expm1(self.hat(xi)), None if self.group._form else expm1(self.hat(-xi)), mu)
+            return self._moved(
+                expm1(self.hat(xi)), None if self.group._form else expm1(self.hat(-xi)), mu
+            )
         if self.ad_size2(xi) <= 4.0:
             return mu + _series(self.ad_star, xi, mu, self.ad_size2(xi), 0.0)
         g, group = self.group.exp(xi), self.group

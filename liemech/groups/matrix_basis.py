@@ -387,7 +387,6 @@ class MatrixBasis:
             return False
         return sum(map(len, self.triple_terms)) <= self.n**3
 
-
     # ---------------------------------------------------------------- of large matrices
 
     @cached_property

@@ -9,7 +9,7 @@ from ..formulas import Record, Vec, record, sqrt, vec
 from ..formulas.pytree import fields_of
 from ..formulas.sites import mean
 from ..retractions import Retraction
-from ..systems.system import State, System
+from ..systems.system import State, System, lies_in_memory
 
 
 @record
@@ -35,6 +35,8 @@ class Method(Record):
     shortens: ClassVar[bool] = False
     # is a step a power series in time, so that it sees an input from where it begins only?
     analytic: ClassVar[bool] = False
+    # does it need every number written out, for derivatives or Jacobians?
+    writes_out: ClassVar[bool] = False
     # does a step add to the state, so that it is worth to remember what rounding takes from the sum?
     adds: ClassVar[bool] = True
 
@@ -115,6 +117,12 @@ class Method(Record):
         if not isinstance(system, System):
             raise IncompatibleSystem(
                 f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}"
+            )
+        if self.writes_out and lies_in_memory(system.group):
+            raise IncompatibleSystem(
+                f"{self!r} needs derivatives by every component, and {system.group!r} has "
+                f"{system.group.dim}, in memory. Isospectral(order=2), RKMK(order=4) and "
+                "CommutatorFree(order=4) go by products of matrices"
             )
         for need in self.needs:
             if getattr(system, need, None) is None:

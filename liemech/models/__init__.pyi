@@ -33,3 +33,4 @@ from .surfaces import ParticleOnEllipsoid as ParticleOnEllipsoid
 from .toda import TodaLattice as TodaLattice
 from .water import SPC as SPC
 from .water import Gravity as Gravity
+from .zeitlin_sphere import ZeitlinSphere as ZeitlinSphere

@@ -23,6 +23,7 @@ from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
 from ..formulas.frozen import frozen
 from ..formulas.records import known, refilled
+from ..formulas.large import Large
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
 from .fingerprints import changed, fingerprint
@@ -53,6 +54,8 @@ def encoded(value: Any) -> Any:
         return {"vec": [encoded(x) for x in value]}
     if isinstance(value, Mat):
         return {"mat": [encoded(row) for row in value.rows]}
+    if isinstance(value, Large):
+        return {"large": encoded(np.array(value))}
     if isinstance(value, Table):
         return {"table": value.array.tolist()}
     if isinstance(value, complex):
@@ -110,6 +113,7 @@ class Decoder:
             "mat": lambda given, _: Mat(*self._rows(given)),
             "complex": self._complex,
             "array": self._array,
+            "large": lambda given, _: Large(self(given)),
             "table": lambda given, _: Table([float(x) for x in self._list(given)]),
             "tuple": lambda given, _: tuple(map(self, self._list(given))),
             "list": lambda given, _: [*map(self, self._list(given))],

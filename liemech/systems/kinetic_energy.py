@@ -43,10 +43,11 @@ class KineticEnergy(Hamiltonian, Lagrangian):
         if not len(self.inertia):
             raise InvalidInput(f"{type(self).__name__}: inertia is empty; got {self.inertia!r}")
         require_invertible(self.inertia)
-        if isinstance(self.inertia, vectors.Vec):
+        if isinstance(self.inertia, vectors.Vec) or np.ndim(self.inertia) == 1:
             inverse: Vec | Mat = 1.0 / self.inertia
         else:
-            inverse = Mat.of(np.linalg.inv(np.array(self.inertia)).tolist())
+            made = np.linalg.inv(np.array(self.inertia))
+            inverse = Large(made) if isinstance(self.inertia, Large) else Mat.of(made.tolist())
         object.__setattr__(self, "inverse", inverse)
 
     def energy(self, mu: Vec) -> float:

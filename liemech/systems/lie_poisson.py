@@ -7,7 +7,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Element, Record, Vec, record, vec
 from ..formulas.arrays import at_a_glance
 from ..formulas.large import Large
@@ -24,7 +24,17 @@ from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
 from .site_state import SiteState, rows_of_species, site_state, velocities_of_sites
 from .sums_of_terms import KineticTerms, hamiltonian_of, released
-from .system import State, System, as_precise, element_at_a_glance, frozen, members_of, points
+from .system import (
+    State,
+    System,
+    as_precise,
+    element_at_a_glance,
+    frozen,
+    large_members,
+    lies_in_memory,
+    members_of,
+    points,
+)
 
 
 @record
@@ -102,6 +112,11 @@ class LiePoissonMotion(System):
 
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
+        if isinstance(state.mu, Large):
+            raise IncompatibleSystem(
+                f"adaptive steps ask for the size of every component; {self.group!r} has "
+                f"{self.group.dim} in memory: take fixed steps, h=..."
+            )
         change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
         return (
             (change, size)
@@ -153,7 +168,7 @@ class LiePoissonSystem(LiePoissonMotion):
     def __post_init__(self) -> None:
         name = type(self).__name__
         energy = hamiltonian_of(name, self.group, self.hamiltonian)
-        if isinstance(self.group, LieGroup) and in_memory(self.group):
+        if isinstance(self.group, LieGroup) and lies_in_memory(self.group):
             energy = enlarged(energy)
         if energy is not self.hamiltonian:
             object.__setattr__(self, "hamiltonian", energy)
@@ -316,7 +331,7 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
     if isinstance(group, PowerGroup):
         return site_state(name, group, mu, g)
     dim, shape = group._sizes
-    large = in_memory(group)
+    large = lies_in_memory(group)
     quick = None if large or isinstance(group, SpeciesGroup) else at_a_glance(mu, dim)
     if quick is not None and (g is None or (at := element_at_a_glance(group, g)) is not None):
         made = fill(BodyState, {"mu": quick, "g": None if g is None else at})
@@ -337,11 +352,4 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
         frozen(momenta, dim, bodies, large),
         None if elements is None else frozen(elements, shape, bodies, large),
     )
-    if large:
-        made.lies_in_memory()
-    return made
-
-
-def in_memory(group: LieGroup) -> bool:
-    """Are momenta and elements of the group too large to be written out?"""
-    return group.is_large and isinstance(group, MatrixLieGroup)
+    return large_members(made, large)

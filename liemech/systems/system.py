@@ -20,6 +20,7 @@ from ..formulas.signatures import bare
 from ..formulas.vectors import Vec as SmallVec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
+from ..groups.matrix_group import MatrixLieGroup
 from ..retractions import Retraction
 from .trial import require_results
 
@@ -36,10 +37,6 @@ class State(Record):
 
     def _held(self, name: str, value: Any) -> Any:
         return array_held(self, name, value)
-
-    def lies_in_memory(self) -> None:
-        """Note that the members of an ensemble are too large to be written out."""
-        object.__setattr__(self, "large", True)
 
     @property
     def bodies(self) -> int | None:
@@ -81,11 +78,18 @@ def member(state: Any, i: int) -> Any:
     return small_state(type(state), {name: x[i] for name, x in state.arrays.items()}, large)
 
 
+def lies_in_memory(group: LieGroup) -> bool:
+    """Are momenta and elements of the group too large to be written out: large matrices?"""
+    return group.is_large and isinstance(group, MatrixLieGroup)
+
+
 def as_precise(omega: Vec, part: Any) -> Vec:
     """A displacement in numbers of two doubles if the part of a state that it moves is made of
     them: a velocity may be given in doubles, but tau(omega) is on the group to all digits of omega.
     part : a vector or a matrix.
     """
+    if isinstance(part, Large):
+        return omega
     first = part[0]
     while isinstance(first, (SmallVec, np.ndarray)):
         first = first[0]
@@ -317,9 +321,14 @@ def _other_rotation(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
     return ""
 
 
-def frozen(
-    array: np.ndarray, one: tuple[int, ...], bodies: int | None, large: bool = False
-) -> Any:
+def large_members(state: Any, large: bool) -> Any:
+    """The state, which remembers whether its members lie in memory."""
+    if large:
+        object.__setattr__(state, "large", True)
+    return state
+
+
+def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None, large: bool = False) -> Any:
     """A field of a state: small for a single body, else an array of its own with a row for each
     body that nobody can write to.  large : does that of a single body lie in memory?
     """
