@@ -35,6 +35,9 @@ class Deferred(Large):
     """Number by number an operator of others, computed when somebody asks where it lies."""
 
     __slots__ = ("_place", "engine", "node")
+    _place: Any
+    engine: LargeArrays
+    node: tuple[Any, ...]
 
     @classmethod
     def made(cls, engine: LargeArrays, node: tuple[Any, ...], form: tuple[Any, ...]) -> Deferred:
@@ -44,7 +47,7 @@ class Deferred(Large):
         return made
 
     @property
-    def place(self) -> Any:  # type: ignore[override]
+    def place(self) -> Any:
         if self._place is None:
             self._place = self.engine.computed(self.node, self.form)
         return self._place
@@ -264,6 +267,16 @@ class LargeArrays:
             lambda i, w: build.fmul(self.load(first, i, w), self.load(second, i, w)),
         )
 
+    def distance2(self, a: Large, b: Large) -> Num:
+        """The sum of squared differences."""
+        first, second, build = self.address(a), self.address(b), self.e.builder
+
+        def square(i: ir.Value, w: int) -> ir.Value:
+            off = build.fsub(self.load(first, i, w), self.load(second, i, w))
+            return build.fmul(off, off)
+
+        return self._sum(a.size, square)
+
     def sum(self, a: Large) -> Num:
         """The sum of all numbers."""
         first = self.address(a)
@@ -351,13 +364,57 @@ class LargeArrays:
             at = b.add(b.mul(i, ir.Constant(I64, columns)), j)
             return b.mul(at, ir.Constant(I64, parts)) if parts > 1 else at
 
-        with self.turns(m, TILE) as i0, self.turns(n, TILE) as j0:
-            with self._until(i0, m) as i, self._until(j0, n) as j:
-                x = self.load(source, place(i, j, n), parts)
-                if conjugate:
-                    x = b.fmul(x, signs)
-                self.store(x, target, place(j, i, m))
+        with (
+            self.turns(m, TILE) as i0,
+            self.turns(n, TILE) as j0,
+            self._until(i0, m) as i,
+            self._until(j0, n) as j,
+        ):
+            x = self.load(source, place(i, j, n), parts)
+            if conjugate:
+                x = b.fmul(x, signs)
+            self.store(x, target, place(j, i, m))
         return found
+
+    def without_adjoint(self, a: Large) -> Large:
+        """A - A^H, an entry and its mirror image at a time, block by block."""
+        b, n, found = self.e.builder, len(a), self.new(a.form)
+        source, target = self.address(a), self.address(found)
+        parts = 2 if a.is_complex else 1
+        signs = ir.Constant(ir.VectorType(F64, 2), [1.0, -1.0])
+
+        def place(i: ir.Value, j: ir.Value) -> ir.Value:
+            at = b.add(b.mul(i, ir.Constant(I64, n)), j)
+            return b.mul(at, ir.Constant(I64, parts)) if parts > 1 else at
+
+        def conjugate(x: ir.Value) -> ir.Value:
+            return b.fmul(x, signs) if a.is_complex else x
+
+        with self.turns(n) as i:
+            own = self.load(source, place(i, i), parts)
+            self.store(b.fsub(own, conjugate(own)), target, place(i, i))
+        with self.turns(n, TILE) as i0, self._until(i0, n) as i:
+            del i0
+            with b.if_then(b.icmp_signed(">", i, ir.Constant(I64, 0))), self._below(i) as j:
+                x, y = (self.load(source, at, parts) for at in (place(i, j), place(j, i)))
+                self.store(b.fsub(x, conjugate(y)), target, place(i, j))
+                self.store(b.fsub(y, conjugate(x)), target, place(j, i))
+        return found
+
+    @contextlib.contextmanager
+    def _below(self, end: ir.Value) -> Iterator[ir.Value]:
+        """A loop over 0, 1, ... below a number, which is not zero."""
+        b = self.e.builder
+        before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
+        b.branch(head)
+        b.position_at_end(head)
+        j = b.phi(I64)
+        j.add_incoming(ir.Constant(I64, 0), before)
+        yield j
+        following = b.add(j, ir.Constant(I64, 1))
+        j.add_incoming(following, b.block)
+        b.cbranch(b.icmp_signed("<", following, end), head, done)
+        b.position_at_end(done)
 
     @contextlib.contextmanager
     def _until(self, begin: ir.Value, count: int) -> Iterator[ir.Value]:

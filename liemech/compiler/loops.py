@@ -18,7 +18,6 @@ from ..formulas.pytree import Layout, build, is_any_number, layout_of, leaves
 from .branches import Branches
 from .driver import is_part_of_driver
 from .ir_numbers import Num, kind_of
-from .large_arrays import spans
 from .joins import (
     ACTIVE,
     BROKEN,
@@ -33,6 +32,7 @@ from .joins import (
     come_from,
     leveled,
 )
+from .large_arrays import spans
 from .scopes import (
     FOUND,
     HAS_FOUND,

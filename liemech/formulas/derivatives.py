@@ -83,8 +83,7 @@ def axes(x: Any) -> list[list[Any]]:
     """The unit vectors of the space of x; an integer 0 says that a component rests."""
     if isinstance(x, InMemory):
         raise InvalidType(
-            f"derivatives by each of the {len(x)} components of a large vector are not derived: write "
-            "the gradient of the energy"
+            f"derivatives by every component of {x!r} are not derived: write the gradient of the energy"
         )
     if not isinstance(x, (Vec, tuple, list, np.ndarray)):
         raise InvalidType(

@@ -85,8 +85,8 @@ def solve_matrix(m: Mat, rhs: Mat) -> Mat:
 
     m : (n, n), rhs : (n, k).  Raises InvalidType if m is not square or rhs has another length.
     """
-    if isinstance(m, Large):
-        return rhs.T.over(m.T).T
+    if isinstance(m, Large):  # type: ignore[unreachable]
+        return rhs.T.over(m.T).T  # type: ignore[unreachable]
     n = _square("solve", m, rhs)
     rows = _of_one_kind([vec(*m[i], *rhs[i]) for i in range(n)])
     for k in range(n):
@@ -144,8 +144,8 @@ def inverse(m: Mat) -> Mat:
 
     m : (n, n).  Raises InvalidType if it is not square.
     """
-    if isinstance(m, Large):
-        return (0.0 * m).plus(1.0).over(m)
+    if isinstance(m, Large):  # type: ignore[unreachable]
+        return (0.0 * m).plus(1.0).over(m)  # type: ignore[unreachable]
     _square("inverse", m, m)
     return solve_matrix(m, unit(m))
 

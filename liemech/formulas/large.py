@@ -133,21 +133,20 @@ class Large(InMemory):
 
     def _by_numbers(self, op: Callable[[Any, Any], Any], a: Any, b: Any) -> Any:
         """An operator, number by number, of two alike, or of one and a real number."""
+        engine = None
         for x in (a, b):
-            if isinstance(x, Large) and x.form != self.form:
-                raise InvalidType(f"{self!r} cannot be combined with {x!r}")
-            if not isinstance(x, (Large, int, float, StandIn)):
-                if not isinstance(x, (Vec, np.ndarray)) or np.shape(x) != self.shape:
-                    return NotImplemented
-        if any(isinstance(x, StandIn) or getattr(x, "place", None) is not None for x in (a, b)):
-            engine = next(
-                x.place.emitter.large if isinstance(x, Large) else x.emitter.large  # type: ignore[attr-defined]
-                for x in (a, b)
-                if isinstance(x, StandIn) or getattr(x, "place", None) is not None
-            )
+            if isinstance(x, Large):
+                if x.form != self.form:
+                    raise InvalidType(f"{self!r} cannot be combined with {x!r}")
+                engine = x._engine if x.numbers is None else engine
+            elif isinstance(x, StandIn):
+                engine = x.emitter.large  # type: ignore[attr-defined]
+            elif not isinstance(x, (int, float)) and np.shape(x) != self.shape:
+                return NotImplemented
+        if engine is not None:
             return engine.by_numbers(op, a, b)
         left, right = (
-            x.numbers if isinstance(x, Large) else x if isinstance(x, (int, float)) else Large(x).numbers
+            x if isinstance(x, (int, float)) else x.numbers if isinstance(x, Large) else Large(x).numbers
             for x in (a, b)
         )  # fmt: skip
         with np.errstate(all="ignore"):
@@ -240,6 +239,14 @@ class Large(InMemory):
             found[..., 1] = -found[..., 1]
         return Large.of(found, self.is_complex)
 
+    def without_adjoint(self) -> Large:
+        """A - A^H."""
+        if self.numbers is None:
+            made: Large = self._engine.without_adjoint(self)
+            return made
+        turned = self.H
+        return Large.of(self.numbers - turned.numbers, self.is_complex)
+
     def reshaped(self, shape: tuple[int, ...]) -> Large:
         """The same numbers in another shape."""
         if self.numbers is None:
@@ -295,6 +302,16 @@ def inner(a: Any, b: Any) -> Any:
             return x._engine.inner(a, b)
     with np.errstate(all="ignore"):
         return total((a.numbers * b.numbers).ravel())
+
+
+def distance2(a: Large, b: Large) -> Any:
+    """The sum of the squared differences of the real numbers of two vectors or matrices."""
+    for x in (a, b):
+        if x.numbers is None:
+            return x._engine.distance2(a, b)
+    with np.errstate(all="ignore"):
+        off = (a.numbers - b.numbers).ravel()
+        return total(off * off)
 
 
 def total(numbers: np.ndarray) -> float:

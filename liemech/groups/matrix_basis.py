@@ -438,12 +438,12 @@ class SparseBasis(MatrixBasis):
     ) -> None:
         self.name, self.n, self.balanced, self.large = name, n, True, True
         self.dim, self.complex = int(k[-1]) + 1, np.iscomplexobj(values)
-        self._entries = k, i, j, values
+        self._sparse = k, i, j, values
 
     @cached_property
     def generators(self) -> np.ndarray:  # type: ignore[override]
         """E_1, E_2, ...: (dim, n, n), for those who ask."""
-        k, i, j, values = self._entries
+        k, i, j, values = self._sparse
         found = np.zeros((self.dim, self.n, self.n), dtype=values.dtype)
         found[k, i, j] = values
         return found
@@ -452,7 +452,7 @@ class SparseBasis(MatrixBasis):
     def columns(self) -> Any:
         from scipy.sparse import coo_array
 
-        k, i, j, values = self._entries
+        k, i, j, values = self._sparse
         at, size = i * self.n + j, self.n**2
         parts = np.concatenate([values.real, values.imag]) if self.complex else values
         rows = np.concatenate([at, size + at]) if self.complex else at
@@ -489,15 +489,15 @@ class SparseBasis(MatrixBasis):
         return found
 
     @property
-    def shifts(self) -> tuple[Any, ...]:  # type: ignore[override]
+    def shifts(self) -> tuple[Any, ...]:
         return ()
 
     @property
-    def tabled(self) -> bool:  # type: ignore[override]
+    def tabled(self) -> bool:
         return False
 
     @cached_property
-    def ad_size_terms(self) -> Terms:  # type: ignore[override]
+    def ad_size_terms(self) -> Terms:
         raise NotDefined(f"{self.name}: ad is measured by matrices")
 
 

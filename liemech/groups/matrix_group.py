@@ -255,8 +255,8 @@ class MatrixLieGroup(LieGroup):
         maps; None if they do.
         """
         basis = self.generated
-        x = basis.hat(np.random.default_rng(2).normal(size=basis.dim))
-        off = float(basis.sticks_out(np.conj(x.T))) / np.linalg.norm(x)
+        x = basis.hat(np.random.default_rng(2).normal(size=(basis.dim,)))
+        off = float(basis.sticks_out(np.conj(x.T)) / np.linalg.norm(x))
         if off > 1e-10:
             return f"its algebra is not closed under the adjoint: that of an element sticks out by {off:.1e}"
         if basis.dim >= basis.n**2 - 1 and (self.keeps_lengths or not basis.complex):

@@ -3,6 +3,8 @@ matrices.
 
 W = M^H belongs to the momentum mu, <mu, xi> = Re tr(M^H hat(xi)), and X = hat(dH/dmu).  What is
 found of a stage is what it adds to W, so that a step rounds by that alone.
+
+Source: Modin and Viviani, Lie-Poisson methods for isospectral flows, Found. Comput. Math. 20 (2020).
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from typing import Any
 
 from ..formulas import Mat, sqrt
 from ..formulas.elimination import solve_matrix
+from ..formulas.large import Large, distance2
 from ..groups.matrix_algebra import adjoint
 from ..groups.matrix_functions import frobenius2, plus
 from ..solvers import fixed_point
@@ -19,18 +22,20 @@ from .rkmk import combination
 
 
 def matrix_of(system: Any, mu: Any) -> Mat:
-    """W of a momentum."""
-    return adjoint(system.group.algebra.covector(mu))
+    """W of a momentum; of antihermitian matrices M itself, which moves like -M = M^H."""
+    m = system.group.algebra.covector(mu)
+    return m if system.group.keeps_lengths else adjoint(m)
 
 
 def momentum_of(system: Any, w: Mat) -> Any:
     """The momentum of W: of a matrix outside of the algebra that of its orthogonal projection."""
-    return system.group.algebra.pairing(adjoint(w))
+    return system.group.algebra.pairing(w if system.group.keeps_lengths else adjoint(w))
 
 
 def velocity_of(system: Any, w: Mat) -> Mat:
     """X = hat(dH/dmu)."""
-    return system.hamiltonian.velocity_matrix(system.group.algebra, adjoint(w))
+    m = w if system.group.keeps_lengths else adjoint(w)
+    return system.hamiltonian.velocity_matrix(system.group.algebra, m)
 
 
 def midpoint(system: Any, w0: Mat, guess: Mat, method: Any, h: float) -> tuple[Mat, Mat]:
@@ -53,11 +58,12 @@ def midpoint_sweep(system: Any, w0: Mat, w: Mat, h: float) -> tuple[tuple[Mat, M
     pw = p @ w
     pwp = pw @ p
     if system.group.keeps_lengths:
-        turned, twice = pw - adjoint(pw), 0.5 * (pwp - adjoint(pwp))
+        turned = antihermitian(pw)
+        new = (w0 - turned) + 0.5 * antihermitian(pwp)
     else:
-        turned, twice = pw - w @ p, pwp
-    new = (w0 - turned) + twice
-    return (new, turned), sqrt(frobenius2(new - w)), sqrt(frobenius2(new))
+        turned = pw - w @ p
+        new = (w0 - turned) + pwp
+    return (new, turned), sqrt(apart2(new, w)), sqrt(frobenius2(new))
 
 
 def midpoint_turn(system: Any, w: Mat, h: float) -> Mat:
@@ -88,11 +94,11 @@ def stages_sweep(
     for i, row in enumerate(rows):
         q, r = increments(system, row, found)
         b = (-h) * velocity_of(system, w0 + conjugated(system, w0, q, r))
-        new = (b + b @ q,)
+        new: tuple[Mat, ...] = (b + b @ q,)
         if not system.group.keeps_lengths:
-            new = (b + b @ q, -(b + r @ b))
+            new = (*new, -(b + r @ b))
         for a, c in zip(new, found[i]):
-            change, size = change + frobenius2(a - c), size + frobenius2(a)
+            change, size = change + apart2(a, c), size + frobenius2(a)
         found = (*found[:i], new, *found[i + 1 :])
     return found, sqrt(change), sqrt(size)
 
@@ -110,5 +116,15 @@ def conjugated(system: Any, w: Mat, q: Mat, r: Mat) -> Mat:
     left = q @ w
     both = left @ r
     if system.group.keeps_lengths:
-        return (left - adjoint(left)) + 0.5 * (both - adjoint(both))
+        return antihermitian(left) + 0.5 * antihermitian(both)
     return (left + w @ r) + both
+
+
+def antihermitian(m: Mat) -> Mat:
+    """m - m^H."""
+    return m.without_adjoint() if isinstance(m, Large) else m - adjoint(m)
+
+
+def apart2(a: Mat, b: Mat) -> Any:
+    """|a - b|^2."""
+    return distance2(a, b) if isinstance(a, Large) else frobenius2(a - b)

@@ -22,8 +22,8 @@ from ..formulas import Record
 from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
 from ..formulas.frozen import frozen
-from ..formulas.records import known, refilled
 from ..formulas.large import Large
+from ..formulas.records import known, refilled
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
 from .fingerprints import changed, fingerprint

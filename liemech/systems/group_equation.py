@@ -8,7 +8,7 @@ from ..errors import undefined
 from ..formulas import Element, Vec, record
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
-from .system import as_precise, frozen, large_members, lies_in_memory, members_of, State, System
+from .system import State, System, as_precise, frozen, large_members, lies_in_memory, members_of
 
 
 @record

@@ -11,7 +11,7 @@ from ..formulas import Vec, record, vec
 from ..groups.actions import GroupAction
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
-from .system import as_precise, frozen, large_members, lies_in_memory, points, State, System
+from .system import State, System, as_precise, frozen, large_members, lies_in_memory, points
 
 
 @record

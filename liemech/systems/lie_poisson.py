@@ -12,8 +12,9 @@ from ..formulas import Element, Record, Vec, record, vec
 from ..formulas.arrays import at_a_glance
 from ..formulas.large import Large
 from ..formulas.pytree import fields_of, fill, laid_out
-from ..formulas.vectors import Mat
 from ..formulas.remembered import Remembered
+from ..formulas.vectors import Mat
+from ..formulas.vectors import Vec as SmallVec
 from ..groups.lie_group import LieGroup
 from ..groups.matrix_group import MatrixLieGroup
 from ..groups.power import PowerGroup
@@ -21,6 +22,7 @@ from ..groups.species import SpeciesGroup
 from ..retractions import Retraction
 from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
+from .kinetic_energy import by_entries
 from .lagrangian import Lagrangian
 from .site_state import SiteState, rows_of_species, site_state, velocities_of_sites
 from .sums_of_terms import KineticTerms, hamiltonian_of, released
@@ -168,8 +170,8 @@ class LiePoissonSystem(LiePoissonMotion):
     def __post_init__(self) -> None:
         name = type(self).__name__
         energy = hamiltonian_of(name, self.group, self.hamiltonian)
-        if isinstance(self.group, LieGroup) and lies_in_memory(self.group):
-            energy = enlarged(energy)
+        if lies_in_memory(self.group):
+            energy = enlarged(by_entries(energy, self.group))
         if energy is not self.hamiltonian:
             object.__setattr__(self, "hamiltonian", energy)
         given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or _NO_LAGRANGIAN
@@ -275,7 +277,7 @@ def enlarged(energy: Any) -> Any:
     if not isinstance(energy, Record):
         return energy
     fields = fields_of(energy)
-    large = {n: Large(x) for n, x in fields.items() if isinstance(x, (Vec, Mat)) and len(x)}
+    large = {n: Large(x) for n, x in fields.items() if isinstance(x, (SmallVec, Mat)) and len(x)}
     return fill(type(energy), vars(energy) | fields | large) if large else energy
 
 

@@ -80,7 +80,7 @@ def member(state: Any, i: int) -> Any:
 
 def lies_in_memory(group: LieGroup) -> bool:
     """Are momenta and elements of the group too large to be written out: large matrices?"""
-    return group.is_large and isinstance(group, MatrixLieGroup)
+    return isinstance(group, MatrixLieGroup) and group.is_large
 
 
 def as_precise(omega: Vec, part: Any) -> Vec:
