@@ -16,6 +16,9 @@ from .matrix_group import MatrixLieGroup, named_by_size, whole_number
 from .matrix_invariants import Invariants
 from .nearest import nearest_unitary
 
+WRITTEN_OUT = 9
+"""Rows up to which formulas of classical groups are written out: so(9) has 36 dimensions, so(10) 45."""
+
 
 @record
 class ClassicalGroup(MatrixLieGroup):
@@ -52,7 +55,7 @@ class ClassicalGroup(MatrixLieGroup):
         """The basis and the constants that follow from it; of large matrices found from the entries
         that are not zero.
         """
-        if self.n <= matrix_basis.SMALL:
+        if self.n <= min(matrix_basis.SMALL, WRITTEN_OUT):
             return basis_of(self.generators, type(self).__name__)
         return SparseBasis(repr(self), self.n, *self._entries())
 

@@ -15,6 +15,7 @@ from ..groups.unit_quaternions import UnitQuaternions
 from ..retractions import Cayley
 from ..solvers import fixed_point, newton
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.system import lies_in_memory
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
 from . import isospectral_matrices
@@ -184,7 +185,7 @@ class Isospectral(Implicit):
     def beginning(self, system: Any, state: BodyState, h: float) -> Any:
         """A past in which every step had the first guess as its unknown."""
         first = self.first(system, state, h)
-        return (first,) * (6 if by_matrices(system) else 3)
+        return (first,) * (6 if lies_in_memory(system.group) else 3)
 
     def first(self, system: Any, state: BodyState, h: float) -> Any:
         """h B at the start, for all stages; of large matrices and order 2 the momentum itself."""
@@ -257,11 +258,13 @@ def by_matrices(system: Any) -> bool:
 
 
 def continued(past: tuple[Any, ...]) -> Any:
-    """The value that continues six equidistant ones, the last first, by the polynomial through
-    them; of tuples part by part.
+    """The value that continues equidistant ones, three or six, the last first, by the polynomial
+    through them; of tuples part by part.
     """
     if isinstance(past[0], tuple):
         return tuple([continued(part) for part in zip(*past)])
+    if len(past) == 3:
+        return extrapolated(*past)
     a, b, c, d, e, f = past
     return 6.0 * a - 15.0 * b + 20.0 * c - 15.0 * d + 6.0 * e - f
 

@@ -225,6 +225,11 @@ class LiePoissonSystem(LiePoissonMotion):
         )
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        if method in ("energy", "velocity") and lies_in_memory(self.group):
+            formula: Any = (
+                self.hamiltonian.energy if method == "energy" else self.hamiltonian.gradient
+            )
+            return np.array([np.asarray(formula(Large(mu))) for mu in arguments["mu"]])
         energy = self.hamiltonian if self.hamiltonian.is_large else None
         if method in ("energy", "velocity"):
             name = "energy" if method == "energy" else "gradient"
