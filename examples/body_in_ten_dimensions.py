@@ -1,5 +1,6 @@
 """A free body in ten dimensions: 45 momenta, and the 25 integrals that Manakov found, which make its motion regular."""
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -19,11 +20,6 @@ print(
     f"largest change of a Casimir {change[casimirs].max():.1e}, of another one {change[~casimirs].max():.1e}"
 )
 print(f"the energy changes by {np.ptp(run.energy) / run.energy[0]:.1e}")
-
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5))
 left.plot(run.mu[:, 0], run.mu[:, 9], ".", markersize=2)

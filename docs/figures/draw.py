@@ -48,6 +48,7 @@ SECTIONS = {
         "heavy_top",
         "gyrostat",
         "rotations_in_four_dimensions",
+        "body_in_ten_dimensions",
         "heisenberg",
         "magnetic_moment",
     ),
@@ -65,7 +66,7 @@ SECTIONS = {
         "banana_orbit",
         "eccentric_orbit",
     ),
-    "Many bodies": ("binary_asteroid", "drop_of_water"),
+    "Many bodies": ("binary_asteroid", "drop_of_water", "mixing_vorticity"),
     "From measurements": ("fit_inertia",),
     "In the browser": (
         "flip_in_the_browser",

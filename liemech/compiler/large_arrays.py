@@ -474,6 +474,8 @@ class LargeArrays:
         b, found, n = self.e.builder, self.new(x.form), len(x)
         target = self.address(found)
         self.move(self.address(x), target, x.size)
+        if known.singular:
+            self._without_trace(target, n)
         down, up, inverse = (self._global(known.symbol(k), F64) for k in range(3))
         row, inner = ir.Constant(I64, 2 * n), 2 * (n - 1)
 

@@ -398,7 +398,7 @@ class DiagonalSolver:
         l_jk X_j-1,k-1 + d_jk X_jk + u_jk X_j+1,k+1 = B_jk,
 
     of real coefficients, by elimination without pivots.  Where the main diagonal has no unique
-    solution (its last pivot is rounding) the one whose trace is zero is taken.
+    solution (its last pivot is rounding) that of B without its trace is taken whose trace is zero.
 
     lower, diagonal, upper : (n, n).  Source: Golub and Van Loan, Matrix Computations, 4th ed.,
     section 4.3.6.
@@ -441,16 +441,22 @@ class DiagonalSolver:
             return made
         x, n = b.numbers.copy(), len(b)
         with np.errstate(all="ignore"):
+            if self.singular:
+                _without_trace(x)
             for j in range(1, n):
                 x[j, 1:] -= self.down[j, 1:] * x[j - 1, :-1]
             x[-1] *= self.inverse[-1]
             for j in range(n - 2, -1, -1):
                 x[j, :-1] -= self.up[j, :-1] * x[j + 1, 1:]
                 x[j] *= self.inverse[j]
-        if self.singular:
-            d = np.arange(n)
-            trace = np.array([0.0, 0.0])
-            for one in x[d, d]:
-                trace = trace + one
-            x[d, d] -= trace * (1.0 / n)
+            if self.singular:
+                _without_trace(x)
         return Large.of(x, True)
+
+
+def _without_trace(x: np.ndarray) -> None:
+    """Subtract from the main diagonal its mean.  x : (n, n, 2)."""
+    d, trace = np.arange(len(x)), np.array([0.0, 0.0])
+    for one in x[d, d]:
+        trace = trace + one
+    x[d, d] -= trace * (1.0 / len(x))

@@ -67,6 +67,8 @@ def test_poisson_equation_and_gradient() -> None:
     x = sphere.hamiltonian.solver(Large(f)).array
     assert np.allclose(sum(commutator(s, commutator(s, x)) for s in spins(n)), f, atol=1e-12)
     assert abs(np.trace(x)) < 1e-13
+    shifted = sphere.hamiltonian.solver(Large(f + 3.0 * np.eye(n))).array  # outside of the algebra
+    assert np.allclose(shifted, x, atol=1e-13)
     mu, d = rng.normal(size=(2, sphere.group.dim))
     slope = (sphere.energy(mu + d) - sphere.energy(mu - d)) / 2.0  # of a quadratic function
     assert slope == pytest.approx(np.array(sphere.velocity(mu)) @ d, rel=1e-11)
@@ -103,6 +105,23 @@ def test_a_rossby_haurwitz_wave_moves_exactly(rotation: float) -> None:
     for order, (coarse, fine) in errors.items():
         assert order - 0.4 < np.log2(coarse / fine) < order + 0.6
     assert errors[4][1] < 1e-4
+
+
+def test_angular_momentum_is_kept_to_rounding() -> None:
+    """It is quadratic in the lift of the flow to pairs of matrices, which Gauss' methods keep."""
+    sphere, rng = lm.models.ZeitlinSphere(14), np.random.default_rng(5)
+    eddies = {(l, m): rng.normal() / l for l in range(2, 8) for m in range(-l, l + 1)}
+    for order in (2, 4):
+        run = lm.integrate(
+            sphere,
+            lm.Isospectral(order),
+            sphere.from_harmonics(eddies),
+            h=0.1,
+            steps=30,
+            compiled=False,
+        )
+        assert np.abs(run.mu[-1] - run.mu[0]).max() > 0.01
+        assert np.abs(sphere.angular_momentum(run.mu)).max() < 1e-13
 
 
 def test_native_flow_has_the_same_bits() -> None:
