@@ -146,20 +146,11 @@ class LargeArrays:
     @contextlib.contextmanager
     def turns(self, count: int, step: int = 1) -> Iterator[ir.Value]:
         """A loop over 0, step, ... below count."""
-        b = self.e.builder
         if count <= step:
             yield ir.Constant(I64, 0)
             return
-        before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
-        b.branch(head)
-        b.position_at_end(head)
-        i = b.phi(I64)
-        i.add_incoming(ir.Constant(I64, 0), before)
-        yield i
-        following = b.add(i, ir.Constant(I64, step))
-        i.add_incoming(following, b.block)
-        b.cbranch(b.icmp_signed("<", following, ir.Constant(I64, count)), head, done)
-        b.position_at_end(done)
+        with self._range(ir.Constant(I64, 0), ir.Constant(I64, count), step) as i:
+            yield i
 
     def wide(self, count: int, body: Callable[[ir.Value, int], None]) -> None:
         """A loop over numbers, `WIDE` at once, and what is left over one by one."""
@@ -393,26 +384,33 @@ class LargeArrays:
         with self.turns(n) as i:
             own = self.load(source, place(i, i), parts)
             self.store(b.fsub(own, conjugate(own)), target, place(i, i))
-        with self.turns(n, TILE) as i0, self._until(i0, n) as i:
-            del i0
-            with b.if_then(b.icmp_signed(">", i, ir.Constant(I64, 0))), self._below(i) as j:
+        zero, one = (ir.Constant(I64, x) for x in (0, 1))
+        with (
+            self.turns(n, TILE) as i0,
+            self._range(zero, b.add(i0, one), TILE) as j0,
+            self._until(i0, n) as i,
+            b.if_then(b.icmp_signed(">", i, j0)),
+        ):
+            end: ir.Value = b.add(j0, ir.Constant(I64, TILE))
+            end = b.select(b.icmp_signed("<", end, i), end, i)
+            with self._range(j0, end) as j:
                 x, y = (self.load(source, at, parts) for at in (place(i, j), place(j, i)))
                 self.store(b.fsub(x, conjugate(y)), target, place(i, j))
                 self.store(b.fsub(y, conjugate(x)), target, place(j, i))
         return found
 
     @contextlib.contextmanager
-    def _below(self, end: ir.Value) -> Iterator[ir.Value]:
-        """A loop over 0, 1, ... below a number, which is not zero."""
+    def _range(self, begin: ir.Value, end: ir.Value, step: int = 1) -> Iterator[ir.Value]:
+        """A loop from one number to another one, which is larger."""
         b = self.e.builder
         before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
         b.branch(head)
         b.position_at_end(head)
-        j = b.phi(I64)
-        j.add_incoming(ir.Constant(I64, 0), before)
-        yield j
-        following = b.add(j, ir.Constant(I64, 1))
-        j.add_incoming(following, b.block)
+        i = b.phi(I64)
+        i.add_incoming(begin, before)
+        yield i
+        following = b.add(i, ir.Constant(I64, step))
+        i.add_incoming(following, b.block)
         b.cbranch(b.icmp_signed("<", following, end), head, done)
         b.position_at_end(done)
 
@@ -423,16 +421,8 @@ class LargeArrays:
         end: ir.Value = b.add(begin, ir.Constant(I64, TILE))
         most = ir.Constant(I64, count)
         end = b.select(b.icmp_signed("<", end, most), end, most)
-        before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
-        b.branch(head)
-        b.position_at_end(head)
-        i = b.phi(I64)
-        i.add_incoming(begin, before)
-        yield i
-        following = b.add(i, ir.Constant(I64, 1))
-        i.add_incoming(following, b.block)
-        b.cbranch(b.icmp_signed("<", following, end), head, done)
-        b.position_at_end(done)
+        with self._range(begin, end) as i:
+            yield i
 
     def plus(self, a: Large, s: Any) -> Large:
         """A + s 1."""

@@ -4,6 +4,7 @@ NumPy finds once.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -13,6 +14,7 @@ from ..formulas import Complex, Mat, Vec, mat, record, solve, solve3, vec
 from ..formulas.double_double import is_long
 from ..formulas.elimination import INFINITE, inverse, solve_matrix
 from ..formulas.large import Large
+from ..formulas.numbers import raise_if
 from ..formulas.sums import (
     antisymmetric_map,
     bilinear,
@@ -177,6 +179,8 @@ class MatrixLieAlgebra(LieAlgebra):
         (...) = eta.
         """
         size2 = self.ad_size2(xi)
+        if self.is_large:
+            return _long_bernoulli_series(self.bracket, -xi, eta, size2)
         if size2 <= 1.0:
             return _bernoulli_series(self.bracket, -xi, eta, size2)
         return solve(phi1m(self.ad_matrix(-xi)), eta)
@@ -186,6 +190,8 @@ class MatrixLieAlgebra(LieAlgebra):
         (...) = mu.
         """
         size2 = self.ad_size2(xi)
+        if self.is_large:
+            return _long_bernoulli_series(self.ad_star, -xi, mu, size2)
         if size2 <= 1.0:
             return _bernoulli_series(self.ad_star, -xi, mu, size2)
         return solve(phi1m(self.ad_matrix(-xi).T), mu)
@@ -426,4 +432,37 @@ def _bernoulli_sum(
         power = action(x, power)
         change = change + b * power
         power = action(x, power)
+    return v + change
+
+
+FARTHEST = 20.0
+"""The square of the size of ad up to which the series of dexp^-1, which ends at 2 pi, is summed up."""
+
+FAR = (
+    *EVEN,
+    *[-2.0 * (1.0 + 0.25**k) / (-4.0 * math.pi**2) ** k for k in range(len(EVEN) + 1, 65)],
+)
+"""More of B_2k/(2k)! = -2 zeta(2k)/(-4 pi^2)^k, with zeta(2k) = 1 + 4^-k but for 9^-k.
+
+Source: NIST Handbook of Mathematical Functions, 25.2.1 and 25.6.2.
+"""
+
+
+def _long_bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) -> Vec:
+    """The same for |A|^2 up to 20.  Raises InvalidInput for larger ones."""
+    raise_if(
+        size2 > FARTHEST,
+        "dexp_inv: a displacement of large matrices whose commutators may be longer than 4.5; take a "
+        "shorter step",
+    )
+    power = action(x, v)
+    change, bound = -0.5 * power, size2
+    for k in range(len(FAR)):
+        b = FAR[k]
+        if bound * abs(b) <= 2.0**-56:
+            break
+        power = action(x, power)
+        change = change + b * power
+        power = action(x, power)
+        bound = bound * size2
     return v + change

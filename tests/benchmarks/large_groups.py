@@ -88,19 +88,22 @@ def numpys(w: np.ndarray, inverse: np.ndarray, h: float, steps: int) -> np.ndarr
 
 
 def least(runs: dict[str, Callable[[int], Any]], rounds: int) -> dict[str, float]:
-    """Seconds of a step, of runs that take turns."""
-    counts, found = {}, dict.fromkeys(runs, np.inf)
-    for name, run in runs.items():
-        run(2)
+    """Seconds of a step, of runs that take turns; what a run costs beside its steps is taken off."""
+
+    def spent(run: Callable[[int], Any], steps: int) -> float:
         begun = time.process_time()
-        run(10)
-        counts[name] = max(4, int(10 * DURATION / max(time.process_time() - begun, 1e-5)))
+        run(steps)
+        return time.process_time() - begun
+
+    counts, found = {}, {name: ([np.inf], [np.inf]) for name in runs}
+    for name, run in runs.items():
+        spent(run, 2)
+        counts[name] = max(20, int(10 * DURATION / max(spent(run, 12) - spent(run, 2), 1e-5)))
     for _ in range(rounds):
         for name, run in runs.items():
-            begun = time.process_time()
-            run(counts[name])
-            found[name] = min(found[name], (time.process_time() - begun) / counts[name])
-    return found
+            for times, steps in zip(found[name], (2, 2 + counts[name]), strict=True):
+                times[0] = min(times[0], spent(run, steps))
+    return {name: (many[0] - few[0]) / counts[name] for name, (few, many) in found.items()}
 
 
 def sweeps(system: Any, start: Any, h: float, steps: int = 30) -> float:
@@ -175,7 +178,8 @@ def flows(sizes: tuple[int, ...], rounds: int) -> list[dict[str, Any]]:
         runs["product"] = lambda steps, a=a, b=b, out=out: [
             np.matmul(a, b, out=out) for _ in range(steps)
         ]
-        times = least(runs, rounds)
+        with one_thread():
+            times = least(runs, rounds)
         products = 2 * sweeps(sphere, start, h, 10)
         found.append({"n": n, "compile": made, "products": products} | times)
         print(
