@@ -15,7 +15,15 @@ project = "liemech"
 language = "en"
 extensions = [
     *("myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "sphinx_copybutton"),
-    *("mathml", "contents", "docstrings", "reference", "examples", "breaks"),
+    *(
+        "mathml",
+        "contents",
+        "docstrings",
+        "reference",
+        "examples",
+        "breaks",
+        "contact_sheet",
+    ),
 ]
 exclude_patterns = ["figures/*.py", "derivations", "site", "generated/pages"]
 nitpicky = True

@@ -1,7 +1,5 @@
 """A three-link arm under PD control: motors follow a plan of angles, against gravity and damping."""
 
-import matplotlib.pyplot as plt
-
 import liemech as lm
 from liemech.joints import Damper, JointForce, Link, Linkage, RevoluteJoint
 
@@ -26,7 +24,7 @@ for k, (name, angles) in enumerate(plans.items()):  # in rad, at 0, 1 and 2 s
     forces += [PD(name, gains[k], gains[k] / 20.0, plan), Damper(name, 0.2)]
 arm = Linkage([Link.rod(2.0 * x, x, 0.03) for x in lengths], joints, forces=forces)
 run = lm.integrate(arm, lm.LieRATTLE(), arm.state(angles={}), h=0.01, steps=250, compiled=False)
-figure, (upper, lower) = plt.subplots(2, sharex=True)
+figure, (upper, lower) = lm.plots.subplots(2, figsize=(5.2, 4.6), sharex=True)
 for joint, force in zip(map(run.joint, plans), forces[::2]):
     (line,) = upper.plot(run.t, joint.angle, label=force.joint)
     upper.plot(run.t, force.plan(run.t), "--", color=line.get_color(), linewidth=1)
@@ -34,6 +32,6 @@ for joint, force in zip(map(run.joint, plans), forces[::2]):
     print(f"{force.joint:9} its motor's work is {joint.only(PD).work[-1]:.3f} J")
 work = sum(run.joint(name).work[-1] for name in plans)
 print(f"energy {run.energy[-1] - run.energy[0]:.3f} J, work of all {work:.3f} J")
-upper.set(ylabel="angle, rad"), upper.legend(loc="lower right")
-lower.set(xlabel="t, s", ylabel="torque of the motor, N m")
+upper.set(ylabel="angle (rad)"), lm.plots.legend(upper, loc="lower right")
+lower.set(xlabel="time t (s)", ylabel="torque of the motor (N m)")
 figure.savefig("arm.png", dpi=90)

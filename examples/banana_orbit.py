@@ -2,7 +2,6 @@
 banana of its guiding centre.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -19,7 +18,7 @@ def draw(axis, orbit, **look):
     axis.plot(np.hypot(orbit.y[:, 0], orbit.y[:, 1]), orbit.y[:, 2], **look)
 
 
-figure, axes = plt.subplots(1, 3, figsize=(10, 3.8), sharex=True, sharey=True, layout="constrained")
+figure, axes = lm.plots.subplots(1, 3, figsize=(10, 3.8), sharex=True, sharey=True)
 methods = {
     "Boris": lm.Boris(),
     "Splitting(order=2), a Poisson map": lm.Splitting(order=2),

@@ -2,7 +2,6 @@
 energy and angular momentum stay.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -20,7 +19,7 @@ angle = np.where(np.abs(angle) > 90.0, angle - 180.0 * np.sign(angle), angle)
 print(f"Beta swings by {np.abs(angle).max():.2f} degrees; the distance is between "
       f"{np.linalg.norm(line, axis=1).min():.0f} and {np.linalg.norm(line, axis=1).max():.0f} m")  # fmt: skip
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9.6, 3.6), layout="constrained")
+figure, (left, right) = lm.plots.subplots(1, 2, figsize=(9.6, 3.6))
 some = run.t < 150 * hour
 left.plot(run.t[some] / hour, angle[some])
 left.set(xlabel="hours", ylabel="long axis off the line, degrees", title="Beta swings")

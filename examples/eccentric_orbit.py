@@ -2,7 +2,6 @@
 
 import sys
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -14,7 +13,7 @@ choices = {
     "4: as much way in each step": (lm.time_scales.EqualPath(), 3.314),
 }
 
-figure, axes = plt.subplots(2, 3, figsize=(11, 5.2), gridspec_kw={"width_ratios": [1.4, 1, 1]})
+figure, axes = lm.plots.subplots(2, 3, figsize=(11, 5.2), gridspec_kw={"width_ratios": [1.4, 1, 1]})
 for row, (name, (sigma, period)) in zip(axes, choices.items(), strict=True):
     symplectic = lm.TimeTransformed(planets, sigma), lm.AdaptiveVerlet()
     reversible = planets, lm.ReversibleController(lm.StormerVerlet(), sigma)
@@ -34,6 +33,6 @@ for row, (name, (sigma, period)) in zip(axes, choices.items(), strict=True):
         )
     row[1].set(xlabel="periods", title="H - H0, 500 steps a period")
     row[2].set(xlabel="periods", title="steps in physical time")
-    row[1].legend(fontsize=8)
+    lm.plots.legend(row[1])
 figure.tight_layout()
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "eccentric_orbit.png", dpi=80)

@@ -1,6 +1,5 @@
 """The inertia of a body from a gyroscope: least squares whose derivatives are those of the steps themselves."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -32,8 +31,9 @@ print(f"{fit.nfev} evaluations, chi^2 per reading {2 * fit.cost / readings.size:
 for i in 0, 1:
     print(f"J_{i + 2}/J_1 = {fit.x[i]:.5f} +- {spread[i]:.5f}   (true {true[i]})")
 t = h * np.arange(steps + 1)
-plt.plot(t, readings, ".", color="0.7", markersize=2)
-plt.plot(t, motion(fit.x)[0], label=["axis 1", "axis 2", "axis 3"])
-plt.gca().set(xlabel="t, s", ylabel="angular velocity, 1/s")
-plt.legend()
-plt.savefig("fit_inertia.png", dpi=90)
+figure, ax = lm.plots.subplots()
+ax.plot(t, readings, ".", color="0.7", markersize=2)
+ax.plot(t, motion(fit.x)[0], label=["axis 1", "axis 2", "axis 3"])
+ax.set(xlabel="time t (s)", ylabel="angular velocity (rad/s)")
+lm.plots.legend(ax)
+lm.plots.save(figure, "fit_inertia.png", dpi=110)

@@ -2,7 +2,6 @@
 sphere, and energy.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -15,7 +14,7 @@ methods = {
     "RATTLE": lm.RATTLE(),
     "RATTLE, order 4": lm.Composition(lm.RATTLE(), order=4),
 }
-figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
+figure, (left, right) = lm.plots.subplots(1, 2, figsize=(9, 3.6))
 for name, method in methods.items():
     run = lm.integrate(pendulum, method, start, h=0.03, steps=20_000, every=20, progress=False)
     distance = np.abs(np.linalg.norm(run.q, axis=1) - pendulum.length)
@@ -26,7 +25,7 @@ for name, method in methods.items():
         f"{name:27} off the sphere by {distance.max():.1e} m, "
         f"energy wrong by {error[-1]:.1e} of its size"
     )
-left.set(title="distance from the sphere, m", xlabel="t, s")
-right.set(title="largest relative error of the energy so far", xlabel="t, s")
-left.legend(loc="center right")
+left.set(title="distance from the sphere (m)", xlabel="time t (s)")
+right.set(title="largest relative error of the energy so far", xlabel="time t (s)")
+lm.plots.legend(left, loc="center right")
 figure.savefig("index_reduction.png", dpi=110)

@@ -1,6 +1,5 @@
 """A four-bar linkage: a crank turns, a rocker swings, a point of the coupler draws its curve; the joints hold to rounding."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -31,9 +30,10 @@ misses = [linkage.conditions_at(mu, g) for mu, g in zip(run.mu[::10], run.g[::10
 print(run.drift())
 print(f"largest miss of the joints: {np.abs(misses).max():.0e} (m, m/s)")
 moved = linkage.poses(run.g)
+figure, ax = lm.plots.subplots()
 for length, rod in zip(lengths, moved[::10].swapaxes(0, 1)):
     both = rod[:, :3, 3, None] + rod[:, :3, 2, None] * [-length / 2, length / 2]
-    plt.plot(both[:, 0].T, both[:, 2].T, color="C0", alpha=0.4, linewidth=1)
-plt.plot(*(moved[:, 1, (0, 2), 3] + 0.25 * moved[:, 1, (0, 2), 0]).T, color="C3")
-plt.gca().set(aspect="equal", xlabel="x, m", ylabel="z, m")
-plt.savefig("linkage.png", dpi=90)
+    ax.plot(both[:, 0].T, both[:, 2].T, color="#0072B2", linestyle="-", alpha=0.4, linewidth=1)
+ax.plot(*(moved[:, 1, (0, 2), 3] + 0.25 * moved[:, 1, (0, 2), 0]).T, color="#D55E00", linestyle="-")
+ax.set(aspect="equal", xlabel="$x$ (m)", ylabel="$z$ (m)")
+lm.plots.save(figure, "linkage.png", dpi=110)

@@ -4,7 +4,6 @@ or inwards.
 
 import sys
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -25,7 +24,7 @@ for name, method in methods.items():
         f"{lm.poisson_defect(method, species, start, 0.05):.0e}, {run.drift()['energy']}"
     )
 
-figure, axes = plt.subplots(1, 3, figsize=(10, 3.6), sharex=True, sharey=True, layout="constrained")
+figure, axes = lm.plots.subplots(1, 3, figsize=(10, 3.6), sharex=True, sharey=True)
 u, v = np.meshgrid(np.linspace(0.05, 3.6, 200), np.linspace(0.2, 5.4, 200))
 levels = species.energy(np.stack([u, v], axis=-1))
 for axis, (name, method) in zip(axes, methods.items()):

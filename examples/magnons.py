@@ -1,6 +1,5 @@
 """Magnons: the waves of a ferromagnetic ring in its noise, beside their frequencies in closed form."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -28,11 +27,11 @@ print(f"the energy {run.energy[0]:.2f} changes by {np.ptp(run.energy):.1e}")
 print(f"frequencies are {np.abs(peaks - of_step).max():.3f} from those of the step")
 print(f"and {np.abs(peaks - exact).max():.3f} from those of the equations")
 
-figure, axis = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
+figure, axis = lm.plots.subplots(figsize=(6.4, 4.4))
 axis.pcolormesh(k, omega, np.log10(power / power.max()), vmin=-7, cmap="magma", rasterized=True)
 half = k >= 0.0
 axis.plot(k[half], exact[half], ":", color="white", linewidth=1.2, label="2 J (1 - cos k)")
 axis.plot(k[half], of_step[half], "--", color="cyan", linewidth=1.2, label="of the step")
 axis.set(xlabel="wave number k", ylabel="frequency", ylim=(-0.15, 4.18), title=f"{n} spins")
-axis.legend(loc="lower right", fontsize=8)
+lm.plots.legend(axis, loc="lower right", fontsize=8)
 figure.savefig("magnons.png", dpi=100)

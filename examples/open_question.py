@@ -1,6 +1,5 @@
 """Is Algorithm 1 a Lie-Poisson Hamilton-Jacobi method? Of the second kind it is, to rounding: docs/theory/hamilton_jacobi.md."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -32,8 +31,8 @@ gaps = {name: np.maximum(far(method, algorithm_1, once), 1e-17) for name, method
 errors = {name: far(method, exact, many) for name, method in rivals.items()}
 for name in rivals:
     print(f"{name:36} one step of 1/16 is {gaps[name][3]:.0e} from Algorithm 1")
-_, (left, right) = plt.subplots(1, 2, figsize=(9.0, 4.0), layout="constrained")
+figure, (left, right) = lm.plots.subplots(1, 2, figsize=(9.0, 4.0))
 lm.plots.orders(steps, gaps, ax=left, title="Distance from Algorithm 1 after one step", ylabel="")
 right.loglog(steps, far(variational, exact, many), "0.6", linewidth=5, label="Algorithm 1")
 lm.plots.orders(steps, errors, ax=right, title="Error of the momentum at $t = 8$", ylabel="")
-plt.savefig("open_question.png", dpi=110)
+figure.savefig("open_question.png", dpi=110)

@@ -4,14 +4,13 @@ order 1 to 4, at a large step.
 The exact curves are drawn below, in grey.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
 
 pendulum, h = lm.models.Pendulum(gravity=1.0), 0.5
 starts = [(0.0, p) for p in (0.6, 1.2, 1.7)] + [(-np.pi, 0.7), (np.pi, -0.7)]
-figure, panels = plt.subplots(1, 4, figsize=(11.0, 3.2), sharey=True, layout="constrained")
+figure, panels = lm.plots.subplots(1, 4, figsize=(11.0, 3.2), sharey=True)
 for ax, order in zip(panels, (1, 2, 3, 4)):
     worst = 0.0
     for q, p in starts:

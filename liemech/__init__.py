@@ -15,7 +15,7 @@ The public names are listed in the stub beside this file, and in those of `model
 
 from typing import Any
 
-from .formulas import batches
+from .formulas import batches, one_row
 from .names import lazily
 
 
@@ -28,7 +28,14 @@ def _evaluate_rows(batch: batches.Batch) -> Any:
     return evaluate_rows(batch)
 
 
-batches.evaluate_rows = _evaluate_rows
+def _prepare(row: one_row.OneRow, args: tuple[Any, ...], result: Any) -> None:
+    """The same for a method called with one row, again and again."""
+    from .compiler.one_row import prepare
+
+    prepare(row, args, result)
+
+
+batches.evaluate_rows, one_row.prepare = _evaluate_rows, _prepare
 
 __version__ = "0.1.0"
 

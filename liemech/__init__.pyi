@@ -2,8 +2,10 @@ from . import actions as actions
 from . import charts as charts
 from . import class_functions as class_functions
 from . import errors as errors
+from . import estimation as estimation
 from . import formulas as formulas
 from . import joints as joints
+from . import loops as loops
 from . import models as models
 from . import neighbours as neighbours
 from . import parts as parts
@@ -68,6 +70,7 @@ from .integrators.boris import Boris as Boris
 from .integrators.commutator_free import CommutatorFree as CommutatorFree
 from .integrators.commutator_free import CrouchGrossman as CrouchGrossman
 from .integrators.composition import Composition as Composition
+from .integrators.discrete_gradient import DiscreteGradient as DiscreteGradient
 from .integrators.discrete_lagrangian import DiscreteLagrangian as DiscreteLagrangian
 from .integrators.discrete_lagrangian import GroupLagrangian as GroupLagrangian
 from .integrators.discrete_lagrangian import QuadratureLagrangian as QuadratureLagrangian
@@ -102,6 +105,8 @@ from .integrators.separable import Splitting as Splitting
 from .integrators.separable import StormerVerlet as StormerVerlet
 from .integrators.separable import SymplecticEuler as SymplecticEuler
 from .integrators.splitting import ThreeRotations as ThreeRotations
+from .integrators.stochastic_steps import NinomiyaVictoir as NinomiyaVictoir
+from .integrators.stochastic_steps import WongZakai as WongZakai
 from .integrators.sublattices import BondSplitting as BondSplitting
 from .integrators.sublattices import SublatticeSplitting as SublatticeSplitting
 from .integrators.taylor import Taylor as Taylor
@@ -114,6 +119,10 @@ from .retractions import CayleyAdjoint as CayleyAdjoint
 from .retractions import Exponential as Exponential
 from .retractions import Retraction as Retraction
 from .simulation.integrate import integrate as integrate
+from .simulation.measured_orders import measure_order as measure_order
+from .simulation.options import ErrorControl as ErrorControl
+from .simulation.options import FixedSteps as FixedSteps
+from .simulation.options import Save as Save
 from .simulation.plan import Plan as Plan
 from .simulation.trajectory import Trajectory as Trajectory
 from .systems.canonical import CanonicalState as CanonicalState
@@ -129,9 +138,11 @@ from .systems.constrained_parts import ConstrainedPart as ConstrainedPart
 from .systems.constrained_parts import SplitConstrainedSystem as SplitConstrainedSystem
 from .systems.constraint import Constraint as Constraint
 from .systems.constraint import VelocityConstraint as VelocityConstraint
+from .systems.double_bracket import DoubleBracket as DoubleBracket
 from .systems.driven import DrivenHamiltonianSystem as DrivenHamiltonianSystem
 from .systems.driven import DrivenLiePoissonSystem as DrivenLiePoissonSystem
 from .systems.driven_hamiltonian import DrivenHamiltonian as DrivenHamiltonian
+from .systems.driven_kinetic_energy import DrivenKineticEnergy as DrivenKineticEnergy
 from .systems.group_equation import GroupEquation as GroupEquation
 from .systems.group_equation import LinearGroupEquation as LinearGroupEquation
 from .systems.hamiltonian import Hamiltonian as Hamiltonian
@@ -141,6 +152,9 @@ from .systems.lagrangian import Lagrangian as Lagrangian
 from .systems.lie_poisson import BodyState as BodyState
 from .systems.lie_poisson import LiePoissonSystem as LiePoissonSystem
 from .systems.mechanical import MechanicalSystem as MechanicalSystem
+from .systems.metriplectic import BracketFriction as BracketFriction
+from .systems.metriplectic import Friction as Friction
+from .systems.metriplectic import Metriplectic as Metriplectic
 from .systems.multirate import MultirateSystem as MultirateSystem
 from .systems.parts import Part as Part
 from .systems.parts import SplitHamiltonian as SplitHamiltonian
@@ -151,6 +165,8 @@ from .systems.potential import NoPotential as NoPotential
 from .systems.potential import Potential as Potential
 from .systems.separable import SeparableSystem as SeparableSystem
 from .systems.site_state import SiteState as SiteState
+from .systems.stochastic import Stochastic as Stochastic
+from .systems.stochastic import thermal_bath as thermal_bath
 from .systems.sundman import SundmanTransformed as SundmanTransformed
 from .systems.system import State as State
 from .systems.system import System as System

@@ -102,6 +102,10 @@ class NotCompiledWarning(UserWarning):
     """A formula could not be compiled and runs, much slower, in plain Python."""
 
 
+class FileWarning(UserWarning):
+    """A file was written by another version of the library or of Python, or on another machine."""
+
+
 class FormulaWarning(UserWarning):
     """A saved run was made by other formulas than those that its classes have now."""
 

@@ -25,7 +25,8 @@ from .formulas import (
     where,
 )
 from .formulas.double_double import is_long
-from .formulas.pytree import double_double, layout_of, rounded
+from .formulas.dual import value_of
+from .formulas.pytree import double_double, layout_of, moving_as, rounded
 from .formulas.sites import repeated, total
 from .formulas.sizes import EPSILON
 from .formulas.vectors import Vec as SmallVec
@@ -129,13 +130,13 @@ def swept(
         r, jacobian, weight = equation(x)
         scale = weight * data
         off = where(scale > 0.0, dot(r, r) / where(scale > 0.0, scale, 1.0), 0.0)
-        return x - _asked(solved, jacobian, r), off
+        return x - _asked(solved, jacobian, r), value_of(off)
 
     def judge(before: Settling, off: float) -> tuple[Settling, bool]:
         now = before.after(sqrt(off / count), 1.0, EPSILON, NOISE)
         return now, now.done or not now.change < math.inf
 
-    x, end = repeated(sweep, guess, judge, Settling(), SWEEPS)
+    x, end = repeated(sweep, moving_as(guess, data), judge, Settling(), SWEEPS)
     size = end.change * end.change
     return x, size, where(end.done, size, 4096.0 * EPSILON * EPSILON), False
 

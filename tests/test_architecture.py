@@ -34,13 +34,14 @@ LAYERS = (
     "integrators",
     "models",
     "simulation",
+    "estimation",
     "checks",
     "plots",
     "viewer",
     "command_line",
     "__main__",
-    *("actions", "charts", "class_functions", "joints", "neighbours", "parts", "structures"),
-    "time_scales",
+    *("actions", "charts", "class_functions", "joints", "loops", "neighbours", "parts"),
+    *("structures", "time_scales"),
 )
 """From the ground up: a module imports from its own layer and from those before it, never from
 those after it.
@@ -52,7 +53,7 @@ DOORS = {("simulation", "plots"), ("simulation", "viewer")}
 HOMES = {"llvmlite": "compiler", "numba": None, "matplotlib": "plots", "meshcat": "viewer"}
 """The one layer that may know an optional package; None: nobody."""
 
-SOURCED = ("groups", "retractions", "models", "integrators")
+SOURCED = ("groups", "retractions", "models", "integrators", "estimation")
 """The layers made of other people's mathematics: a public docstring says where the formula stands
 in print.
 """

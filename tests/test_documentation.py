@@ -2,7 +2,7 @@
 README.
 
 A page is one program: its ```python blocks share one namespace and run in order, in an empty
-folder. A block tagged
+folder. A ```text block right after one is what that one prints. A block tagged
 ```python no-run is left out, and the paragraph before it must say that it is not run, and why.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import importlib.util
 import multiprocessing
 import os
 import re
@@ -34,7 +35,7 @@ LANGUAGES = {"python", "python no-run", "sh", "bash", "text", "toml", "math", "j
 
 COMPILED = {
     *("chaos_in_a_galaxy", "energy_exchange", "banana_orbit", "binary_asteroid", "drop_of_water"),
-    *("magnons", "sublattice_splitting"),
+    *("magnons", "sublattice_splitting", "real_time", "attitude_control", "rocket", "flight_code"),
     *(
         "README",
         "native",
@@ -53,6 +54,7 @@ COMPILED = {
         "ensemble_in_the_browser",
     ),
     *("constrained_systems", "index_reduction", "chain", "tutorial"),
+    *("estimation", "attitude_filter", "solutions", "your_own_representation"),
 }
 """Pages and examples about native code, or too long without it."""
 
@@ -169,15 +171,52 @@ def test_fences_say_what_they_hold(page: Path) -> None:
 def test_page_runs(page: Path, tmp_path: Path) -> None:
     # The program has its lines where the page has them, so a traceback points into the page; and a
     # file, which the compiler of formulas reads.
-    program = [""] * len(page.read_text(encoding="utf-8").splitlines())
-    for block in blocks(page):
-        if block.language == "python":
-            program[block.start : block.start + len(block.lines)] = block.lines
+    outputs, text = printing(), page.read_text(encoding="utf-8")
+    program = outputs.program(text)
     if not any(program):
         return
     file = tmp_path / f"{page.stem}.md.py"
     file.write_text("\n".join(program) + "\n", encoding="utf-8")
-    run(file, tmp_path)
+    found = outputs.outputs(run(file, tmp_path))
+    for line, wanted in outputs.promised(text).items():
+        wrong = outputs.difference(wanted, found[line])
+        assert wrong is None, f"{page_name(page)}, line {line}: {wrong}"
+
+
+def printing() -> Any:
+    """The program that knows what a page promises to print."""
+    file = ROOT / "docs" / "site" / "outputs.py"
+    spec = importlib.util.spec_from_file_location("outputs", file)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_an_output_that_is_not_printed_is_noticed() -> None:
+    outputs = printing()
+    page = "text\n```python\nprint(2.0, 'x')\n```\n\n```text\n2.001 x\n```\nmore\n"
+    assert outputs.promised(page) == {2: "2.001 x\n"}
+    assert outputs.program(page)[2] == "print(2.0, 'x')"
+    assert outputs.outputs("a\x1e2 2.0 x \n\x1fb") == {2: "2.0 x\n"}
+    alike = [
+        ("2.0 x", "2.001 x"),
+        ("1e-15", "-3e-14"),
+        ("a\n...\nb 1", "a\nq\nr\nb 1"),
+        ("a  1", "a 1"),
+    ]
+    unlike = [
+        ("2.0 x", "2.0 y"),
+        ("2.0", "2.1"),
+        ("1e-15", "1e-9"),
+        ("a", "a\nb"),
+        ("a\nb", "a"),
+        ("...\nb", "a"),
+    ]
+    for wanted, found in alike:
+        assert outputs.difference(wanted + "\n", found + "\n") is None, wanted
+    for wanted, found in unlike:
+        assert outputs.difference(wanted + "\n", found + "\n") is not None, wanted
 
 
 @pytest.mark.parametrize("example", programs(EXAMPLES), ids=lambda example: example.stem)

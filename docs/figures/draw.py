@@ -5,15 +5,17 @@ write the gallery.
 
 Each program runs in an empty folder; its PNGs come here, with 256 colours, at a quarter of their
 size. The pictures `work_precision` and `energy` are drawn from what those benchmarks measured last.
-Moving pictures are made elsewhere.
+`film` makes the moving one, and needs Chromium as the photographs of pages do.
 """
 
 import argparse
 import ast
+import contextlib
 import importlib
 import json
 import os
 import re
+import runpy
 import subprocess
 import sys
 import tempfile
@@ -67,7 +69,9 @@ SECTIONS = {
         "eccentric_orbit",
     ),
     "Many bodies": ("binary_asteroid", "drop_of_water", "mixing_vorticity"),
-    "From measurements": ("fit_inertia",),
+    "At work": ("attitude_control", "rocket", "flight_code"),
+    "Damping and noise": ("paramagnet", "relaxing_body"),
+    "From measurements": ("fit_inertia", "attitude_filter"),
     "In the browser": (
         "flip_in_the_browser",
         "top_in_the_browser",
@@ -82,11 +86,15 @@ HEAD = """# Gallery
 One idea per example, in under forty lines; each ends with a number and a picture.
 `python docs/figures/draw.py` draws all of them anew, and writes this page.
 """
-TAIL = """
-The page of the flip, as it moves:
-
-![A body turns over while its momentum stands still](figures/flip.gif)
-"""
+OUTPUTS = HERE / "outputs.json"
+"""What each example printed when its picture was drawn; the site shows it below the code."""
+STILLS = {
+    "ensemble_in_the_browser": "cloud.png",
+    "linkage_in_the_browser": "rods.png",
+    "spins_in_the_browser": "spins.png",
+    "top_in_the_browser": "top.png",
+}
+"""Photographs of moving pages, by the example that writes the page."""
 
 
 def gallery(examples: list[str]) -> str:
@@ -97,25 +105,23 @@ def gallery(examples: list[str]) -> str:
     more = tuple(name for name in examples if name not in listed)
     text = HEAD
     for head, names in (SECTIONS | ({"More": more} if more else {})).items():
-        text += f"\n## {head}\n"
+        text += f"\n## {head}\n\n"
         for name in (name for name in names if name in examples):
             code = (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8")
             about = " ".join((ast.get_docstring(ast.parse(code)) or "").split("\n\n")[0].split())
             about = re.sub(r"docs/([\w/]+\.md)", r"[\1](\1)", about)
-            entry = f"**[{name}](../examples/{name}.py)** {about}"
-            # a link stays in one line
-            wrapped = textwrap.fill(entry, 100, break_long_words=False, break_on_hyphens=False)
-            text += f"\n{wrapped}\n"
             pictures = [
                 p for p in dict.fromkeys(re.findall(r'"(\w+\.png)"', code)) if (HERE / p).exists()
             ]
-            if pictures:
-                text += (
-                    "\n"
-                    + " ".join(f"![{name.replace('_', ' ')}](figures/{p})" for p in pictures)
-                    + "\n"
-                )
-    return text + TAIL
+            shown = " ".join(f"![{name.replace('_', ' ')}](figures/{p})" for p in pictures)
+            # an item, so that the site can lay them out in a grid
+            entry = f"* {shown} **[{name}](../examples/{name}.py)** {about}"
+            # a link stays in one line
+            text += textwrap.fill(
+                entry, 100, break_long_words=False, break_on_hyphens=False, subsequent_indent="  "
+            )
+            text += "\n"
+    return text
 
 
 def reduced(image: Image.Image) -> Image.Image:
@@ -144,11 +150,44 @@ def program(*words: str) -> Callable[[str], None]:
 
     def draw(folder: str) -> None:
         paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-        subprocess.run(
-            [sys.executable, *words], cwd=folder, check=True, env=os.environ | {"PYTHONPATH": paths}
+        done = subprocess.run(
+            [sys.executable, *words],
+            cwd=folder,
+            check=True,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=os.environ | {"PYTHONPATH": paths},
         )
+        name = Path(words[-1]).stem
+        if (ROOT / "examples" / f"{name}.py").exists():
+            outputs = json.loads(OUTPUTS.read_text(encoding="utf-8")) if OUTPUTS.exists() else {}
+            outputs[name] = done.stdout
+            text = json.dumps(dict(sorted(outputs.items())), indent=1)
+            OUTPUTS.write_text(text + "\n", encoding="utf-8")
+        for page in Path(folder).glob("*.html"):
+            if name in STILLS:
+                photograph(page, Path(folder) / STILLS[name])
 
     return draw
+
+
+def photograph(page: Path, picture: Path) -> None:
+    """A page in the middle of its motion; nothing without Chromium."""
+    from liemech.viewer.chromium import Chromium, find
+
+    if find() is None:
+        return
+    with Chromium((1000, 460)) as browser:
+        tab = browser.open(page)
+        tab.wait("window.ready || window.failed")
+        tab.evaluate("player.bare(); seekTo(0.6 * player.duration); player.draw()")
+        picture.write_bytes(tab.picture())
+
+
+def film(folder: str) -> None:
+    """The first moving picture that a reader sees, in the documentation's first page."""
+    program = runpy.run_path(str(ROOT / "examples" / "flip_in_the_browser.py"))
+    program["scene"].write_film(HERE / "flip.gif", size=(640, 340), fps=12, seconds=9.0)
 
 
 def measured(name: str) -> Callable[[str], None]:
@@ -172,6 +211,7 @@ def main() -> None:
         path.stem: program(str(path)) for path in examples
     }
     makers |= {name: measured(name) for name in MEASURED}
+    makers["film"] = film
     makers["diagrams"] = program(str(HERE / "diagrams.py"))
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"of {', '.join(makers)}; all of them if left out"
@@ -183,7 +223,8 @@ def main() -> None:
         if name not in makers:
             parser.error(f"{name!r} is neither gallery nor one of {', '.join(makers)}")
         with tempfile.TemporaryDirectory() as folder:
-            makers[name](folder)
+            with contextlib.chdir(folder):
+                makers[name](folder)
             for picture in sorted(Path(folder).glob("*.png")):
                 image = Image.open(picture).convert("RGB")
                 image.thumbnail((WIDEST, WIDEST))

@@ -4,10 +4,12 @@ gallery links to it.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 from sphinx.application import Sphinx
@@ -26,10 +28,17 @@ def write(app: Sphinx) -> None:
     """A page for every example, and the pages that examples write."""
     folder = Path(app.srcdir) / "generated" / "examples"
     folder.mkdir(parents=True, exist_ok=True)
+    outputs = json.loads((ROOT / "docs" / "figures" / "outputs.json").read_text(encoding="utf-8"))
     for example in EXAMPLES:
         title = example.stem.replace("_", " ").capitalize()
         text = f":orphan:\n\n{title}\n{'=' * len(title)}\n\nOne of the examples of :doc:`the gallery </gallery>`.\n\n"
         text += f".. literalinclude:: ../../../examples/{example.name}\n   :language: python\n"
+        if output := outputs.get(example.stem, "").rstrip():
+            text += "\nIt prints\n\n.. code-block:: text\n   :class: output\n\n"
+            text += textwrap.indent(output, "   ") + "\n"
+        for picture in re.findall(r'"(\w+\.png)"', example.read_text(encoding="utf-8")):
+            if (ROOT / "docs" / "figures" / picture).exists():
+                text += f"\n.. image:: ../../figures/{picture}\n   :alt: {title}\n"
         file = folder / f"{example.stem}.rst"
         if not file.exists() or file.read_text(encoding="utf-8") != text:
             file.write_text(text, encoding="utf-8")
@@ -54,8 +63,11 @@ def link(app: Sphinx, name: str, source: list[str]) -> None:
     if name == "gallery":
         for example, page in IN_THE_BROWSER.items():
             picture = f"(figures/{example}.png)"
-            frame = f'\n\n<p><a href="pages/{page}.html">The page itself</a>: drag to turn, scroll to come nearer.</p>'
-            source[0] = source[0].replace(picture, picture + frame)
+            frame = f'<iframe loading="lazy" src="pages/{page}.html" title="{example}"></iframe>'
+            whole = rf"!\[[^\]]*\]{re.escape(picture)}"
+            source[0] = re.sub(
+                whole, frame, source[0]
+            )  # the page itself in the place of its picture
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -18,6 +18,7 @@ from ..formulas.vectors import small
 from ..groups.lie_algebra import LieAlgebra
 from ..groups.lie_group import LieGroup
 from ..integrators.method import Method
+from ..integrators.stochastic_steps import NoisySteps
 from ..retractions import Cayley, Exponential, Retraction
 from ..systems.sums_of_terms import released
 from ..systems.system import State, System
@@ -30,6 +31,7 @@ from .like_units import in_like_units
 from .local_claims import is_reversible, look_around
 from .map_laws import CAYLEY, EXPONENTIAL, Map
 from .method_claims import Trial, claims
+from .noisy_claims import noisy_claims
 from .places import Place
 from .report import Finding, Observation, Report, finished, require
 from .sample_points import At, sample_points
@@ -181,6 +183,9 @@ def check_method(
     and 5 times smaller, at times up to 640, some of them backwards.  Of steps in a fictive time
     these runs tell all; physical times are compared, and sigma(rho y) = sigma(y) too.
 
+    Of noisy steps the strong order is that of 400 paths against finer steps along the same ones; the weak order that of
+    the mean momentum, by all outcomes of bounded increments, without statistics.
+
     rho : a function of a state that turns the motion back, rho f(y) = -f(rho y), such as
     `lambda s: system.state(s.q, -s.p)`; left out, momenta are reversed, where that is one.
     h : a large step, in s; the order is observed over the time h, in more and more steps.  Left
@@ -211,6 +216,10 @@ def check_method(
     if start.bodies is not None:
         raise InvalidInput(f"check_method: start is an ensemble of {start.bodies}; give one start")
     start = members(system._written_out(start))[0]
+    if isinstance(method, NoisySteps):
+        method.require(system)
+        noisy = noisy_claims(method, system, start, h, compiled)  # type: ignore[arg-type]
+        return finished(f"{method!r} on {system!r}", noisy, raises)
     place = Place("the start", method, system, start, 0.0, compiled)
     method.require(place.whole)
     base = place.base

@@ -60,11 +60,22 @@ class Charts:
             except InvalidInput:  # there is a wall near by
                 return np.where(y > 0.0, y, units)
             return units
-        momenta = np.full(len(self.begin.mu), size(self.begin.mu))
+        momenta = np.full(len(self.begin.mu), self._momentum)
         if not self.whole:
             return momenta
         group = self.group
         return np.concatenate([[1.0 / Units(group).length(e) for e in Units(group).axes], momenta])
+
+    @property
+    def _momentum(self) -> float:
+        """A size of momenta: of a body at rest what its force makes in the time in which it moves by its
+        own size.
+        """
+        there = size(self.begin.mu)
+        if there > 0.0 or not isinstance(self.system, MechanicalSystem):
+            return there
+        force = size(flat(self.system.force(self.begin.g)))
+        return force / (pace(self.system, 0.0, self.begin) or 1.0) or 1.0
 
     @property
     def group(self) -> Any:

@@ -113,15 +113,15 @@ class Report:
         return not self.broken
 
     def __str__(self) -> str:
-        broken = f"{len(self.broken)} broken" if self.broken else "none broken"
-        header = self.findings[0].columns
-        return "\n".join(
-            [
-                f"{self.subject}: {len(self.held)} laws hold, {broken}",
-                header,
-                *map(str, self.findings),
-            ]
-        )
+        return "\n".join([self.verdict, self.findings[0].columns, *map(str, self.findings)])
+
+    @property
+    def verdict(self) -> str:
+        """All in one line: does it pass, and if not, which laws are broken?"""
+        held, broken = len(self.held), ", ".join([f.law for f in self.broken])
+        if broken:
+            return f"{self.subject} fails: {broken} broken, {held} laws hold"
+        return f"{self.subject} passes: {held} laws hold, none broken"
 
     def violation(self) -> LawViolation:
         """The first broken law as an error: where, by how much, and the probable cause."""

@@ -69,6 +69,11 @@ class AtState:
         """Does the energy depend on time?"""
         return isinstance(self.system, (DrivenHamiltonianSystem, DrivenLiePoissonSystem))
 
+    @property
+    def timed(self) -> dict[str, float]:
+        """The time, for the velocity and the energy of a body in a field that ask for it."""
+        return {"t": self.t} if getattr(self.system, "driven", False) else {}
+
     @cached_property
     def rate(self) -> Any:
         """The velocity of the motion here."""
@@ -124,7 +129,8 @@ def knows_time(system: Any) -> bool:
     """May the motion depend on the time?"""
     driven = DrivenHamiltonianSystem, DrivenLiePoissonSystem, GroupEquation, HomogeneousEquation
     body = system.body if isinstance(system, BoundBody) else system
-    return isinstance(system, driven) or getattr(body, "load", None) is not None
+    timed = getattr(body, "load", None) is not None or getattr(body, "driven", False)
+    return isinstance(system, driven) or timed
 
 
 def components(rng: np.random.Generator, n: int, large: float) -> np.ndarray:

@@ -170,12 +170,12 @@ def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
     if system.load is None:
         raise NotDefined("there is no load")
     mu, g = at.state.mu, at.state.g
-    xi = system.velocity(mu)
+    xi = system.velocity(mu, **at.timed)
     force = flat(system.load.covector(at.t, xi, g))
     yield from shaped(force, (len(mu),))
     power, found = float(force @ flat(xi)), []
     for place in (at, at.closer):
-        energies = [system.energy(state.mu, state.g) for state in place.nearby]
+        energies = [system.energy(state.mu, state.g, **at.timed) for state in place.nearby]
         change, scale = place.along(energies)
         found.append(Same(change, np.array([power]), scale + abs(power)))
     yield min(found, key=lambda same: same.defect)
@@ -485,7 +485,7 @@ def arguments(owner: Any, at: AtState) -> Arguments:
     body = isinstance(inner, (LiePoissonMotion, MechanicalSystem, BoundBody))
     if body or isinstance(inner, PhaseSpace):
         where = {"mu": state.mu} if body else state.parts
-        v = inner.velocity(*((t,) if at.driven else ()), *where.values())
+        v = inner.velocity(*((t,) if at.driven else ()), *where.values(), **at.timed)
         found |= {"v": v, "xi": v}
     if isinstance(inner, PoissonSystem):
         found |= {"mu": state.y, "a": inner.gradient(state.y), "structure": inner.structure}

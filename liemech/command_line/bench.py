@@ -8,6 +8,7 @@ import json
 import sys
 import time
 import warnings
+from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 import liemech as lm
 
 from ..checks.sample_states import random_state
-from ..plots.orders import order_of
+from ..simulation.measured_orders import order_of
 from .constructors import imported, read
 from .numbers import duration, short
 from .options import Parser, count, number
@@ -29,7 +30,9 @@ def bench(arguments: Sequence[str]) -> int:
     parser = Parser(
         prog="liemech bench",
         description="Measure a system: nanoseconds for a step, seconds to compile it, and the order that is observed.",
-        epilog="liemech bench my_module:system --start my_module:start --method 'RKMK(order=4)'",
+        epilog="examples:\n  liemech bench my_module:system --start my_module:start\n"
+        "  liemech bench 'HeavyTop([1.0, 1.5, 0.7], 1.3)' --method 'KickDrift(order=4)'",
+        formatter_class=RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add(
@@ -124,7 +127,7 @@ def _report(found: dict[str, Any]) -> str:
     )
     return "\n".join(
         [
-            found["system"],
+            found["system"] if len(found["system"]) <= 80 else found["system"][:77] + "...",
             f"  method    {found['method']}, {', '.join(found['parts'])} recorded",
             f"  a step    {duration(1e-9 * found['ns per step'])}, {how}",
             f"  before    {short(found['seconds before'])} s to prepare "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from argparse import RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from typing import Any
 
@@ -28,7 +29,9 @@ def check(arguments: Sequence[str]) -> int:
         prog="liemech check",
         description="Check the laws of a group, a retraction, a Poisson structure or a system, or the claims of a method; "
         "print a table.",
-        epilog="liemech check my_module:Heisenberg    liemech check 'RigidBody([1.0, 2.0, 2.5])'    liemech check 'RKMK(order=5)'",
+        epilog="examples:\n  liemech check my_module:Heisenberg\n"
+        "  liemech check 'RigidBody([1.0, 2.0, 2.5])'\n  liemech check 'RKMK(order=5)'",
+        formatter_class=RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         "what",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 def short(x: float) -> str:
     """Two digits, in few characters."""
@@ -9,6 +11,14 @@ def short(x: float) -> str:
         return f"{x:.2g}" if abs(x) < 100.0 else f"{x:.0f}"
     digits, exponent = f"{x:.1e}".split("e")
     return f"{digits}e{int(exponent)}"
+
+
+def called(thing: Any) -> str:
+    """What a system is called in a line: as it is written, or by its class alone where that is
+    long.
+    """
+    text = repr(thing)
+    return text if len(text) <= 110 else f"{text.partition('(')[0]}(...)"
 
 
 def duration(seconds: float) -> str:

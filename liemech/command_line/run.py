@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
+import textwrap
 import time
 import warnings
 from collections.abc import Sequence
@@ -16,14 +18,24 @@ import liemech as lm
 
 from ..names import meant
 from ..simulation.arguments import chooses_steps
+from ..simulation.progress import WANTED
 from .constructors import read
-from .numbers import duration
+from .numbers import called, duration
 from .options import Parser, count, number, output, picture
 from .scene import Scene
 from .scene_file import scene_file
 from .scenes import SCENES
 
 HERE = Path()
+
+EXAMPLES = """\
+examples:
+  liemech run heavy-top
+  liemech run heavy-top --view --plot        heavy-top.html and heavy-top.png
+  liemech run kepler --method "Splitting(order=8)" --h 0.05 --steps 1e5
+  liemech run flip --save && liemech view flip.npz
+  liemech run pendulum --explain             what would be computed
+"""
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -34,12 +46,20 @@ def run(arguments: Sequence[str]) -> int:
         saved, viewed, plotted = (
             getattr(options, name) is not None for name in ("save", "view", "plot")
         )
-        record = scene.parts(saved=saved, viewed=viewed, plotted=plotted)
+        refused = []
+        try:
+            record = scene.parts(saved=saved, viewed=viewed, plotted=plotted)
+        except lm.errors.InvalidInput as wrong:
+            if not viewed or scene.view is not None or not (saved or plotted):
+                raise
+            # the other outputs need not be missed
+            options.view, refused = None, [f"no page: {wrong}"]
+            record = scene.parts(saved=saved, viewed=False, plotted=plotted)
         every = scene.sampling(saved)
         if options.explain:
             print(explained(scene, record, every))
             return 0
-        begun, status, said = time.perf_counter(), 0, ""
+        begun, compiled, status, said = time.perf_counter(), WANTED.compiled, 0, ""
         with warnings.catch_warnings(record=True) as notes:
             warnings.simplefilter("always")
             try:
@@ -51,20 +71,26 @@ def run(arguments: Sequence[str]) -> int:
                     if isinstance(stopped, lm.errors.IntegrationFailure)
                     else (130, "interrupted")
                 )
-        spent = time.perf_counter() - begun
+        compiled = WANTED.compiled - compiled
+        spent = time.perf_counter() - begun - compiled
     except lm.errors.LiemechError as wrong:
         parser.error(str(wrong))
     for text in [*(str(note.message) for note in notes), *([said] if said else [])]:
         print(f"liemech: {text}", file=sys.stderr)
     if not len(done):
         return status
-    files, refused = _files(scene, done, options)
+    files, missed = _files(scene, done, options, said)
+    refused += missed
     for text in refused:
         print(f"liemech: {text}", file=sys.stderr)
     if options.json:
-        print(json.dumps(_data(options.scene, scene, done, spent, files), allow_nan=False))
+        print(
+            json.dumps(_data(options.scene, scene, done, (spent, compiled), files), allow_nan=False)
+        )
     elif not options.quiet:
-        print(_report(scene, done, spent), *(f"Written: {file}" for file in files), sep="\n")
+        print(
+            _report(scene, done, spent, compiled), *(f"Written: {file}" for file in files), sep="\n"
+        )
     return status or int(bool(refused))
 
 
@@ -74,7 +100,7 @@ def explained(scene: Scene, record: tuple[str, ...], every: int) -> str:
     essential = [
         name for name, x in scene.system.essential_part(scene.start).parts.items() if x is not None
     ]
-    lines = [f"{scene.title}: {scene.system!r}", f"  method        {scene.method!r}"]
+    lines = [f"{scene.title}: {called(scene.system)}", f"  method        {scene.method!r}"]
     if scene.system.fictive or scene.method.fictive:
         end = f"{scene.steps} of them" if scene.t_end is None else f"to t = {scene.t_end:g}"
         lines.append(
@@ -135,18 +161,16 @@ def _scene(options: Any) -> Scene:
     return scene.changed(h=options.h, steps=options.steps, method=method)
 
 
-def _files(scene: Scene, done: lm.Trajectory, options: Any) -> tuple[list[str], list[str]]:
+def _files(
+    scene: Scene, done: lm.Trajectory, options: Any, said: str
+) -> tuple[list[str], list[str]]:
     """Write what was asked for: the files, and what went wrong."""
     files: list[str] = []
     refused: list[str] = []
     name = Path(options.scene).stem
 
     def view(path: Path) -> None:
-        # a page shows one of them
-        first = (
-            0 if done.bodies is not None and isinstance(done.system, lm.HamiltonianSystem) else None
-        )
-        lm.viewer.Scene(done, scene.view, title=scene.title, body=first).save(path)
+        lm.viewer.Scene(done, scene.view, title=scene.title, note=said).save(path)
 
     def plot(path: Path) -> None:
         lm.plots.save(lm.plots.plot(done, title=scene.title).figure, path)  # type: ignore[arg-type]
@@ -167,18 +191,19 @@ def _files(scene: Scene, done: lm.Trajectory, options: Any) -> tuple[list[str], 
     return files, refused
 
 
-def _report(scene: Scene, done: lm.Trajectory, spent: float) -> str:
+def _report(scene: Scene, done: lm.Trajectory, spent: float, compiled: float) -> str:
     """Lines that say what was run, and how well the constants were kept."""
     how = "native code" if done.compiled else "plain Python"
+    apart = f" and {duration(compiled)} to compile" if compiled > 0.0 else ""
     steps = f"{done.method!r}, {done.steps} steps to t = {done.t[-1]:g}, {how}, {duration(spent)}"
-    lines = [f"{scene.title}: {scene.system!r}", steps]
+    lines = [f"{scene.title}: {called(scene.system)}", steps + apart]
     return "\n".join(
         [*lines, str(done.drift()) if len(done) > 1 else "the start alone; no constants to compare"]
     )
 
 
 def _data(
-    name: str, scene: Scene, done: lm.Trajectory, spent: float, files: list[str]
+    name: str, scene: Scene, done: lm.Trajectory, spent: tuple[float, float], files: list[str]
 ) -> dict[str, Any]:
     """The report as data, for programs."""
     kept = done.drift().kept if len(done) > 1 else ()
@@ -191,7 +216,8 @@ def _data(
         "h": float(done.h),
         "samples": len(done),
         "compiled": done.compiled,
-        "seconds": spent,
+        "seconds": spent[0],
+        "seconds to compile": spent[1],
         "last": {"t": float(done.t[-1])}
         | {part: rows[-1].tolist() for part, rows in done.states.items()},
         "kept": [
@@ -208,11 +234,15 @@ def _data(
 
 
 def _options(arguments: Sequence[str]) -> tuple[Any, Parser]:
+    names = textwrap.indent(textwrap.fill(", ".join(SCENES), 76, break_on_hyphens=False), "  ")
     parser = Parser(
-        prog="liemech run", description="Follow a scene and tell how well its constants were kept."
+        prog="liemech run",
+        description="Follow a scene and tell how well its constants were kept.",
+        epilog=f"scenes:\n{names}\n\n{EXAMPLES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("scene", metavar="SCENE", help=f"one of {', '.join(SCENES)}; or a file, scene.toml")
+    add("scene", metavar="SCENE", help="one of the scenes below, or a file, scene.toml")
     add("--h", type=number, metavar="H", help="length of a step")
     add("--steps", type=count, metavar="N", help="number of steps")
     add(

@@ -248,5 +248,6 @@ def rolling_ball() -> Scene:
     group = lm.ProductGroup(lm.SO3(), lm.VectorSpace(3))
     body = library.LiePoissonSystem(group, library.KineticEnergy([0.3, 0.5, 0.7, 1.0, 1.0, 1.0]))
     system = library.NonholonomicBody(body, lm.joints.Rolling(1.0))
-    start = system.consistent([0.1, 1.0, 0.3, 0.0, 0.0, 0.0], group.identity())
+    place = np.concatenate([np.eye(3).ravel(), [0.0, 0.0, 1.0]])  # its centre above the plane
+    start = system.consistent([0.1, 1.0, 0.3, 0.0, 0.0, 0.0], place)
     return Scene("a ball that rolls", system, lm.LagrangeDAlembert(), start, h=0.05, steps=400)

@@ -81,7 +81,7 @@ def evaluate_rows(batch: Batch) -> Any:
     if ready is not None:
         return _finished(batch, *ready, [])
     values = [batch.row(0)]
-    job = _job(batch, values[0]) if n >= FEW else None
+    job = job_of(batch, values[0]) if n >= FEW else None
     run = _known(job) if job is not None and key in _native else None
     if run is not None and job is not None:
         return _finished(batch, job, run, values)
@@ -96,7 +96,7 @@ def evaluate_rows(batch: Batch) -> Any:
         if expected > DISK and before + spent > NOISE and not looked:
             run, looked = _stored(job), True
         if expected > WORTH + ROWS * spent / done and before + spent > NOISE and run is None:
-            run = _compiled(job, batch)
+            run = compiled(each, job, batch, _lanes())
             job = None if run is None else job
     _spent[key] = before + time.thread_time() - begun
     if run is None or job is None or len(values) == n:
@@ -249,7 +249,7 @@ class Job:
         return formula, layout_of(owner), plan, layout_of(static), self.layouts
 
 
-def _job(batch: Batch, example: Any) -> Job | None:
+def job_of(batch: Batch, example: Any) -> Job | None:
     """None if the results are no numbers, or native code for them has been refused before."""
     parts = tuple(_parts(example))
     if not all(isinstance(part, (float, int, Complex, Vec, Mat)) for part in parts):
@@ -293,7 +293,7 @@ def _known(job: Job) -> kernel.Kernel | None:
     """Its native code, if this process has it already."""
     if kernel.available() is not None:
         return None
-    found = (kernel.known(_each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
+    found = (kernel.known(each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
     return next((run for run in found if run is not None), None)
 
 
@@ -301,17 +301,21 @@ def _stored(job: Job) -> kernel.Kernel | None:
     """Its native code, if it is on disk."""
     if kernel.available() is not None:
         return None
-    found = (kernel.stored(_each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
+    found = (kernel.stored(each, *job.arguments, *job.rows, lanes=lanes) for lanes in _lanes())
     return next((run for run in found if run is not None), None)
 
 
-def _compiled(job: Job, batch: Batch) -> kernel.Kernel | None:
-    """Its native code, made now; None if that cannot be done, which is said once and remembered."""
+def compiled(
+    driver: Callable[..., None], job: Job, batch: Batch, several: tuple[int, ...]
+) -> kernel.Kernel | None:
+    """Its native code for the first of these numbers of lanes that it admits, made now; None if that
+    cannot be done, which is said once and remembered.
+    """
     if kernel.available() is not None:
         return None
-    for lanes in _lanes():
+    for lanes in several:
         try:
-            return kernel.kernel(_each, *job.arguments, *job.rows, lanes=lanes)
+            return kernel.kernel(driver, *job.arguments, *job.rows, lanes=lanes)
         except NotCompilable as error:
             reason = error
     _refused.add(job.key)
@@ -406,7 +410,7 @@ def _in_rows(array: np.ndarray) -> np.ndarray:
 # ------------------------------------------------------------------ one row, in native code
 
 
-def _each(
+def each(
     formula: Any,
     owner: Any,
     space: Any,

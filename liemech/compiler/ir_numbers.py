@@ -20,6 +20,7 @@ import numpy as np
 from llvmlite import ir
 
 from ..errors import NotCompilable
+from ..formulas import philox
 from ..formulas.functions import INSTRUCTIONS
 from ..formulas.numbers import StandIn
 
@@ -439,6 +440,39 @@ class Emitter:
             return result
 
         return self.each(by_lane, *values)
+
+    def uniforms(self, seed: Any, path: Any, number: Any, block: int) -> tuple[Any, Any]:
+        """`philox.uniforms`, in integers of 64 bits of which 32 are used."""
+        b, given = self.builder, (seed, path, number)
+        if not any(isinstance(x, Num) for x in given):
+            return philox.uniforms(seed, path, number, block)
+        varying = any(isinstance(x, Num) and x.varying for x in given)
+        type_ = self.type("i", varying)
+
+        def known(n: int) -> ir.Constant:
+            return ir.Constant(type_, [n] * self.width if varying else n)
+
+        def made(*floats: ir.Value) -> tuple[ir.Value, ir.Value]:
+            s, p, n = (b.fptosi(x, type_) for x in floats)
+            shift, word = known(32), known(philox.WORD)
+            a, c, e, d = (b.and_(n, word), b.or_(b.lshr(n, shift), known(block << 21)),
+                          b.and_(p, word), b.lshr(p, shift))  # fmt: skip
+            k, m = b.and_(s, word), b.lshr(s, shift)
+            for i in range(philox.ROUNDS):
+                if i > 0:
+                    k, m = (b.and_(b.add(x, known(w)), word) for x, w in zip((k, m), philox.WEYL))
+                first, second = (b.mul(known(w), x) for w, x in zip(philox.MULTIPLIERS, (a, e)))
+                a, e = (b.xor(b.xor(b.lshr(x, shift), y), z)
+                        for x, y, z in ((second, c, k), (first, d, m)))  # fmt: skip
+                c, d = b.and_(second, word), b.and_(first, word)
+            pairs = (b.or_(b.shl(x, known(20)), b.lshr(y, known(12))) for x, y in ((a, c), (e, d)))
+            u, v = (b.sitofp(x, self.type("f", varying)) for x in pairs)
+            return u, v
+
+        registers = [self.cast(x, "f", varying) for x in given]
+        found = [made(*floats) for floats in zip(*registers)]
+        u, v = (self.num(x) for x in zip(*found))
+        return (u + 0.5) * 2.0**-52, (v + 0.5) * 2.0**-52
 
     def _declared(self, symbol: str, type_: ir.Type, arguments: int) -> ir.Function:
         module = self.builder.module

@@ -320,7 +320,11 @@ def leveled(items: list[Any]) -> list[Any]:
         list: list,
     }
     kind = type(items[0])
-    if kind in makers and all(type(v) is kind for v in items) and len({len(v) for v in items}) == 1:
+    if (
+        kind in makers
+        and len(items[0])
+        and all(type(v) is kind and len(v) == len(items[0]) for v in items)
+    ):
         return [
             makers[kind](v)
             for v in zip(*map(leveled, map(list, zip(*items, strict=True))), strict=True)

@@ -199,8 +199,20 @@ class Kernel:
         """Run on arguments that are laid out already: the numbers of all values in turn, the
         integers, the arrays.
         """
+        self.on_memory(self.block(numbers, integers, arrays, bodies, begin, end), arrays)
+
+    def block(
+        self,
+        numbers: bytes,
+        integers: Sequence[int],
+        arrays: Sequence[Any],
+        bodies: int = 1,
+        begin: int = 0,
+        end: int = 1,
+    ) -> bytes:
+        """The block of memory with them."""
         words = bodies, begin, end, *integers, *map(address, arrays)
-        self.on_memory(struct.pack(f"{len(words)}q", *words) + numbers, arrays)
+        return struct.pack(f"{len(words)}q", *words) + numbers
 
     def on_memory(self, block: bytes, buffers: Sequence[guard_words.Buffer]) -> None:
         """Run on one block, which holds the addresses of these buffers."""
@@ -399,6 +411,13 @@ def side_by_side(bodies: int | None) -> int:
 
 
 # ------------------------------------------------------------------ translation
+
+
+def translated(entry: Callable[..., Any], *args: Any) -> str:
+    """A driver for one body and arguments like these, in LLVM's language.  Raises NotCompilable."""
+    _imported()
+    kinds = tuple(map(kind_of, args))
+    return _translated(entry, kinds, 1)[1]
 
 
 def _translated(

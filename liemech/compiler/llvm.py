@@ -13,11 +13,13 @@ import itertools
 import os
 import threading
 import weakref
+from collections.abc import Sequence
 from typing import Any
 
 import llvmlite
 import llvmlite.binding as llvm
 
+from ..errors import NotCompilable
 from ..formulas.functions import LIBM
 from . import callbacks, interrupts
 
@@ -73,6 +75,44 @@ def object_code(text: str) -> bytes:
         return code
 
 
+def portable(texts: Sequence[str], target: str | None) -> tuple[bytes, str, str, str]:
+    """Machine code of modules for other programs, the modules as one after LLVM's passes, and the
+    platform and processor.
+
+    target : None for the simplest processor of this platform; "native" for this one; LLVM's name of
+    a platform, and a processor behind a colon if it is not the simplest: "aarch64-linux-gnu:cortex-a72".
+    Raises NotCompilable for others, and such as have no addresses of 64 bits.
+    """
+    with _lock:
+        triple_of, _, processor = (target or triple()).partition(":")
+        features = ""
+        if target == "native":
+            triple_of, processor = triple(), llvm.get_host_cpu_name()
+            features = llvm.get_host_cpu_features().flatten()
+        _prepare_all()
+        try:
+            machine = llvm.Target.from_triple(triple_of).create_target_machine(
+                cpu=processor, features=features, opt=3, reloc="pic", codemodel="default"
+            )
+        except RuntimeError as error:
+            raise NotCompilable(
+                f"Plan.export: LLVM knows no target {target!r}, such as "
+                f'"aarch64-linux-gnu:cortex-a72": {error}'
+            ) from None
+        if "p:32:32" in (data := str(machine.target_data)) or "-p:16" in data:
+            raise NotCompilable(f"Plan.export: {target!r} has no addresses of 64 bits")
+        own = f'target triple = "{triple()}"'
+        first, *others = [
+            llvm.parse_assembly(text.replace(own, f'target triple = "{triple_of}"'))
+            for text in texts
+        ]
+        for other in others:
+            first.link_in(other)
+        first.verify()
+        _pass(first, machine, 2)
+        return machine.emit_object(first), str(first), triple_of, processor or "generic"
+
+
 def assembly(text: str) -> str:
     """The machine code as text, for those who want to see what became of a formula."""
     with _lock:
@@ -122,16 +162,21 @@ def _linker() -> Any:
 def _optimised(text: str) -> Any:
     module = llvm.parse_assembly(text)
     module.verify()
-    tuning = llvm.create_pipeline_tuning_options(speed_level=2 if size(text) < LONG else 1)
+    _pass(module, _target(), 2 if size(text) < LONG else 1)
+    return module
+
+
+def _pass(module: Any, machine: Any, level: int) -> None:
+    """LLVM's passes."""
+    tuning = llvm.create_pipeline_tuning_options(speed_level=level)
     # lanes are explicit; formulas are scalar on purpose
     tuning.loop_vectorization = tuning.slp_vectorization = False
-    passes = llvm.create_pass_builder(_target(), tuning)
+    passes = llvm.create_pass_builder(machine, tuning)
     copying = llvm.create_new_module_pass_manager()
     copying.add_always_inliner_pass()
     for manager in (copying, passes.getModulePassManager()):
         manager.run(module, passes)
         _released(manager)
-    return module
 
 
 def _released(manager: Any) -> None:
@@ -170,6 +215,13 @@ def _prepare() -> None:
     """Once in a process: LLVM for this processor."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+
+
+@functools.cache
+def _prepare_all() -> None:
+    """Once in a process: LLVM for all processors."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
 
 
 @functools.cache

@@ -25,6 +25,7 @@ from ..formulas.pytree import (
     is_any_number,
     layout_of,
     leaves,
+    with_slopes,
 )
 from ..formulas.sites import EIGHT, TOGETHER, Meeting, SiteArray, SiteTable
 from ..formulas.vectors import Vec
@@ -375,6 +376,8 @@ class SiteLoops:
         """
         t, e, b, state = self.t, self.e, self.b, self.t.state
         over, start = self._meeting("pairs"), vector(start)
+        for level in meeting.published.layout.levels[:1]:  # which the terms will have
+            start = with_slopes(start, level)
         layout = carried_layout(start)
         if over.range is not None or {*layout.kinds} - {"number"}:
             raise NotCompilable("sums over all pairs of what is no float, or of some sites only")

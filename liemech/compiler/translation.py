@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotCompilable
-from ..formulas import functions, large, products, series, sums, tables, vectors
+from ..formulas import functions, large, philox, products, series, sums, tables, vectors
 from ..formulas.derivatives import axes, tangent
 from ..formulas.dual import Dual
 from ..formulas.fields import converters
@@ -106,6 +106,7 @@ class Interpreter(Statements):
                 emitter, sums.antisymmetric_map, *x
             ),
             tables.entry: lambda *x: lookups.entry(emitter, *x),
+            philox.uniforms: emitter.uniforms,
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
         }
 

@@ -123,7 +123,7 @@ class Batch:
     @property
     def group(self) -> Any:
         """The group whose elements are meant: the space itself, or that of a system or an action."""
-        return _who_knows_elements(self.space)
+        return who_knows_elements(self.space)
 
     def row(self, i: int) -> Any:
         """The formula for row i in plain Python.  Raises what is wrong with its arguments, and what
@@ -216,11 +216,11 @@ def _is_element(group: Any, array: np.ndarray) -> bool:
 def _some(space: Any, kind: str, shape: tuple[int, ...]) -> np.ndarray:
     """An argument of this kind on which every formula has a value."""
     if kind in ("Element", "Ambient"):
-        return np.array(_who_knows_elements(space).identity())
+        return np.array(who_knows_elements(space).identity())
     return np.eye(*shape) if len(shape) == 2 else np.zeros(shape)
 
 
-def _who_knows_elements(space: Any) -> Any:
+def who_knows_elements(space: Any) -> Any:
     """The group itself, or that of a system or an action."""
     return space if hasattr(space, "identity") or not hasattr(space, "group") else space.group
 

@@ -15,6 +15,7 @@ from typing import Any
 from .arguments import blame, checked
 from .numbers import CarriesMore
 from .of_math import taking_all
+from .one_row import one_row
 from .signatures import RECORDS, Signature, bare
 from .vectors import Vec
 
@@ -22,9 +23,13 @@ from .vectors import Vec
 class Broadcasting:
     """A class whose public methods on `Vec` and `Mat` take arrays too."""
 
+    _takes_rows = True
+    """Are arguments rows of numbers, shaped in no other way?"""
+
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         RECORDS[cls.__name__] = cls
+        cls._takes_rows = cls._in_rows is Broadcasting._in_rows
         for name, member in vars(cls).copy().items():
             if isinstance(member, types.FunctionType) and not name.startswith("_"):
                 signature = Signature(cls, name, bare(member))
@@ -89,7 +94,8 @@ def _broadcasting(signature: Signature) -> Callable[..., Any]:
             return checked(signature, self, args, options)
         for value, passing in zip(args, signature.trusted):
             if passing is not None and type(value) not in passing:
-                return checked(signature, self, args, options)
+                found = one_row(signature, self, args)
+                return checked(signature, self, args, options) if found is None else found
         if at is None or at < len(args):
             space = self if at is None else args[at]
             try:

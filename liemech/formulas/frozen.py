@@ -127,7 +127,7 @@ def _methods(cls: Any, fields: list[Any]) -> dict[str, Any]:
     shown = [f.name for f in fields if f.repr]
 
     def __repr__(self: Any) -> str:
-        values = ", ".join([f"{name}={getattr(self, name)!r}" for name in shown])
+        values = ", ".join([f"{name}={_shown(getattr(self, name))}" for name in shown])
         return f"{type(self).__qualname__}({values})"
 
     def __eq__(self: Any, other: object) -> Any:
@@ -165,6 +165,15 @@ _methods.__code__ = _methods.__code__.replace(
         ]
     )
 )
+
+
+def _shown(value: Any) -> str:
+    """A value of a field; of a long tuple, such as the links of a chain, its ends."""
+    if type(value) is not tuple or len(value) <= 3 or isinstance(value[0], (float, int)):
+        return repr(value)
+    return f"({value[0]!r}, ..., {value[-1]!r}; {len(value)} in all)"
+
+
 _once = getattr(dataclasses, "_recursive_repr", None) or reprlib.recursive_repr()
 
 

@@ -196,6 +196,9 @@ class Large(InMemory):
     def __bool__(self) -> bool:
         raise InvalidType(f"{self!r} is neither true nor false")
 
+    def __rmatmul__(self, other: Any) -> Any:
+        return Large(other) @ self
+
     def inner_with(self, other: Any) -> Any:
         """The scalar product."""
         return inner(self, other)

@@ -88,6 +88,12 @@ class Layout:
         )
 
     @functools.cached_property
+    def levels(self) -> tuple[float, ...]:
+        """Those of the derivatives that its numbers carry along."""
+        own = (self.detail[1],) if self.kind == "pair" and self.detail[0] is Dual else ()
+        return own + tuple([level for part in self.parts for level in part.levels])
+
+    @functools.cached_property
     def long(self) -> bool:
         """Are there numbers of two doubles in it?"""
         return (self.kind == "pair" and self.detail[0] is DoubleDouble) or any(
@@ -580,6 +586,11 @@ def with_slopes(value: Any, level: float) -> Any:
     none.
     """
     return _mapped(value, lambda x: x if isinstance(x, Dual) else Dual(x, 0.0, level), (Dual,))
+
+
+def moving_as(value: Any, x: Any) -> Any:
+    """The value in numbers that carry a derivative, if a number x does."""
+    return with_slopes(value, x.level) if isinstance(x, Dual) else value
 
 
 def as_others_see(value: Any) -> Any:

@@ -48,9 +48,9 @@ def known(module: str, name: str) -> Any:
 class Record(Broadcasting):
     """Base of everything that compiles: frozen dataclasses whose methods are formulas."""
 
-    # its structure, and the shapes that its methods take, once somebody asked for it; no
+    # its structure, and the shapes and rows that its methods take, once somebody asked for it; no
     # fields: neither pickled, copied nor in `vars`
-    __slots__ = ("_layout", "_shapes")
+    __slots__ = ("_layout", "_shapes", "_single_rows")
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

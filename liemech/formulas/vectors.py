@@ -33,6 +33,8 @@ def _by_components(op: Callable[[Any, Any], Any], scalars: bool = False) -> Any:
         if type(other) is not Vec:
             if scalars and type(other) is float:
                 return _make(Vec, [op(x, other) for x in self])
+            if isinstance(other, InMemory):
+                return NotImplemented
             if isinstance(other, np.ndarray) and not other.ndim:
                 other = other.item()
             if scalars and not isinstance(other, _VECTORS):
@@ -196,7 +198,7 @@ class Vec(tuple[Any, ...], Operand):
         return tuple(self)
 
     def __repr__(self) -> str:
-        return f"Vec({', '.join(map(str, self))})"
+        return f"Vec({few(map(str, self), 12)})"
 
 
 class Truths(Vec):
@@ -273,6 +275,14 @@ class Entries:
 
     def __repr__(self) -> str:
         return f"Entries({', '.join(map(str, map(tuple, self.rows)))})"
+
+
+def few(texts: Iterable[str], most: int) -> str:
+    """Texts with commas between them; of more than `most` the first three, the last, and how many."""
+    found = list(texts)
+    if len(found) <= most:
+        return ", ".join(found)
+    return f"{', '.join(found[:3])}, ..., {found[-1]}; {len(found)} in all"
 
 
 def _beside_numbers(other: Any) -> bool:
@@ -419,6 +429,8 @@ class Mat(Operand):
         return self @ other
 
     def _by_rows(self, op: Callable[[Any, Any], Any], other: Any) -> Any:
+        if isinstance(other, InMemory):
+            return NotImplemented
         if are_samples(other, 2):
             return op(np.asarray(self), other)
         other = small(other)
@@ -474,6 +486,8 @@ class Mat(Operand):
         return Mat(*map(abs, self.rows))
 
     def __matmul__(self, other: Any) -> Any:
+        if isinstance(other, InMemory):
+            return NotImplemented
         if are_samples(other, 2):
             return np.asarray(self) @ other
         other = small(other)
@@ -524,7 +538,7 @@ class Mat(Operand):
         return np.array([np.asarray(row, dtype=dtype) for row in self.rows])
 
     def __repr__(self) -> str:
-        return f"Mat({', '.join(repr(tuple(row)) for row in self.rows)})"
+        return f"Mat({few((repr(tuple(row)) for row in self.rows), 6)})"
 
 
 _NESTED = (*_VECTORS, Mat)

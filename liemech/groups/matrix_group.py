@@ -274,16 +274,14 @@ class MatrixLieGroup(LieGroup):
         """
         if self.is_large:
             return Vec.of(matrix_arrays.casimirs(self, np.array(mu)[None])[0])
-        found = self._polynomials
-        values = [dot(z, mu) for z in found["linear"]] + [
-            dot(mu, q @ mu) for q in found["quadratic"]
-        ]
-        if len(found["powers"]) > 0:
-            m = self.algebra.hat(found["from_form"] @ mu)
+        linear, quadratic, powers, from_form = self._polynomials
+        values = [dot(z, mu) for z in linear] + [dot(mu, q @ mu) for q in quadratic]
+        if len(powers) > 0:
+            m = self.algebra.hat(from_form @ mu)
             power = m @ m
-            for k in range(3, max(found["powers"]) + 1):
+            for k in range(3, max(powers) + 1):
                 power = power @ m
-                if k in found["powers"]:
+                if k in powers:
                     trace = total([power[i, i] for i in range(len(power))])
                     values = [
                         *values,
@@ -292,17 +290,17 @@ class MatrixLieGroup(LieGroup):
         return vec(*values)
 
     @cached_property
-    def _polynomials(self) -> dict[str, Any]:
+    def _polynomials(self) -> tuple[Any, ...]:
         """The constants of the Casimir functions, as formulas take them."""
         core, u = self.generated.core, self.generated.units[0]
         of_core = self if core is self.generated else GeneratedGroup(core.generators)
         linear, quadratic, powers, from_form = casimir_polynomials(core, of_core.algebra)
-        return {
-            "linear": tuple(_constant(z / u) for z in linear),
-            "quadratic": tuple(_constant(q / np.outer(u, u)) for q in quadratic),
-            "powers": powers,
-            "from_form": _constant(from_form / np.outer(u, u) if len(from_form) else from_form),
-        }
+        return (
+            tuple([_constant(z / u) for z in linear]),
+            tuple([_constant(q / np.outer(u, u)) for q in quadratic]),
+            powers,
+            _constant(from_form / np.outer(u, u) if len(from_form) else from_form),
+        )
 
     # ---------------------------------------------------------------- adaptive steps
 
@@ -329,20 +327,17 @@ class MatrixLieGroup(LieGroup):
     def defect(self, g: Ambient) -> float:
         """The largest defect of the invariants, relative to the size of an element."""
         given, g = g, self._in_core(g)
-        laws, spread = self._laws, max(1.0, frobenius2(g) / len(g))
+        vectors, covectors, commuting, forms, hermitian, coforms, cohermitian, _, _ = self._laws
+        spread = max(1.0, frobenius2(g) / len(g))
         if not spread < HUGE:
             return spread
         g_t, g_h = g.T, adjoint(g)
-        second = [g_t @ b @ g - b for b in laws["forms"]] + [
-            g_h @ b @ g - b for b in laws["hermitian"]
-        ]
+        second = [g_t @ b @ g - b for b in forms] + [g_h @ b @ g - b for b in hermitian]
         second = (
-            second
-            + [g @ c @ g_t - c for c in laws["coforms"]]
-            + [g @ c @ g_h - c for c in laws["cohermitian"]]
+            second + [g @ c @ g_t - c for c in coforms] + [g @ c @ g_h - c for c in cohermitian]
         )
-        first = [g @ v - v for v in laws["vectors"]] + [w @ g - w for w in laws["covectors"]]
-        commutators = [g @ a - a @ g for a in laws["commuting"]]
+        first = [g @ v - v for v in vectors] + [w @ g - w for w in covectors]
+        commutators = [g @ a - a @ g for a in commuting]
         of_forms = max([0.0, 0.0] + [abs2(x) for m in second for row in m for x in row]) / (
             spread * spread
         )
@@ -368,11 +363,12 @@ class MatrixLieGroup(LieGroup):
     def _further_defect(self, g: Mat) -> float:
         """That of cubic forms and of directions that are stretched."""
         worst, spread, columns = 0.0, max(1.0, frobenius2(g) / len(g)), g.T
-        for v in self._laws["rays"]:
+        *_, rays, cubic = self._laws
+        for v in rays:
             there = g @ v
             off = there - max(dot(v, there), 0.0) * v
             worst = max(worst, dot(off, off) / spread)
-        for form in self._laws["cubic"]:
+        for form in cubic:
             # T(g x, ., .) first, then the others
             once = [total([scaled(a, t) for a, t in zip(x, form)]) for x in columns]
             for i, one in enumerate(once):
@@ -393,8 +389,10 @@ class MatrixLieGroup(LieGroup):
         return sqrt(worst)
 
     @cached_property
-    def _laws(self) -> dict[str, tuple[Any, ...]]:
-        """The invariants as constants of formulas."""
+    def _laws(self) -> tuple[tuple[Any, ...], ...]:
+        """The invariants as constants of formulas, one kind after the other: tuples, whose content nobody
+        has to compare.
+        """
         kind = self._kind
         names = (
             "vectors",
@@ -407,12 +405,12 @@ class MatrixLieGroup(LieGroup):
             "rays",
         )
         cubic = [t / np.abs(t).max() for t in self.invariants.cubic]
-        return {
-            name: tuple(
-                _constant(np.asarray(x, dtype=kind)) for x in getattr(self.invariants, name)
-            )
+        laws = [
+            [_constant(np.asarray(x, dtype=kind)) for x in getattr(self.invariants, name)]
             for name in names
-        } | {"cubic": tuple(tuple(_constant(np.asarray(m, dtype=kind)) for m in t) for t in cubic)}
+        ]
+        forms = [tuple([_constant(np.asarray(m, dtype=kind)) for m in t]) for t in cubic]
+        return (*map(tuple, laws), tuple(forms))
 
     def objection(self, g: np.ndarray) -> str | None:
         """The first of the invariants that it breaks, and by how much."""

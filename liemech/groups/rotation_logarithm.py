@@ -53,7 +53,8 @@ def rotation_vector(R: Mat) -> Vec:
     """
     q = rotation_quaternion(R)
     v = vec(q[0], q[1], q[2])
-    size = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    if constant(size) == 0.0:
+    square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    if constant(square) == 0.0:  # asked before the root, which has no slope there
         return 2.0 * v  # v is zero or its square underflows; q_w is 1
+    size = sqrt(square)
     return (2.0 * atan2(size, q[3]) / size) * v

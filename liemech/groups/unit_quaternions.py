@@ -179,9 +179,10 @@ class UnitQuaternions(LieGroup):
         axis will do, 2 pi e_1.
         """
         v = _vector(g)
-        size = sqrt(dot(v, v))
-        if constant(size) == 0.0:  # v is zero, or its square underflows
+        square = dot(v, v)
+        if constant(square) == 0.0:  # v is zero, or its square underflows; the root has no slope
             return 2.0 * v if g[3] > 0.0 else vec(WHOLE_TURN, 0.0, 0.0)
+        size = sqrt(square)
         return (2.0 * atan2(size, g[3]) / size) * v
 
     # ---------------------------------------------------------------- Cayley map

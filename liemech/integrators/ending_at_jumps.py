@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from ..errors import IncompatibleSystem
 from ..formulas import record, where
 from ..formulas.pytree import fields_of, fitted, layout_of, with_fields
 from ..formulas.tables import Table, entry
 from ..systems.tabulated import NEAR, ROUNDING, during, has_inputs, inputs, jump_ahead, reached
 from .method import Method, Wrapping
+
+AT_ENDS = "its noise is known at the ends of steps only. Let steps end there: t0 + n h"
 
 MARGIN = 4
 """Units in the last place by which steps keep away from a jump of the velocity that a user has
@@ -30,6 +33,10 @@ def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
     """
     if getattr(system, "fictive", False) or not (breaks or has_inputs(system)):
         return method
+    if method.noisy:
+        raise IncompatibleSystem(
+            f"{method!r} cannot end a step at a jump of {'the velocity' if breaks else 'an input'}: {AT_ENDS}"
+        )
     if method.fictive:
         own = system if hasattr(method, "base") else getattr(system, "system", system)
         inner = {n: x for n, x in fields_of(method).items() if isinstance(x, Method)}

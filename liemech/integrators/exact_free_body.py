@@ -90,9 +90,10 @@ class ExactFreeBody(Method):
 
     Explicit, symmetric, symplectic; energy, |mu| and spatial momentum kept to rounding.  A step of
     more than a tenth of a turn is made in equal parts.
-    Also for a body in space, on SE3() or ProductGroup(SO3(), VectorSpace(3)): it turns freely, its
-    centre of mass flies straight; and for masses on VectorSpace(n).  On a power of such
-    a group every site moves so.
+    Also for a body in space, on SE3(): it turns freely, its centre of mass flies straight; for
+    masses on VectorSpace(n); and on products of rotations and vector spaces, such as
+    ProductGroup(SO3(), VectorSpace(3)), whose inertia does not couple them.  On a power of such a
+    group every site moves so.
 
     Without a field `body.exact` gives any time at once.  In a field it is the free part of a
     splitting, `KickDrift`.
@@ -133,10 +134,16 @@ class ExactFreeBody(Method):
             return self._site_by_site(system, t, state, h)
         if isinstance(system.hamiltonian, EnergyOfSpecies):
             return self._of_species(system, t, state, h)
+        if isinstance(system.group, ProductGroup):
+            return self._factor_by_factor(system, state, h)
         if isinstance(system.group, VectorSpace):
             moved = system.displaced(Exponential(), state, h * system.velocity(state.mu))
             return fitted(moved, layout_of(state))
-        orbit, parts, unit = self._cut(_turning(system.hamiltonian.inverse), _turning(state.mu), h)
+        return self._turned(system, system.hamiltonian.inverse, state, h)
+
+    def _turned(self, system: Any, inverse: Vec | Mat, state: BodyState, h: float) -> BodyState:
+        """The step of one body."""
+        orbit, parts, unit = self._cut(_turning(inverse), _turning(state.mu), h)
         layout, done = layout_of(state), 0.0
         while done < parts:
             x = _with_flight(
@@ -145,6 +152,26 @@ class ExactFreeBody(Method):
             state = fitted(system.displaced(Cayley(), state, x), layout)
             done = done + 1.0
         return state
+
+    def _factor_by_factor(self, system: Any, state: BodyState, h: float) -> BodyState:
+        """The step on a product: rotations turn freely, vectors move straight."""
+        group, inverse = system.group, system.hamiltonian.inverse
+        elements = None if state.g is None else group.split(state.g)
+        mu: list[Any] = []
+        g: list[Any] = []
+        for k, factor in enumerate(group.factors):
+            i = sum([other.dim for other in group.factors[:k]])
+            j = i + factor.dim
+            one = with_fields(system, group=factor)
+            there = BodyState(state.mu[i:j], None if elements is None else elements[k])
+            own = _block(inverse, i, j)
+            if isinstance(factor, VectorSpace):
+                moved = one.displaced(Exponential(), there, h * times(own, there.mu))
+            else:
+                moved = self._turned(one, own, there, h)
+            mu = [*mu, *moved.mu]
+            g = g if elements is None else [*g, *entries(moved.g)]
+        return fitted(BodyState(vec(*mu), None if elements is None else vec(*g)), layout_of(state))
 
     def _site_by_site(self, system: Any, t: float, state: BodyState, h: float) -> BodyState:
         """The step of many sites, each of them a free body, in a row."""
@@ -323,13 +350,18 @@ def _turning(a: Vec | Mat) -> Vec | Mat:
     )
 
 
+def _block(m: Vec | Mat, i: int, j: int) -> Vec | Mat:
+    """The rows and columns i to j - 1."""
+    return mat(*[m[k][i:j] for k in range(i, j)]) if isinstance(m, vectors.Mat) else m[i:j]
+
+
 def _with_flight(system: Any, x: Vec, mu: Vec, h: float) -> Vec:
     """The displacement with that of the centre of mass, if there is one: it flies by h v."""
     if len(mu) == 3:
         return x
     v = system.velocity(mu)
     way = h * vec(v[3], v[4], v[5])
-    return join(x, way - 0.5 * cross(x, way) if isinstance(system.group, SE3) else way)
+    return join(x, way - 0.5 * cross(x, way))
 
 
 def _why_not(system: Any) -> str:
@@ -348,16 +380,22 @@ def _why_no_body(group: Any, energy: Any) -> str:
     """Why an energy on a group is not that of a free rigid body."""
     if isinstance(group, VectorSpace) and isinstance(energy, KineticEnergy):
         return ""
-    in_space = isinstance(group, SE3) or group == ProductGroup(SO3(), VectorSpace(3))
-    if not (isinstance(group, (SO3, UnitQuaternions)) or in_space):
+    factors = group.factors if isinstance(group, ProductGroup) else (group,)
+    kinds = {type(factor) for factor in factors}
+    if not (isinstance(group, SE3) or kinds <= {SO3, UnitQuaternions, VectorSpace}):
         return "it does not turn in space"
     if not isinstance(energy, KineticEnergy):
         return "its energy is not quadratic"
-    if in_space:
+    if isinstance(group, ProductGroup):
+        whole = energy.inertias.copy()
+        for k, factor in enumerate(factors):
+            i = sum(other.dim for other in factors[:k])
+            whole[:, i : i + factor.dim, i : i + factor.dim] = 0.0
+        if whole.any():
+            return "its inertia couples the factors, as wheels are coupled to their body"
+    if isinstance(group, SE3):
         whole = energy.inertias
         mass = whole[:, 3:, 3:]
-        if whole[:, :3, 3:].any() or (
-            isinstance(group, SE3) and (mass != mass[:, :1, :1] * np.eye(3)).any()
-        ):
+        if whole[:, :3, 3:].any() or (mass != mass[:, :1, :1] * np.eye(3)).any():
             return "its centre of mass does not fly straight on, as in a fluid"
     return ""

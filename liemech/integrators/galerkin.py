@@ -136,7 +136,7 @@ class GalerkinVariational(Implicit):
         """Solve for the velocities at the nodes from the extrapolated ones, then add what the field
         does, and move.
         """
-        body, b, start = _body(system), self.tableau[1], plain(memory.state)
+        body, b, start = _body(system, t + 0.5 * h), self.tableau[1], plain(memory.state)
         guess = tuple([extrapolated(*node) for node in zip(*memory.past)])
         middle = _middle(body, combination(b, guess), start.mu, h)
         kick = None if body is system else 0.0 * start.mu
@@ -162,7 +162,10 @@ class GalerkinVariational(Implicit):
         """Better velocities, and what the field adds to the momentum; how far momenta were off, and
         their size, in each unit apart.
         """
-        body, places = _body(system), [combination(row, velocities, h) for row in self.tableau[0]]
+        body, places = (
+            _body(system, t + 0.5 * h),
+            [combination(row, velocities, h) for row in self.tableau[0]],
+        )
         misfits, kick, size = self._misfits(system, t, start, h, velocities, places)
         steps = self._corrections(body, middle, h, misfits)
         velocities = tuple(
@@ -194,7 +197,7 @@ class GalerkinVariational(Implicit):
         momenta, rates, misfits = [], [], []  # type: list[Vec], list[Vec], list[Vec]
         for i, (x, v) in enumerate(zip(places, velocities)):
             xi = tau.dtau(group, x, v)
-            p = body.lagrangian.momentum(xi)
+            p = _body(system, t + c[i] * h).lagrangian.momentum(xi)
             rate, size = group.ad_star(xi, p), size + one_norms(p, group.unit_blocks)
             if kick is not None:
                 force = system.applied(t + c[i] * h, xi, tau.compose_tau(group, start.g, x))
@@ -280,9 +283,12 @@ def _velocity(body: Any, middle: Middle, p: Vec) -> Vec:
 # ---------------------------------------------------------------------- small parts
 
 
-def _body(system: Any) -> Any:
-    """The body without the field."""
-    return system.body if isinstance(system, MechanicalSystem) else system
+def _body(system: Any, t: float = 0.0) -> Any:
+    """The body without the field, with the energy that it has at time t."""
+    if not isinstance(system, MechanicalSystem):
+        return system
+    body: Any = system.body
+    return body._at(t) if system.driven else body
 
 
 def _half(y: Vec, which: int) -> Vec:

@@ -25,9 +25,15 @@ from ..tableaus.splittings import (
     SplittingTableau,
 )
 from .exact_free_body import ExactFreeBody
+from .lie_poisson_first_kind import FirstKindHamiltonJacobi
+from .lie_poisson_hj import LiePoissonHamiltonJacobi
 from .memory import Memory, Remembering
 from .method import Method, alternatives
 from .moser_veselov import ExactMoserVeselov
+from .rkmk import RKMK
+
+TIMED = LiePoissonHamiltonJacobi, FirstKindHamiltonJacobi, RKMK
+"""Methods for the free body that know of energies that change with time."""
 
 
 @record
@@ -46,7 +52,14 @@ class FieldSplitting(Remembering):
             raise IncompatibleSystem(
                 f"{self!r} needs a body in a field, a MechanicalSystem; got {system!r}. {told}"
             )
-        self.free.require(system.body)  # type: ignore[attr-defined]
+        body: Any = system.body
+        frozen = self._frozen(system)
+        self.free.require(body.at(0.0) if frozen else body)  # type: ignore[attr-defined]
+        if frozen and self.tableau.order > 2:  # type: ignore[attr-defined]
+            raise IncompatibleSystem(
+                f"{self!r}: with an energy that changes with time drifts of {self.free!r} are of order "  # type: ignore[attr-defined]
+                "2; Composition(KickDrift(), order=4) is of order 4"
+            )
 
     def step_warning(self, system: Any, start: BodyState, h: float) -> str | None:
         """Above order 2, whether a load takes the order away: one that depends on the velocity."""
@@ -67,7 +80,20 @@ class FieldSplitting(Remembering):
         return tuple([self._begun(system, state, a * h) for a in self.tableau.drifts])  # type: ignore[attr-defined]
 
     def _begun(self, system: Any, state: BodyState, h: float) -> Any:
-        return self.free.past(self.free.start(system.body, state, h))  # type: ignore[attr-defined]
+        return self.free.past(self.free.start(self._body(system, 0.0), state, h))  # type: ignore[attr-defined]
+
+    def _body(self, system: Any, t: float) -> Any:
+        """The body that drifts: one whose energy changes with time, with that of the time t, in the
+        middle of the drift, if the free method knows none.
+
+        Source: Iserles, Munthe-Kaas, Norsett and Zanna, Acta Numerica 9 (2000), section 2.4 (the
+        exponential midpoint rule).
+        """
+        return system.body._at(t) if self._frozen(system) else system.body
+
+    def _frozen(self, system: Any) -> bool:
+        """Is it one of the time in the middle of the drift?"""
+        return system.driven and not isinstance(self.free, TIMED)  # type: ignore[attr-defined]
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Kick, drift, kick, ...; one force for each kick, the last one carried on to the next
@@ -85,9 +111,9 @@ class FieldSplitting(Remembering):
                 )
             if i < ends:
                 drift = tableau.drifts[i] * h
-                after = free.step(
-                    system.body, time, free.resume(system.body, state, memory.past[i], drift), drift
-                )
+                body = self._body(system, time + 0.5 * drift)
+                past = free.resume(body, state, memory.past[i], drift)
+                after = free.step(body, time, past, drift)
                 state, kept = free.observe(after), [*kept, free.past(after)]
         return Memory(state, force if tableau.kicks[0] != 0.0 else None, tuple(kept))
 
@@ -142,7 +168,7 @@ def _kicked(state: BodyState, kick: Vec) -> BodyState:
 
 
 def _load(system: Any, t: float, mu: Vec, g: Any) -> Vec:
-    return system.load.covector(t, system.velocity(mu), g)
+    return system.load.covector(t, system.velocity(mu, t), g)
 
 
 def _feels_velocity(system: Any, start: BodyState) -> bool:
@@ -246,7 +272,8 @@ class KickDrift(FieldSplitting):
     def require(self, system: Any) -> None:
         """A body in a field that the free motion accepts, with an energy that the tableau accepts."""
         super().require(system)
-        one = system.body.site_form or system.body
+        one = self._body(system, 0.0)
+        one = one.site_form or one
         energies = energies_of(one.hamiltonian)
         if self.tableau.quadratic and not all(isinstance(x, KineticEnergy) for x in energies):
             raise IncompatibleSystem(

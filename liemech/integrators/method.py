@@ -37,6 +37,8 @@ class Method(Record):
     analytic: ClassVar[bool] = False
     # does it need every number written out, for derivatives or Jacobians?
     writes_out: ClassVar[bool] = False
+    # does a step draw random numbers, which are known at its ends only?
+    noisy: ClassVar[bool] = False
     # does a step add to the state, so that it is worth to remember what rounding takes from the sum?
     adds: ClassVar[bool] = True
 
@@ -124,6 +126,10 @@ class Method(Record):
                 f"{system.group.dim}, in memory. Isospectral(order=2), RKMK(order=4) and "
                 "CommutatorFree(order=4) go by products of matrices"
             )
+        if system.noisy and not self.noisy:
+            raise IncompatibleSystem(
+                f"{self!r} draws no random numbers, and {system!r} has noise. {system.alternatives}."
+            )
         for need in self.needs:
             if getattr(system, need, None) is None:
                 raise IncompatibleSystem(
@@ -172,6 +178,11 @@ class Wrapping(Method):
     def symplectic(self) -> bool:  # type: ignore[override]
         """Is the method symplectic?"""
         return self.method.symplectic
+
+    @property
+    def noisy(self) -> bool:  # type: ignore[override]
+        """Does the method draw random numbers?"""
+        return self.method.noisy
 
     @property
     def adds(self) -> bool:  # type: ignore[override]

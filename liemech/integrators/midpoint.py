@@ -8,13 +8,30 @@ import functools
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidInput
-from ..formulas import Mat, Vec, cross, dot, jacobian, mat, norm, record, sqrt, transpose, where
+from ..formulas import (
+    Mat,
+    Vec,
+    cross,
+    dot,
+    jacobian,
+    mat,
+    norm,
+    record,
+    sqrt,
+    transpose,
+    vec,
+    where,
+)
 from ..groups.matrix_group import MatrixLieGroup
+from ..groups.product import ProductGroup, spans
 from ..groups.so3 import SO3, plus
 from ..groups.unit_quaternions import UnitQuaternions
+from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley
 from ..solvers import fixed_point, newton
+from ..systems.double_bracket import DoubleBracket
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.stochastic import NoisyMotion
 from ..systems.system import lies_in_memory
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
@@ -38,13 +55,15 @@ class ImplicitMidpoint(Implicit):
     energy, of which it is the discrete gradient.  But it is not a Poisson map: on so(3)*, whose
     bracket depends on mu, only the spherical rule is.
 
-    Rotations only, with any Hamiltonian.  Raises NoConvergence.
+    Rotations, and products of rotations and vector spaces, with any Hamiltonian; rotations with
+    `DoubleBracket` damping.  Raises NoConvergence.
     Source: Hairer, Lubich, Wanner, IV.2.1, VI.4; Austin, Krishnaprasad, Wang, J. Comput. Phys. 107
     (1993).
     """
 
     order: ClassVar[int] = 2
     symmetric: ClassVar[bool] = True
+    serves: ClassVar[tuple[type, ...]] = LiePoissonSystem, DoubleBracket, NoisyMotion
 
     @property
     def name(self) -> str:
@@ -52,17 +71,17 @@ class ImplicitMidpoint(Implicit):
         return "Implicit midpoint"
 
     def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
-        """The displacement x that belongs to a mean m: mu_n+1 - mu_n = m x x."""
-        return h * system.velocity(m)
+        """The displacement x that belongs to a mean m of the rotations: mu_n+1 - mu_n = m x x."""
+        return h * system.velocity(among(system.group, m, mu))
 
     def require(self, system: Any) -> None:
-        """A Lie-Poisson system of rotations."""
+        """A Lie-Poisson system of rotations, damped or not, or of a product with some."""
         super().require(system)
-        require_rotations(self, system)
+        require_rotations(self, system, self.serves, products=True)
 
     def first(self, system: Any, state: BodyState, h: float) -> Vec:
-        """The mean is the momentum itself."""
-        return state.mu
+        """The mean is the momentum itself, of the rotations."""
+        return of_rotations(system.group, state.mu)
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Solve for the mean from the extrapolated one, then move momentum and attitude by the
@@ -75,10 +94,11 @@ class ImplicitMidpoint(Implicit):
 
     def mean(self, system: Any, h: float, mu: Vec, guess: Vec) -> Vec:
         """The m with m - m x x(m)/2 = mu."""
+        turning = of_rotations(system.group, mu)
         m, size, enough, _ = newton(
             lambda m: self.equation(system, h, mu, m),
             guess,
-            dot(mu, mu),
+            dot(turning, turning),
             coupled=system.hamiltonian.coupled,
         )
         if not size <= enough:
@@ -86,10 +106,27 @@ class ImplicitMidpoint(Implicit):
         return m
 
     def equation(self, system: Any, h: float, mu: Vec, m: Vec) -> tuple[Vec, Mat, float]:
-        """m - m x x(m)/2 - mu and its derivative, beside mu."""
-        hat, half = system.group.algebra.hat, self.turn(system, 0.5 * h, m, mu)
-        by_m = jacobian(lambda m: self.turn(system, 0.5 * h, m, mu), m)
-        return (m - mu) - cross(m, half), plus(hat(half) - hat(m) @ by_m, 1.0), 1.0
+        """m - m x x(m)/2 - mu and its derivative, beside mu; of several rotations in a row."""
+        group = system.group
+
+        def half(m: Vec) -> Vec:
+            return of_rotations(group, self.turn(system, 0.5 * h, m, mu))
+
+        r: list[Any] = []
+        rows: list[Any] = []
+        x, by_m, start = half(m), jacobian(half, m), of_rotations(group, mu)
+        hat = SO3().algebra.hat
+        for k in range(len(m) // 3):
+            i, j = 3 * k, 3 * k + 3
+            r = [*r, *((m[i:j] - start[i:j]) - cross(m[i:j], x[i:j]))]
+            turned, own = hat(m[i:j]) @ mat(*[by_m[n] for n in range(i, j)]), hat(x[i:j])
+            for a in range(3):
+                row = [
+                    own[a][n - i] - turned[a][n] if i <= n < j else -turned[a][n]
+                    for n in range(len(m))
+                ]
+                rows = [*rows, vec(*[y + 1.0 if n == i + a else y for n, y in enumerate(row)])]
+        return vec(*r), mat(*rows), 1.0
 
 
 @record
@@ -103,12 +140,13 @@ class SphericalMidpoint(ImplicitMidpoint):
     so(3)*; |mu|, spatial momentum and the quadratic energy of one body are kept to rounding.  A
     method for momenta: together with the attitude it is not symplectic on T*SO(3).
 
-    Rotations only, with any Hamiltonian; many coupled ones are swept together.  Raises
-    NoConvergence.
+    Rotations, and products of rotations and vector spaces, each with a sphere of its own, with any
+    Hamiltonian; many coupled ones are swept together.  Raises NoConvergence.
     Source: McLachlan, Modin, Verdier, Phys. Rev. E 89 (2014) and Math. Comp. 86 (2017).
     """
 
     symplectic: ClassVar[bool] = True
+    serves: ClassVar[tuple[type, ...]] = (LiePoissonSystem,)
 
     @property
     def name(self) -> str:
@@ -116,10 +154,24 @@ class SphericalMidpoint(ImplicitMidpoint):
         return "Spherical midpoint"
 
     def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
-        """h s xi(s m), s = |mu|/|m|."""
-        point = dot(mu, mu) == 0.0  # the sphere is one
-        s = where(point, 1.0, norm(mu) / sqrt(where(point, 1.0, dot(m, m))))
-        return (h * s) * system.velocity(s * m)
+        """h s xi(s m), s = |mu|/|m| of each rotation."""
+        group = system.group
+        start = of_rotations(group, mu)
+        scales = [_scale(m[i : i + 3], start[i : i + 3]) for i in range(0, len(m), 3)]
+        on_spheres = vec(*[scales[n // 3] * m[n] for n in range(len(m))])
+        xi = system.velocity(among(group, on_spheres, mu))
+        if len(xi) == 3:
+            return (h * scales[0]) * xi
+        x = [h * y for y in xi]
+        for s, (i, j) in zip(scales, rotations(group)):
+            x = [*x[:i], *[(h * s) * y for y in xi[i:j]], *x[j:]]
+        return vec(*x)
+
+
+def _scale(m: Vec, mu: Vec) -> float:
+    """|mu|/|m|; one where the sphere is a point."""
+    point = dot(mu, mu) == 0.0
+    return where(point, 1.0, norm(mu) / sqrt(where(point, 1.0, dot(m, m))))
 
 
 @record
@@ -274,12 +326,47 @@ def cofactors(q: Mat) -> Mat:
     return mat(cross(q[1], q[2]), cross(q[2], q[0]), cross(q[0], q[1]))
 
 
-def require_rotations(method: Method, system: Any) -> None:
-    """Raise IncompatibleSystem unless the system is a Lie-Poisson system of rotations."""
-    if not (
-        isinstance(system, LiePoissonSystem) and isinstance(system.group, (SO3, UnitQuaternions))
-    ):
+def require_rotations(
+    method: Method, system: Any, kinds: Any = LiePoissonSystem, products: bool = False
+) -> None:
+    """Raise IncompatibleSystem unless the system is one of rotations, of these kinds, or a Lie-Poisson
+    system on a product of rotations and vector spaces where these are served too.
+    """
+    group = getattr(system, "group", None)
+    served = isinstance(system, kinds) and isinstance(group, (SO3, UnitQuaternions))
+    if products and isinstance(system, LiePoissonSystem) and isinstance(group, ProductGroup):
+        factors = {type(factor) for factor in group.factors}
+        served = factors <= {SO3, UnitQuaternions, VectorSpace} and factors != {VectorSpace}
+    if not served:
+        more = ", or on a product of it with vector spaces" if products else ""
         raise IncompatibleSystem(
             f"{method!r} is a method for momenta on so(3)*, a LiePoissonSystem on SO3() such as "
-            f"RigidBody([1.0, 1.5, 2.0]); got {system!r}. RKMK(order=4) accepts every system"
+            f"RigidBody([1.0, 1.5, 2.0]){more}; got {system!r}. RKMK(order=4) accepts every system"
         )
+
+
+def rotations(group: Any) -> list[tuple[int, int]]:
+    """Where the momenta of the rotations begin and end in those of a group."""
+    if not isinstance(group, ProductGroup):
+        return [(0, 3)]
+    places = spans([factor.dim for factor in group.factors])
+    return [at for f, at in zip(group.factors, places) if not isinstance(f, VectorSpace)]
+
+
+def of_rotations(group: Any, x: Vec) -> Vec:
+    """The components of the rotations, in a row.  x : (dim,)."""
+    if not isinstance(group, ProductGroup):
+        return x
+    return vec(*[y for i, j in rotations(group) for y in x[i:j]])
+
+
+def among(group: Any, m: Vec, mu: Vec) -> Vec:
+    """Momenta of the rotations among the others, which stay.  m : those of the rotations in a row,
+    mu : (dim,).
+    """
+    if not isinstance(group, ProductGroup):
+        return m
+    found, k = [*mu], 0
+    for i, j in rotations(group):
+        found, k = [*found[:i], *m[k : k + 3], *found[j:]], k + 3
+    return vec(*found)

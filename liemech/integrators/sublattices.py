@@ -9,9 +9,10 @@ from typing import Any, ClassVar
 from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import record
 from ..groups.species import SpeciesGroup
+from ..systems.driven import DrivenLiePoissonSystem
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.sublattices import Bonds, MotionsOfTerms, Sublattices
-from ..systems.sums_of_terms import MomentumTerms
+from ..systems.sums_of_terms import DrivenTerms, MomentumTerms
 from ..tableaus.compositions import KAHAN_LI8
 from ..tableaus.splittings import (
     BLANES_MOAN4_GENERAL,
@@ -86,8 +87,8 @@ class TermSplitting(Remembering):
     def require(self, system: Any) -> None:
         """Terms of momenta on a power of a group, of which every part has a known motion."""
         if (
-            not isinstance(system, LiePoissonSystem)
-            or not isinstance(system.hamiltonian, MomentumTerms)
+            not isinstance(system, (LiePoissonSystem, DrivenLiePoissonSystem))
+            or not isinstance(terms_of(system), MomentumTerms)
             or isinstance(system.group, SpeciesGroup)
         ):
             raise IncompatibleSystem(
@@ -95,7 +96,7 @@ class TermSplitting(Remembering):
                 f"Terms(...)); got {system!r}. {alternatives(system)}"
             )
         super().require(system)
-        why = self._motions(system.hamiltonian).refused
+        why = self._motions(terms_of(system)).refused
         if why:
             raise IncompatibleSystem(
                 f"{self!r} needs terms whose motions are known: {why}. {self.instead(system)}"
@@ -107,9 +108,21 @@ class TermSplitting(Remembering):
             "RKMK accepts every energy, CovariantVariational(Cayley()) and its kin are symplectic"
         )
 
-    def turns(self, motions: MotionsOfTerms) -> tuple[tuple[int, float], ...]:
-        """Which part moves in turn, and for which share of a step."""
-        return ((0, 1.0),) if motions.count == 1 else self.tableau.sequence(motions.count)
+    def turns(self, motions: MotionsOfTerms) -> tuple[tuple[int, float, float], ...]:
+        """Which part moves in turn, for which share of a step, and at which share of it terms are taken
+        that change with time: time moves as one more part, while all sites rest.
+        """
+        count = motions.count
+        if count + motions.timed == 1:
+            return ((0, 1.0, 0.0),)
+        found, at = [], 0.0
+        for number, share in self.tableau.sequence(count + motions.timed):
+            part = number - motions.timed  # the last parts begin and end a step
+            if part < 0:
+                at = at + share
+            else:
+                found.append((part, share, at))
+        return tuple(found)
 
     def at_node(self, system: Any, state: BodyState, h: float) -> Any:
         """The state, with no motion left to make."""
@@ -117,16 +130,21 @@ class TermSplitting(Remembering):
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """The parts in turn; a first motion with what the step before has left."""
-        motions = self._motions(system.hamiltonian)
-        shares = self.turns(motions)
+        motions = self._motions(terms_of(system))
         state, left = memory.node
-        turns = [(part, share * h) for part, share in shares]
-        first, last = turns[0], turns[-1]
+        turns = [(part, share * h, t + at * h) for part, share, at in self.turns(motions)]
+        (first, time, begun), last = turns[0], turns[-1]
         if len(turns) == 1:
             state = motions.in_turn(state, turns)
             return Memory(state, (state, 0.0), ())
-        state = motions.in_turn(state, [(first[0], left + first[1]), *turns[1:-1]])
+        state = motions.in_turn(state, [(first, left + time, begun), *turns[1:-1]])
         return Memory(motions.in_turn(state, [last]), (state, last[1]), ())
+
+
+def terms_of(system: Any) -> Any:
+    """The energy of a system, of one that changes with time as it is at time 0."""
+    energy = system.hamiltonian
+    return energy.at_zero if isinstance(energy, DrivenTerms) else energy
 
 
 @record
@@ -146,7 +164,7 @@ class SublatticeSplitting(TermSplitting):
     which the turned sites would turn as well; BondSplitting and implicit midpoints are.
     Terms of one site that are not affine, such as D (n . mu)^2, make parts of their own if the
     velocity that they give stays as it is; the energy is then kept up to errors of the order of the
-    method.
+    method.  Terms may change with time, in a DrivenLiePoissonSystem.
 
     Source: Frank, Huang and Leimkuhler, J. Comput. Phys. 133 (1997); Krech, Bunker and Landau,
     Comput. Phys. Commun. 111 (1998); Omelyan, Mryglod and Folk, Phys. Rev. Lett. 86 (2001).

@@ -7,6 +7,8 @@ from .charged_particle import TokamakField as TokamakField
 from .charged_particle import UniformField as UniformField
 from .constrained_pendulums import ChainPendulum as ChainPendulum
 from .constrained_pendulums import FourBarLinkage as FourBarLinkage
+from .effectors import ConservativeEffector as ConservativeEffector
+from .effectors import Effector as Effector
 from .fermi_pasta_ulam import FermiPastaUlam as FermiPastaUlam
 from .frames import OrthonormalFrame as OrthonormalFrame
 from .gravity import CentralGravity as CentralGravity
@@ -28,8 +30,17 @@ from .pendulums import DoublePendulum as DoublePendulum
 from .pendulums import Pendulum as Pendulum
 from .planetary_system import PlanetarySystem as PlanetarySystem
 from .poisson_top import PoissonTop as PoissonTop
+from .reaction_wheels import ReactionWheels as ReactionWheels
 from .space_bodies import FallingBody as FallingBody
 from .space_bodies import OrbitingBody as OrbitingBody
+from .space_fields import GravityGradient as GravityGradient
+from .space_fields import Oblateness as Oblateness
+from .space_fields import PointGravity as PointGravity
+from .space_forces import DipoleField as DipoleField
+from .space_forces import Drag as Drag
+from .space_forces import MagneticTorquers as MagneticTorquers
+from .space_forces import SolarPressure as SolarPressure
+from .spacecraft import Spacecraft as Spacecraft
 from .surfaces import ParticleOnEllipsoid as ParticleOnEllipsoid
 from .toda import TodaLattice as TodaLattice
 from .water import SPC as SPC

@@ -1,4 +1,6 @@
-"""Curves through points in space: their frames, and whether they look like curves."""
+"""Curves through points in space: their frames, whether they look like curves, and whence they are
+best seen.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +13,12 @@ SHARP = np.cos(np.radians(25.0))
 """A trail whose segments mostly turn by more than this is shown by its points: a curve through them
 would be invented.
 """
+
+
+ASIDE = (35.0, 22.0)
+"""The eye, as azimuth and elevation in degrees, for what has no side of its own."""
+FRONT = (-78.0, 10.0)
+"""The eye in front of a picture that stands upright: the first axis to the right, the third up."""
 
 
 def is_smooth(points: Array) -> bool:
@@ -58,3 +66,18 @@ def frames(points: Array) -> tuple[Array, Array]:
         normals.append((nx, ny, nz))
     normal = np.array(normals)
     return normal, np.cross(tangents, normal)
+
+
+def across(points: Array) -> tuple[float, float]:
+    """The eye, in degrees, that sees most of points (k, 3): across their principal plane, but
+    neither quite level nor from straight above, so that the picture has depth.
+    """
+    _, sizes, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    if len(sizes) < 3 or sizes[2] >= 0.6 * sizes[0]:
+        return ASIDE
+    line, up = sizes[1] < 0.15 * sizes[0], min(abs(float(axes[2, 2])), 1.0)
+    x, y = (axes[0, 1], -axes[0, 0]) if line or up > 0.8 else axes[2, :2]
+    if y > 0.0:  # from the front, with x to the right
+        x, y = -x, -y
+    elevation = ASIDE[1] if line else np.clip(np.degrees(np.arcsin(up)), FRONT[1], 55.0)
+    return round(float(np.degrees(np.arctan2(y, x))) + 12.0, 1), round(float(elevation), 1)

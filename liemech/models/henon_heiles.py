@@ -23,6 +23,7 @@ class HenonHeiles(SeparableSystem):
     """
 
     degrees: ClassVar[int] = 2
+    time_unit: ClassVar[str] = ""
 
     coupling: float = 1.0
 

@@ -31,6 +31,7 @@ class Kepler(SeparableSystem):
 
     called: ClassVar[str] = "kepler"
     degrees: ClassVar[int] = 2
+    time_unit: ClassVar[str] = ""
 
     attraction: float = 1.0
 

@@ -213,6 +213,18 @@ class Linkage(ConstrainedBody):
         """The number of a joint that is given by its name, or by its number."""
         return number_of(self.joints, joint)
 
+    def parameter_of_joint(self, name: str) -> list[str]:
+        """The full names of parameters of the forces at a joint, such as "forces.0.torque", that a
+        name as "elbow.torque" may mean.
+        """
+        joint, _, rest = name.partition(".")
+        numbers = [i for i, one in enumerate(self.joints) if one.name == joint]
+        return [
+            f"forces.{k}.{rest}"
+            for k, force in enumerate(self.forces)
+            if number_of(self.joints, force.joint) in numbers and hasattr(force, rest)
+        ]
+
     def label(self, joint: int) -> str:
         """A joint, in messages: by its name if it has one."""
         name = self.joints[joint].name

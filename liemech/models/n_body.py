@@ -70,6 +70,7 @@ class NBody(SeparableSites):
     """
 
     small: ClassVar[int] = 21
+    time_unit: ClassVar[str] = ""
     masses: Vec
     gravity: float = 1.0
     dimension: int = 3

@@ -4,7 +4,6 @@ canonical systems are.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -81,7 +80,7 @@ def place(system: Any, g: Array) -> Array:
     """
     group = configurations(system)
     if isinstance(group, ProductGroup):
-        return g[:, 9:]
+        return g[:, 9:12]
     return (
         np.column_stack([g[:, :2, 2], np.zeros(len(g))]) if isinstance(group, SE2) else g[:, :3, 3]
     )
@@ -128,8 +127,10 @@ def _hanging(angles: Array) -> Array:
 
 
 def _turning_and_moving(group: ProductGroup) -> bool:
-    kinds = [type(factor) for factor in group.factors]
-    return kinds == [SO3, VectorSpace] and group.factors[1].dim == 3
+    kinds = [type(factor) for factor in group.factors]  # angles of wheels may follow
+    return (
+        kinds in ([SO3, VectorSpace], [SO3, VectorSpace, VectorSpace]) and group.factors[1].dim == 3
+    )
 
 
 def quaternions(R: Array) -> Array:
@@ -180,21 +181,3 @@ def rotation(q: Array) -> Array:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
-
-
-def carried(directions: Array) -> Array:
-    """Quaternions (n, 4) that take the third axis to directions (n, 3), each by the shortest turn
-    from the one before.
-    """
-    q = toward(directions[0])
-    rows = [q]
-    for a, b in pairwise(directions):
-        half = np.append(np.cross(a, b), 1.0 + a @ b)
-        size = np.linalg.norm(half)
-        if size > 1e-9:  # opposite directions have no shortest turn
-            u, v = half[:3] / size, half[3] / size
-            q = np.append(v * q[:3] + q[3] * u + np.cross(u, q[:3]), v * q[3] - u @ q[:3])
-        else:
-            q = toward(b)
-        rows.append(q)
-    return np.array(rows)

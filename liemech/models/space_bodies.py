@@ -45,7 +45,7 @@ class FallingBody(MechanicalSystem):
         turning = RigidBody(self.inertia)
         mass = _positive(f"{type(self).__name__}: mass", self.mass)
         object.__setattr__(self, "inertia", turning.inertia)
-        object.__setattr__(self, "body", KirchhoffBody(_with_mass(turning.inertia, mass)))
+        object.__setattr__(self, "body", KirchhoffBody(with_mass(turning.inertia, mass)))
         object.__setattr__(self, "potential", UniformGravity(mass * self.gravity))
         super().__post_init__()
 
@@ -117,7 +117,7 @@ class OrbitingBody(MechanicalSystem):
         mass = _positive(f"{type(self).__name__}: mass", self.mass)
         object.__setattr__(self, "inertia", turning.inertia)
         attraction = _positive(f"{type(self).__name__}: attraction", self.attraction)
-        kinetic = KineticEnergy(_with_mass(turning.inertia, mass))
+        kinetic = KineticEnergy(with_mass(turning.inertia, mass))
         object.__setattr__(
             self, "body", LiePoissonSystem(ProductGroup(SO3(), VectorSpace(3)), kinetic)
         )
@@ -154,7 +154,7 @@ class OrbitingBody(MechanicalSystem):
         )
 
 
-def _with_mass(inertia: Vec | Mat, mass: float) -> Vec | Mat:
+def with_mass(inertia: Vec | Mat, mass: float) -> Vec | Mat:
     """The inertia of rotation and translation together."""
     J = np.array(inertia)
     if J.ndim == 1:

@@ -209,6 +209,7 @@ class TodaLattice(PoissonSystem):
     hamiltonian: SplitHamiltonian = field(init=False, repr=False)
     particles: int
     periodic: bool = False
+    small: ClassVar[int] = 48
 
     def __post_init__(self) -> None:
         n = whole_number(type(self).__name__, self.particles, 3 if self.periodic else 2)

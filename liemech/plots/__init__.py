@@ -8,6 +8,7 @@ Every picture takes `ax=`, plane axes to draw on, and returns the axes; without 
 figure that no window system knows of. Nothing touches Matplotlib's settings.
 """
 
+from ..simulation.measured_orders import order_of
 from .attitude import euler_angles, quaternion
 from .choice import plot
 from .cloud import cloud
@@ -15,7 +16,7 @@ from .components import components
 from .energy_curves import energy_levels, principal_moments, separatrix
 from .figure_one import Panel, figure_one
 from .invariants import drift, invariants
-from .orders import order_of, orders, work_precision
+from .orders import orders, work_precision
 from .path import path
 from .phase import phase_portrait
 from .poincare import poincare_section, section
@@ -23,7 +24,7 @@ from .polhode import herpolhode, herpolhode_points, polhode
 from .projection import VIEW, split_at_horizon, view_frame
 from .sphere import momentum_sphere
 from .spins import spins
-from .style import COLORS, DIRECTIONS, MOST_DOTS, save
+from .style import COLORS, DIRECTIONS, MOST_DOTS, legend, save, subplots
 from .vertical import vertical
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
     "herpolhode",
     "herpolhode_points",
     "invariants",
+    "legend",
     "momentum_sphere",
     "order_of",
     "orders",
@@ -56,6 +58,7 @@ __all__ = [
     "separatrix",
     "spins",
     "split_at_horizon",
+    "subplots",
     "vertical",
     "view_frame",
     "work_precision",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import InvalidInput
 from ..models.poses import attitude, configurations, is_pose
 from .components import one_body, times_of
-from .style import legend, look, needs_run, part, plane_axes, thinned
+from .style import legend, look, needs_run, part, plane_axes, thinned, time_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,8 +36,9 @@ def euler_angles(
     sequence : of the axes, as SciPy's `Rotation.as_euler` has it; capital letters turn about the
     axes of the body.
 
-    Curves are broken where an angle jumps by a turn. Where theta is a multiple of 180 degrees only
-    phi + psi or phi - psi means something. Returns the axes. Raises InvalidInput without an
+    Curves are broken where an angle jumps by more than a right angle, as at the end of a turn, or
+    where theta comes close to a multiple of 180 degrees: there only phi + psi or phi - psi means
+    something. Returns the axes. Raises InvalidInput without an
     attitude, and for sequences SciPy does not know.
 
     Source: Goldstein, Classical Mechanics, 3rd ed., section 4.4.
@@ -51,11 +52,11 @@ def euler_angles(
             angles = Rotation.from_quat(quaternions).as_euler(sequence, degrees=True)
     except ValueError as refused:
         raise InvalidInput(f"plots.euler_angles: sequence = {sequence!r}: {refused}") from None
-    ax = plane_axes(ax, title, "time $t$", "angle (degrees)")
+    ax = plane_axes(ax, title, time_label(run), "angle (degrees)", (6.6, 3.4))
     names = EULER if sequence == "ZXZ" else [f"about {letter}" for letter in sequence]
     kept, t = thinned(len(angles)), times_of(run, body)
     for k, name in enumerate(names):
-        ax.plot(*broken(t[kept], angles[kept, k], 180.0), label=name, **look(k))
+        ax.plot(*broken(t[kept], angles[kept, k], 90.0), label=name, **look(k))
     legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
@@ -74,7 +75,7 @@ def quaternion(
     q = _quaternions(run, body, "plots.quaternion")
     turned = np.cumprod(np.where(np.einsum("ni,ni->n", q[1:], q[:-1]) < 0.0, -1.0, 1.0))
     q[1:] *= turned[:, None]
-    ax = plane_axes(ax, title, "time $t$", "unit quaternion")
+    ax = plane_axes(ax, title, time_label(run), "unit quaternion")
     kept, t = thinned(len(q)), times_of(run, body)
     for k, name in enumerate("xyzw"):
         ax.plot(t[kept], q[kept, k], label=f"${name}$", **look(k))

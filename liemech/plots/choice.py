@@ -45,7 +45,7 @@ def plot(run: Any, *, ax: Axes | None = None, title: str | None = None) -> Axes:
     if "x" in parts:
         x = parts["x"]
         if x.ndim == 2 and x.shape[1] == 3 and _constant(np.linalg.norm(x, axis=1)):
-            return momentum_sphere(x, ax=ax, title=title)
+            return momentum_sphere(x, ax=ax, title=title, names=("$x_1$", "$x_2$", "$x_3$"))
         return components(run, ax=ax, title=title)
     group = configurations(system)
     if has_spins(run):

@@ -12,7 +12,7 @@ from ..errors import InvalidInput
 from ..models.poses import configurations, turns
 from .globe import directions, dots, globe
 from .projection import VIEW
-from .sphere import PI, draw_energies
+from .sphere import MU, draw_energies
 from .style import SCALE, needs_run, part
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def cloud(
             f"plots.cloud is for ensembles of rotating bodies; this run is of {run.system!r}"
         )
     mu = part(run, "mu", "plots.cloud")[sample]
-    ax, frame = globe(ax, view, title, PI)
+    ax, frame = globe(ax, view, title, MU)
     draw_energies(ax, frame, run.system, hypot(*mu[0]), levels)
     dots(ax, directions(mu) @ frame.T, colors(run.energy[sample]), "o", None)
     return ax

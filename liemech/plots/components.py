@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InvalidInput
-from .style import legend, look, needs_run, part, plane_axes, thinned
+from ..models.pendulums import DoublePendulum, Pendulum
+from ..models.poses import configurations, turns
+from .style import legend, look, needs_run, part, plane_axes, thinned, time_label, time_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +47,8 @@ def components(
     if np.iscomplexobj(columns):
         columns = np.concatenate([columns.real, columns.imag], axis=1)
         names = [f"{symbol} {one}" for symbol in ("Re", "Im") for one in names]
-    ax = plane_axes(ax, title, "time $t$", f"${NAMES.get(name, name)}$")
+    unit = unit_of(run.system, name)
+    ax = plane_axes(ax, title, time_label(run), f"${NAMES.get(name, name)}$" + unit)
     spans = np.ptp(columns, axis=0)
     varied = np.argsort(-spans, kind="stable")[
         : min(MOST_CURVES, np.count_nonzero(spans) or MOST_CURVES)
@@ -61,6 +64,16 @@ def components(
 def _name(symbol: str, index: Any) -> str:
     """A component, counted from 1."""
     return f"${symbol}_{{{','.join(str(i + 1) for i in index)}}}$"
+
+
+def unit_of(system: Any, name: str) -> str:
+    """The unit of a part of the state, as it stands behind its symbol on an axis; nothing where
+    parts differ, or there is none.
+    """
+    if isinstance(system, (Pendulum, DoublePendulum)):
+        return {"q": " (rad)", "p": " (kg m$^2$/s)"}.get(name, "")
+    turning = name == "mu" and turns(configurations(system)) and time_unit(system)
+    return " (kg m$^2$/s)" if turning else ""
 
 
 def one_body(run: Any, rows: np.ndarray, body: int, where: str) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from .style import GREY, legend, look, named_runs, needs_run, plane_axes, thinned
+from .style import GREY, legend, look, named_runs, needs_run, plane_axes, time_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EPSILON = 2.0**-52
+WIDE = (6.6, 3.4)
+"""Inches, with room for a legend beside the curves."""
+BINS = 400
+"""Of more samples the largest in each of so many stretches of time is drawn."""
 
 
 def invariants(
@@ -36,25 +40,31 @@ def invariants(
 
     The grey band is what rounding alone does: n steps with an error of one rounding each walk
     sqrt(n) roundings at random. The scale is that of `run.drift()`: the size of the constant, or of
-    its terms where they cancel. No change at all is drawn at a tenth of a rounding. Returns the
-    axes. Raises InvalidInput for names that are no constants, and for motions without any.
+    its terms where they cancel. Of more than 400 samples the largest in each of 400 stretches of
+    time is drawn, which is their envelope. A constant that never changes is drawn at a tenth of a
+    rounding. Returns the axes. Raises InvalidInput for names that are no constants, and for motions without any.
 
     Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VIII.5 (Brouwer's
     law).
     """
     needs_run(run, "plots.invariants")
     chosen = _names(run, names)
-    ax = plane_axes(ax, title, _label(run), "relative change")
+    ax = plane_axes(ax, title, _label(run), "relative change", WIDE)
     if len(run.t) < 2:
         raise InvalidInput("plots.invariants needs at least two samples")
-    kept = np.arange(1, len(run.t))[thinned(len(run.t) - 1)]
+    t, floor = _time(run)[1:], noise(run)[1:]
+    starts = np.arange(0, len(t), max(1, -(-len(t) // BINS)))
+    ends = np.append(starts[1:], len(t)) - 1
     for k, name in enumerate(chosen):
-        ax.semilogy(_time(run)[kept], changes(run, name)[kept], label=name, **look(k))
+        highest = np.maximum.reduceat(changes(run, name)[1:], starts)
+        if (highest > _least()).any():  # not to be seen: no change at all among others
+            highest = np.where(highest > _least(), highest, np.nan)
+        ax.semilogy(t[ends], highest, label=name, **look(k))
     ax.fill_between(
-        _time(run)[kept], _least(), noise(run)[kept], color="#e9ebef", zorder=0.5, linewidth=0
+        t[ends], _least(), floor[ends], color="#e9ebef", zorder=0.5, linewidth=0, label="rounding"
     )
     ax.set_ylim(bottom=_least())
-    legend(ax, loc="best")
+    legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
 
@@ -75,9 +85,8 @@ def drift(
     conservation) and VIII.5.
     """
     found = named_runs(runs, "plots.drift")
-    ax = plane_axes(
-        ax, title, _label(next(iter(found.values()))), f"{name},\nlargest change so far"
-    )
+    words = _label(next(iter(found.values()))), f"{name}:\nlargest change so far"
+    ax = plane_axes(ax, title, *words, WIDE)
     for k, (label, run) in enumerate(found.items()):
         (name,) = _names(run, (name,))
         if len(run.t) < 2:
@@ -88,10 +97,10 @@ def drift(
             np.unique(np.geomspace(1, len(passed), min(len(passed), 800)).round().astype(int)) - 1
         )
         ax.loglog(passed[kept], highest[kept], label=label or None, **look(k))
-        ax.loglog(
-            passed[kept], noise(run)[1:][kept], color=GREY, linestyle=":", linewidth=0.9, zorder=0.5
-        )
-    legend(ax, loc="best")
+        floor = {"color": GREY, "linestyle": ":", "linewidth": 0.9, "zorder": 0.5}
+        said = "rounding" if k == len(found) - 1 else None
+        ax.loglog(passed[kept], noise(run)[1:][kept], label=said, **floor)
+    legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return ax
 
 
@@ -130,7 +139,7 @@ def _time(run: Any) -> Array:
 def _label(run: Any) -> str:
     """The name of the axis of `_time`."""
     return (
-        "time $t$"
+        time_label(run)
         if run.t.ndim == 1
         else r"fictive time $\tau$"
         if "tau" in vars(run)

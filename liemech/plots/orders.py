@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
-from .style import COLORS, GREY, MARKERS, legend, plane_axes
+from ..simulation.measured_orders import falling, order_of
+from .style import GREY, legend, marked, plane_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-
-SLOPES = 3
-"""How many slopes tell an order: at larger steps it may not show yet."""
 
 
 def orders(
@@ -44,18 +42,9 @@ def orders(
         error = _positive(values, f"orders: {name}", len(steps))
         fitted = order_of(steps, error)
         label = name if fitted is None else f"{name}: order {fitted:.2f}"
-        color = COLORS[k % len(COLORS)]
-        ax.loglog(
-            steps,
-            error,
-            color=color,
-            marker=MARKERS[k % len(MARKERS)],
-            markersize=4.5,
-            linewidth=1.2,
-            label=label,
-        )
+        ax.loglog(steps, error, linewidth=1.2, label=label, **marked(k))
         if fitted is not None and round(fitted) > 0:
-            foot = _falling(steps, error)[-1]
+            foot = falling(steps, error)[-1]
             guide = error[foot] * (steps / steps[foot]) ** round(fitted)
             seen = (guide >= 0.3 * np.nanmin(error)) & (guide <= 3.0 * np.nanmax(error))
             ax.loglog(
@@ -69,30 +58,6 @@ def orders(
         ax.xaxis.set_minor_formatter(NullFormatter())
     legend(ax, loc="best")
     return ax
-
-
-def order_of(h: ArrayLike, error: ArrayLike) -> float | None:
-    """The order that errors show: between neighbouring steps the slope of log error over log h, of
-    the last three the middle one.
-
-    The last are those before the errors fall less than half as fast as until then, at the floor of
-    rounding. None where fewer than two errors fall.
-    """
-    steps, errors = np.asarray(h, dtype=float), np.asarray(error, dtype=float)
-    falling = _falling(steps, errors)
-    slopes = np.diff(np.log(errors[falling])) / np.diff(np.log(steps[falling]))
-    return float(np.median(slopes[-SLOPES:])) if len(slopes) else None
-
-
-def _falling(steps: Array, errors: Array) -> NDArray[np.intp]:
-    """Which errors lie above the floor of rounding, from the largest step down."""
-    there = np.flatnonzero(np.isfinite(errors) & (errors > 0.0))
-    there = there[np.argsort(-steps[there], kind="stable")]
-    slopes = np.diff(np.log(errors[there])) / np.diff(np.log(steps[there]))
-    flat = np.flatnonzero(
-        ~(slopes >= 0.5 * np.maximum.accumulate(np.maximum(slopes, 0.0))) | ~(slopes > 0.0)
-    )
-    return there[: int(flat[0]) + 1 if len(flat) else len(there)]
 
 
 def work_precision(
@@ -119,12 +84,7 @@ def work_precision(
     for k, (name, (errors, work)) in enumerate(curves.items()):
         error = _positive(errors, f"work_precision: the errors of {name}")
         cost = _positive(work, f"work_precision: the work of {name}", len(error))
-        shown: dict[str, Any] = {
-            "color": COLORS[k % len(COLORS)],
-            "marker": MARKERS[k % len(MARKERS)],
-            "markersize": 4.5,
-        }
-        ax.loglog(error, cost, label=name, linewidth=1.2, **shown)
+        ax.loglog(error, cost, label=name, linewidth=1.2, **marked(k))
     ax.xaxis.set_inverted(True)
     legend(ax, loc="best")
     return ax

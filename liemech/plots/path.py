@@ -15,10 +15,11 @@ from ..models.n_body import NBody
 from ..models.pendulums import Pendulum
 from ..models.poses import flies, place, places, rods
 from ..models.space_bodies import OrbitingBody
+from ..models.spacecraft import Spacecraft
 from ..systems.canonical import CanonicalSystem
 from .cloud import colors
 from .projection import VIEW, view_frame
-from .style import COLORS, GREY, INK, needs_run, part, plane_axes, thinned
+from .style import COLORS, GREY, INK, needs_run, part, plane_axes, thinned, time_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +46,8 @@ def path(
     needs_run(run, "plots.path")
     points, joints = _points(run)
     flat = points.shape[-1] == 2
-    words = ("$x$", "$y$") if flat else ("", "")
+    unit = "" if not time_unit(run.system) else " (m)"
+    words = (f"$x${unit}", f"$y${unit}") if flat else ("", "")
     ax = plane_axes(ax, title, *words, (4.4, 4.0))
     ax.set_aspect("equal", adjustable="datalim")
     frame = np.eye(2) if flat else view_frame(*view)[:2]
@@ -75,6 +77,14 @@ def path(
         ax.plot(*seen[thinned(len(seen))].T, color=color, linewidth=1.0)
         if run.bodies is None:
             ax.plot(*seen[0], marker="o", markersize=7.0, color="none", markeredgecolor=INK)
+        if points.shape[1] == 1:
+            for word, point in (("start", seen[0]), ("end", seen[-1])):
+                beside: dict[str, Any] = {
+                    "xytext": (6, 5),
+                    "textcoords": "offset points",
+                    "fontsize": 8.0,
+                }
+                ax.annotate(word, point, color=GREY, zorder=5, **beside)
         ax.plot(
             *seen[-1],
             marker="o",
@@ -84,10 +94,12 @@ def path(
             markeredgewidth=0.5,
             zorder=4,
         )
-    if isinstance(run.system, (Kepler, OrbitingBody)):
+    if isinstance(run.system, (Kepler, OrbitingBody, Spacecraft)):
         ax.plot(
-            0.0, 0.0, marker="o", markersize=9.0, color="#E69F00", markeredgecolor="white", zorder=3
+            0.0, 0.0, marker="o", markersize=9.0, color="#C87F00", markeredgecolor="white", zorder=3
         )
+    if not flat:
+        _scale(ax, points, unit.strip(" ()"))
     for ends in joints:
         ax.plot(
             *(ends @ frame.T).T, color=GREY, linewidth=1.4, zorder=3, marker="o", markersize=4.0
@@ -138,6 +150,25 @@ def _order(run: Any) -> Array:
         return np.asarray(run.energy[0], dtype=float)
     except InvalidInput:
         return np.arange(run.bodies, dtype=float)
+
+
+def _scale(ax: Axes, points: Array, unit: str) -> None:
+    """A bar that says how long things are, of a round length, in the corner."""
+    whole = float(np.ptp(points.reshape(-1, 3), axis=0).max()) or 1.0
+    decade = 10.0 ** np.floor(np.log10(0.3 * whole))
+    length = decade * max(n for n in (1.0, 2.0, 5.0) if n * decade <= 0.3 * whole)
+    x, low = ax.get_xlim()[1], ax.get_ylim()[0]
+    ends = [x - length, x], [low, low]
+    ax.plot(*ends, color=INK, linewidth=1.6, solid_capstyle="butt", zorder=5)
+    ax.annotate(
+        f"{length:g} {unit}".strip(),
+        (x - 0.5 * length, low),
+        (0, 4),
+        textcoords="offset points",
+        ha="center",
+        fontsize=8.5,
+        color=INK,
+    )
 
 
 def _triad(ax: Axes, frame: Array) -> None:

@@ -11,6 +11,7 @@ from ..errors import InvalidInput
 from ..models.pendulums import DoublePendulum, Pendulum
 from ..systems.canonical import CanonicalSystem
 from .cloud import colors
+from .components import unit_of
 from .style import COLORS, needs_run, part, plane_axes, thinned
 
 if TYPE_CHECKING:
@@ -45,7 +46,8 @@ def phase_portrait(
     if wrap is None and isinstance(run.system, (Pendulum, DoublePendulum)):
         wrap = 2.0 * np.pi
     index = f"_{degree % n + 1}" if n > 1 else ""
-    ax = plane_axes(ax, title, f"$q{index}$", f"$p{index}$", (4.2, 3.6))
+    x, y = (f"${part}{index}$" + unit_of(run.system, part) for part in "qp")
+    ax = plane_axes(ax, title, x, y, (4.2, 3.6))
     q, p = q[..., degree], p[..., degree]
     if wrap:
         q = np.mod(q + 0.5 * wrap, wrap) - 0.5 * wrap

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import hypot
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ from .style import COLORS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PI = ("$\\pi_1$", "$\\pi_2$", "$\\pi_3$")
+MU = ("$\\mu_1$", "$\\mu_2$", "$\\mu_3$")
 GAMMA = ("$\\Gamma_1$", "$\\Gamma_2$", "$\\Gamma_3$")
 
 
@@ -39,6 +40,7 @@ def momentum_sphere(
     color: Any = COLORS[0],
     marker: str = "o",
     levels: int = 7,
+    names: Sequence[str] = MU,
 ) -> Axes:
     """Draw body momenta on their coadjoint orbit, the sphere |mu| = const.
 
@@ -60,6 +62,7 @@ def momentum_sphere(
     color : of the dots; or one for each, (n, 4).
     label : name of the dots in a legend (`ax.legend()`), which is left to the caller.
     levels : number of energies drawn besides the separatrix's.
+    names : of the axes, of vectors that are no momenta.
 
     What lies behind the sphere is faded and cut exactly at the horizon. All units of momentum are
     welcome.
@@ -72,7 +75,7 @@ def momentum_sphere(
         raise InvalidInput(
             f"the sphere needs a positive finite radius; got {size!r} (is the first momentum zero?)"
         )
-    ax, frame = globe(ax, view, title, PI)
+    ax, frame = globe(ax, view, title, names)
     if inertia is not None:
         _of_inertia(ax, frame, inertia, levels)
     draw_energies(ax, frame, system, size, levels)

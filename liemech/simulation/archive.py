@@ -3,35 +3,43 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import importlib
 import os
+import platform
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure, InvalidInput, MissingExtra
+from ..errors import FileWarning, IntegrationFailure, InvalidInput, MissingExtra, warn
 from ..formulas.pytree import layout_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..integrators.method import Method
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
 from ..systems.poisson import PoissonState
-from ..systems.site_state import SiteState
 from ..systems.system import State, System, small_state
 from .arrival import FictiveMotion
-from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
+from .carry import Carry
+from .control import CLOCK
 from .dense import DenseOutput
-from .encoding import Decoder, encoded
+from .encoding import LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
 from .events import Met
 from .fictive import FictiveCarry, Origin
 from .files import read, write
 from .sites_carry import SiteCarry
+from .sites_states import kind_of
 from .stopped import Stopped
 from .systems import Methods, OfBodies, Systems, of_body
 
-FORMAT = 2
+FORMAT = 4
+READ = 2, 3, 4
+"""Formats that can be read: 4 has long lists of numbers beside the text; in 2 the run stands in another
+way, so that it cannot be gone on with.
+"""
 KINDS = "Trajectory", "TransformedTrajectory", "TangentTrajectory"
 
 
@@ -45,11 +53,11 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
             f"Trajectory.save: a {kind} has more than "
             "samples; save the arrays you need, numpy.savez"
         )
-    fictive = kind == "TransformedTrajectory"
+    pool, fictive = Pool(), kind == "TransformedTrajectory"
     arrays: dict[str, Any] = {"t": run.t, **{f"state.{name}": x for name, x in run.states.items()}}
-    about: dict[str, Any] = {"format": FORMAT, "h": encoded(run.h)}
+    about: dict[str, Any] = {"format": FORMAT, "written": here(), "h": encoded(run.h, pool)}
     about |= {"steps": run.steps, "bodies": run.bodies}
-    about |= {"method": _of_each(run.method), "system": _of_each(run.system)}
+    about |= {"method": _of_each(run.method, pool), "system": _of_each(run.system, pool)}
     about |= {"compiled": run.compiled, "rejected": run.rejected, "observed": list(run.observed)}
     about |= {"breaks": list(run.breaks), "ended": run.ended, "parts": list(run.states)}
     about["stopped"] = {
@@ -58,7 +66,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
     if fictive:
         arrays |= {"tau": run.tau} if run.z is None else {"tau": run.tau, "z": run.z}
         origins = run.origin if isinstance(run.origin, tuple) else (run.origin,)
-        about["origin"] = [[encoded(o.given), encoded(o.start)] for o in origins]
+        about["origins"] = [encoded_each([getattr(o, x) for o in origins], pool) for x in ORIGIN]
         about["together"] = origins is not run.origin
     if kind == "TangentTrajectory":
         arrays |= {f"tangent.{name}": x for name, x in run.tangent.items()}
@@ -70,7 +78,7 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
             arrays["dense.begun"] = run.dense.begun
     elif run.dense is not None:
         arrays["dense"] = run.dense.rows
-        about["dense"] = [run.dense.order, encoded(run.dense.example)]
+        about["dense"] = [run.dense.order, encoded(run.dense.example, pool)]
     about["events"] = []
     for i, event in enumerate(run.events):
         met = event if run.bodies is not None else (event,)
@@ -79,95 +87,105 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
             arrays[f"event.{i}.{name}"] = np.concatenate([states.arrays[name] for _, states in met])
         about["events"].append([list(met[0][1].arrays), [len(times) for times, _ in met]])
         about["states"] = encoded(type(met[0][1]))
-    if isinstance(run.carry, Carries):
-        members = enumerate(run.carry.members)
-        about["carries"] = [_carried(member, f"carry.{i}", arrays) for i, member in members]
-    elif run.carry is not None:
-        about["carry"] = _carried(run.carry, "carry", arrays)
-    write(Path(path), arrays, about)
+    if run.carry is not None:
+        about["carry"] = _carried(run.carry, arrays, pool)
+    write(Path(path), arrays | pool.arrays, about)
 
 
-def _of_each(thing: Any) -> Any:
+ORIGIN = "given", "start"
+"""The fields of the origin of a run in fictive time that are kept."""
+
+
+def here() -> dict[str, str]:
+    """What writes a file, and when."""
+    versions = {
+        "liemech": sys.modules[LIBRARY].__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+    }
+    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+    return versions | {"platform": f"{platform.system()} {platform.machine()}", "date": now}
+
+
+def told_apart(written: Any, now: dict[str, str]) -> str:
+    """What of a file's library, Python and machine is another one here; empty if nothing is."""
+    if not isinstance(written, dict):
+        return ""
+    kept = {name: str(written.get(name, "?")) for name in ("liemech", "python", "platform")}
+    minor = {name: x.rpartition(".")[0] if name == "python" else x for name, x in kept.items()}
+    own = {name: x.rpartition(".")[0] if name == "python" else x for name, x in now.items()}
+    return ", ".join(
+        f"{'Python' if name == 'python' else name} {kept[name]} (here {now[name]})"
+        for name in kept
+        if minor[name] != own[name]
+    )
+
+
+def _of_each(thing: Any, pool: Pool) -> Any:
     """A system or a method, or those of each body."""
-    return [encoded(x) for x in thing] if isinstance(thing, OfBodies) else encoded(thing)
+    return encoded_each([*thing], pool) if isinstance(thing, OfBodies) else encoded(thing, pool)
 
 
-def _carried(carry: Any, name: str, arrays: dict[str, Any]) -> dict[str, Any]:
-    """What is told of a carry; its arrays go to the others, by this name."""
+def _carried(carry: Any, arrays: dict[str, Any], pool: Pool) -> dict[str, Any]:
+    """What is told of a carry; its arrays go to the others."""
     if isinstance(carry, SiteCarry):
-        parts = {f"{name}.state.{part}": x for part, x in carry.state.arrays.items()}
-        arrays |= {f"{name}.numbers": carry.numbers} | parts
-        arrays |= {} if carry.clock is None else {f"{name}.clock": carry.clock}
+        parts = {f"carry.state.{part}": x for part, x in carry.state.arrays.items()}
+        arrays |= {"carry.numbers": carry.numbers} | parts
+        arrays |= {} if carry.clock is None else {"carry.clock": carry.clock}
         told = {"t0": carry.t0, "h": carry.h, "step": carry.step, "sites": list(carry.state.arrays)}
         return told | {"met": carry.met, "ended": carry.event}
-    if isinstance(carry, Waiting):
-        return {"state": encoded(carry.state), "waiting": carry.t}
-    if isinstance(carry, Ended):
-        error = None if carry.error is None else str(carry.error)
-        there = [carry.t, carry.steps, error, carry.tau, carry.z]
-        return {"state": encoded(carry.state), "there": there}
-    if isinstance(carry, AdaptiveCarry):
-        arrays |= {f"{name}.numbers": carry.numbers, f"{name}.clock": carry.clock}
-        told = {"t": carry.t, "state": encoded(carry.state), "ended": carry.event}
-        return told | {"met": carry.met}
-    fictive, met = isinstance(carry, FictiveCarry), carry.met
+    fictive = isinstance(carry, FictiveCarry)
     inner = carry.inner if fictive else carry
-    taken = inner.step if inner.taken is None else inner.taken
-    steps = np.broadcast_to(np.asarray(taken, float), inner.numbers.shape[1:])[
-        None
-    ]  # behind the numbers
-    arrays |= {
-        f"{name}.numbers": np.concatenate([inner.numbers, steps]),
-        f"{name}.last": inner.last,
+    arrays |= {f"carry.{name}": getattr(inner, name) for name in ("numbers", "clock", "last")}
+    if fictive and carry.here is not None:
+        arrays["carry.here"] = carry.here
+    errors = {str(i): None if error is None else str(error) for i, error in inner.ended.items()}
+    return {
+        "t0": inner.t0.tolist() if isinstance(inner.t0, np.ndarray) else inner.t0,
+        "state": encoded(tuple(inner.state.parts.values()) if fictive else inner.state, pool),
+        "ended": errors,
+        "met": [[i, met] for i, met in carry.met.items()],
+        "cut": [[i, event] for i, event in inner.cut.items()],
     }
-    told = {"t0": inner.t0, "h": encoded(inner.h), "step": inner.step, "met": met}
-    told["state"] = encoded(tuple(inner.state.parts.values()) if fictive else inner.state)
-    told["failures"] = {str(i): str(error) for i, error in inner.failures.items()}
-    if fictive:
-        ahead = None if carry.ahead is None else tuple(carry.ahead.parts.values())
-        told |= {"tau": carry.tau, "ahead": encoded(ahead)}
-    return told
 
 
 def _carry_of(
-    kept: Any, name: str, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder
+    kept: Any, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder
 ) -> Any:
     """The carry of which that was told.  origin : of a run in fictive time."""
     if "sites" in kept:
-        parts = {part: arrays[f"{name}.state.{part}"] for part in kept["sites"]}
+        parts = {part: arrays[f"carry.state.{part}"] for part in kept["sites"]}
         kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
         by_site = "mu" in parts and np.ndim(parts["mu"]) == 2  # else of several species, in a row
-        there = SiteState(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
+        there = kind_of(parts)(**parts) if by_site else small_state(kinds[kept["sites"][0]], parts)
         met = Met([(event, n) for event, n in kept.get("met", ())])
-        rest = arrays[f"{name}.numbers"], there, met, arrays.get(f"{name}.clock")
+        rest = arrays["carry.numbers"], there, met, arrays.get("carry.clock")
         return SiteCarry(kept["t0"], kept["h"], kept["step"], *rest, kept.get("ended"))
     state: Any = decode(kept["state"])
-    wanted: Any = State if origin is None or "step" not in kept else tuple
+    wanted: Any = State if origin is None else tuple
     if not isinstance(state, wanted):
         raise InvalidInput(f"{decode.where}: {state!r} is no state")
-    if "waiting" in kept:
-        return Waiting(state, kept["waiting"])
-    if "there" in kept:
-        t, steps, text, tau, z = kept["there"]
-        error = None if text is None else IntegrationFailure(text)
-        return Ended(state, t, steps, error, tau, z, origin)
-    met = Met([(event, n) for event, n in kept.get("met", ())])  # older files have none
-    if "t" in kept:
-        own = arrays[f"{name}.numbers"], arrays[f"{name}.clock"]
-        return AdaptiveCarry(*own, state, kept["t"], kept["ended"], met)
-    failures: dict[int, Exception | None] = {
-        int(i): IntegrationFailure(text) for i, text in kept["failures"].items()
+    numbers, clock, last = (arrays[f"carry.{name}"] for name in ("numbers", "clock", "last"))
+    lead = () if bodies is None else (bodies,)
+    for array, height in (numbers, len(numbers)), (clock, CLOCK.width), (last, len(last)):
+        _require_shape(decode.where, array, (height, *lead))
+    t0 = np.array(kept["t0"]) if isinstance(kept["t0"], list) else kept["t0"]
+    ended = {
+        int(i): None if text is None else IntegrationFailure(text)
+        for i, text in kept["ended"].items()
     }
-    numbers, steps = arrays[f"{name}.numbers"][:-1], arrays[f"{name}.numbers"][-1]
-    taken = None if bodies is None or (steps == kept["step"]).all() else steps
-    given = kept["t0"], decode(kept["h"]), kept["step"], bodies, numbers, arrays[f"{name}.last"]
-    carry = Carry(None, *given, failures, met, taken)
+    each = {i: Met([(event, n) for event, n in counts]) for i, counts in kept["met"]}
+    cut = dict(kept["cut"])
+    own = {} if origin is not None else each
+    carry = Carry(None, t0, numbers, clock, last, bodies, ended, own, cut)
     if origin is None:
         vars(carry)["state"] = state
         return carry
-    kind = type(origin.whole.extended(origin.start, 0.0))
-    vars(carry)["state"], ahead = kind(*state), decode(kept["ahead"])
-    return FictiveCarry(origin, carry, None if ahead is None else kind(*ahead), kept["tau"], met)
+    first, here = origin[0] if isinstance(origin, tuple) else origin, arrays.get("carry.here")
+    if here is not None:
+        _require_shape(decode.where, here, (len(last) + 2, *lead))
+    vars(carry)["state"] = type(first.whole.extended(first.start, 0.0))(*state)
+    return FictiveCarry(origin, carry, here, each)
 
 
 def load(
@@ -185,11 +203,30 @@ def load(
         importlib.import_module(name)
     try:
         arrays, about = read(path)
-        if about.get("format") != FORMAT:
+        differs = told_apart(about.get("written"), here())
+        if about.get("format") not in READ:
             raise InvalidInput(
-                f"{path}: is of format {about.get('format')!r}; this liemech reads format {FORMAT}"
+                f"{path}: is of format {about.get('format')!r}, and liemech {here()['liemech']} reads "
+                f"formats {READ[0]} to {FORMAT}: load it with the version that wrote it"
+                f"{f': {differs}' if differs else ''}"
             )
-        return _run_of(arrays, about, Decoder(f"{path}", frozenset(named), bool(trusted)))
+        if about["format"] == 2 and about.keys() & {"carry", "carries"}:
+            about = {name: x for name, x in about.items() if name not in ("carry", "carries")}
+            warn(
+                f"{path}: is of format 2, in which a run stands in another way: its samples are here, "
+                "and no plan goes on from them but from run.last, as a start",
+                FileWarning,
+            )
+        pool = {name: arrays.pop(name) for name in [*arrays] if name.startswith(POOL)}
+        decode = Decoder(f"{path}", frozenset(named), bool(trusted), pool)
+        found = _run_of(arrays, about, decode) | {"written": about.get("written")}
+        if differs:
+            warn(
+                f"{path}: was written elsewhere: {differs}; the samples are as they were, what is "
+                "computed of them, or goes on from them, may differ in the last digits",
+                FileWarning,
+            )
+        return found
     except (MissingExtra, OSError):
         raise
     # whatever comes of content that is none
@@ -205,9 +242,9 @@ def load(
 def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> dict[str, Any]:
     """The fields of a Trajectory from what a file holds."""
     made, method = (
-        of_each(tuple([decode.record(x, kind) for x in told]))
-        if isinstance(told, list)
-        else decode.record(told, kind)
+        decode.record(told, kind)
+        if isinstance(told, dict) and "class" in told
+        else of_each(tuple(decode.each(told, kind)))
         for told, kind, of_each in (
             (about["system"], System, Systems),
             (about["method"], Method, Methods),
@@ -224,6 +261,9 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     bodies = about["bodies"]
     if bodies is not None and type(bodies) is not int:
         raise InvalidInput(f"{decode.where}: {bodies!r} is no number of bodies")
+    for several in (made, method):
+        if isinstance(several, OfBodies) and len(several) != bodies:
+            raise InvalidInput(f"{decode.where}: {several!r} are not those of {bodies} bodies")
     for name, x in states.items():
         if len(x) != len(arrays["t"]) or (bodies is not None and x.shape[1:2] != (bodies,)):
             raise InvalidInput(
@@ -234,16 +274,13 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     events = []
     carry: Any = None
     origin: Any = None
-    if "origin" in about:
+    if "origin" in about or "origins" in about:
+        told = about["origins"] if "origins" in about else [*zip(*about["origin"], strict=True)]
+        pairs = zip(
+            decode.each(_listed(told[0]), System), decode.each(_listed(told[1]), State), strict=True
+        )
         origin = tuple(
-            [
-                Origin(
-                    decode.record(given, System),
-                    of_body(method, i),
-                    decode.record(start, State),
-                )
-                for i, (given, start) in enumerate(about["origin"])
-            ]
+            [Origin(given, of_body(method, i), start) for i, (given, start) in enumerate(pairs)]
         )
         if about["together"]:
             origin = origin[0]
@@ -290,17 +327,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     if ended is not None and not (type(ended) is int and 0 <= ended < len(events)):
         raise InvalidInput(f"{decode.where}: {ended!r} is the number of no event")
     if "carry" in about:
-        carry = _carry_of(about["carry"], "carry", arrays, bodies, origin, decode)
-    elif "carries" in about:
-        own = origin if isinstance(origin, tuple) else (None,) * len(about["carries"])
-        carry = Carries(
-            tuple(
-                [
-                    _carry_of(told, f"carry.{i}", arrays, None, own[i], decode)
-                    for i, told in enumerate(about["carries"])
-                ]
-            )
-        )
+        carry = _carry_of(about["carry"], arrays, bodies, origin, decode)
     reasons = {
         int(body): (steps, IntegrationFailure(text))
         for body, (steps, text) in about["stopped"].items()
@@ -331,6 +358,11 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         "breaks": tuple([float(t) for t in about.get("breaks", ())]),
         "ended": ended,
     }
+
+
+def _listed(told: Any) -> Any:
+    """What is told of many: in a list of its own, or as one thing."""
+    return [*told] if isinstance(told, (list, tuple)) else told
 
 
 def _require_shape(where: str, array: np.ndarray, shape: tuple[int, ...]) -> None:

@@ -322,6 +322,18 @@ def first(values: Any, name: str) -> Any:
     return values[0]
 
 
+def directions(name: str, given: Any, components: int) -> np.ndarray:
+    """Directions of a state of so many components, (N,) or (N, k)."""
+    found = real_array(given, f"Plan.tangent: {name}")
+    if found.ndim not in (1, 2) or len(found) != components or not found.size:
+        raise InvalidInput(
+            f"Plan.tangent: {name} are directions of the state, of N = {components} components, (N,) or "
+            f"(N, k); got shape {found.shape}"
+        )
+    check_finite(found, f"Plan.tangent: {name}")
+    return found
+
+
 def events(events: Any) -> tuple[Any, ...]:
     try:
         functions = (events,) if callable(events) else tuple(events)

@@ -8,66 +8,92 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure, InvalidInput, failure
+from ..errors import InvalidInput
 from ..formulas.frozen import frozen
 from ..formulas.pytree import build
 from ..systems.system import State, member, state_of
-from .control import CLOCK, MARK, REJECTED, STEP, TAKEN
+from .control import STEP, TAKEN, TIME
 from .dense import unpacked
-from .events import NO_EVENTS, Met
+from .events import Met
 from .prepared import Shape
 from .stopped import Stopped
 
 
 @frozen(eq=False)
 class Carry:
-    """Where a run with fixed steps stands, with all that its method carries along: from here it goes
-    on as if it had never stopped.
+    """Where a run stands: for every body a column of numbers, with its clock.  From here the run goes on
+    as if it had never stopped.
 
-    t0, h, step : the time is t0 + step h; h is one for each body if they have steps of their own.
-    bodies : of an ensemble.
+    shape : layouts and native code, if the plan that goes on has them still.
+    t0 : of fixed steps the time of step 0, one for all bodies or (bodies,); None for adaptive steps.
     numbers : (width,) or (width, bodies), of what the method carries along.
-    last : the numbers of the state.
-    failures : what ended bodies that stopped.  Nothing else of it is changed, ever.
-    met : how many zeros of every event were met.
-    taken : (bodies,) of an ensemble of which bodies stopped the steps that each took.
+    clock : (7,) or (7, bodies), as of `Clock`: the time, h, the number of steps, ...
+    last : (n,) or (n, bodies), the numbers of the state.
+    bodies : of an ensemble; None for one body.
+    ended : the bodies that go no further, and what ended them: an error, or None for an event.
+    met : of each body how many zeros of every event it has met.
+    cut : of bodies with adaptive steps the event that ended the run.
     """
 
     shape: Shape | None = dataclasses.field(repr=False)
-    t0: float
-    h: float | tuple[float, ...]
-    step: int
-    bodies: int | None
+    t0: Any
     numbers: np.ndarray = dataclasses.field(repr=False)
+    clock: np.ndarray = dataclasses.field(repr=False)
     last: np.ndarray = dataclasses.field(repr=False)
-    failures: dict[int, Exception | None] = dataclasses.field(default_factory=dict, repr=False)
-    met: Met = NO_EVENTS
-    taken: np.ndarray | None = dataclasses.field(default=None, repr=False)
+    bodies: int | None = None
+    ended: dict[int, Any] = dataclasses.field(default_factory=dict, repr=False)
+    met: dict[int, Met] = dataclasses.field(default_factory=dict, repr=False)
+    cut: dict[int, int] = dataclasses.field(default_factory=dict, repr=False)
 
     @classmethod
-    def quickly(
-        cls, shape: Shape, t0: float, h: Any, step: int, numbers: np.ndarray, last: np.ndarray,
-        met: Met = NO_EVENTS, bodies: int | None = None,
+    def made(
+        cls, shape: Any, t0: Any, numbers: np.ndarray, clock: np.ndarray, last: np.ndarray,
+        bodies: int | None = None, met: Any = None,
     ) -> Carry:  # fmt: skip
-        """Of bodies that have not failed, in half the time that a dataclass takes."""
+        """The carry of bodies of which none has ended, in half the time that a dataclass takes."""
         made = object.__new__(cls)
         made.__dict__.update(
-            shape=shape, t0=t0, h=h, step=step, bodies=bodies, numbers=numbers, last=last,
-            failures={}, met=met, taken=None,
+            shape=shape, t0=t0, numbers=numbers, clock=clock, last=last, bodies=bodies,
+            ended={}, met={} if met is None else met, cut={},
         )  # fmt: skip
         return made
 
+    @classmethod
+    def quickly(
+        cls, shape: Any, t0: float, h: float, step: int, numbers: np.ndarray, last: np.ndarray,
+        met: Any = None, bodies: int | None = None,
+    ) -> Carry:  # fmt: skip
+        """The carry of bodies that have made so many fixed steps."""
+        clock = np.array([t0 + step * h, h, 0.0, float(step), 0.0, 0.0, 0.0])
+        if bodies is not None:
+            clock = np.repeat(clock[:, None], bodies, axis=1)
+        return cls.made(shape, t0, numbers, clock, last, bodies, met)
+
+    # ---------------------------------------------------------------- when and where
+
     @property
-    def steps(self) -> Any:
-        """How many steps were taken, by each body if some have stopped."""
-        return self.step if self.taken is None else np.maximum(self.taken, 0)
+    def h(self) -> Any:
+        """The step, or that of each body."""
+        return self.clock.item(STEP) if self.bodies is None else common(self.clock[STEP])
+
+    @property
+    def step(self) -> int:
+        """How many steps were taken; of an ensemble by the body that goes on and has most."""
+        if self.bodies is None:
+            return int(self.clock.item(TAKEN))
+        going = np.delete(self.clock[TAKEN], [*self.ended])
+        return int((going if len(going) else self.clock[TAKEN]).max())
+
+    @property
+    def together(self) -> bool:
+        """Have all bodies that go on made the same fixed steps, from the same time on?"""
+        going = np.delete(self.clock[TAKEN], [*self.ended])
+        return np.ndim(self.t0) == 0 and bool(len(going)) and bool((going == going[0]).all())
 
     @property
     def t(self) -> Any:
-        """The time, in s; of bodies with steps of their own, or of which some stopped, those of all,
-        (bodies,).
-        """
-        return self.t0 + self.steps * (self.h if type(self.h) is float else np.array(self.h))
+        """The time, in s; those of all bodies, (bodies,), if they differ."""
+        return self.clock.item(TIME) if self.bodies is None else common(self.clock[TIME])
 
     @functools.cached_property
     def state(self) -> State:
@@ -75,39 +101,69 @@ class Carry:
         shape: Any = self.shape
         if self.bodies is None:
             return build(shape.shown, iter(self.last.ravel().tolist()))
-        parts = unpacked(shape.shown, self.last.T)
-        return type(shape.example)(*(parts.get(name) for name in shape.example.parts))
+        return state_of(type(shape.example), unpacked(shape.shown, self.last.T))
+
+    # ---------------------------------------------------------------- bodies
 
     @property
     def stopped(self) -> Stopped:
-        """The bodies of an ensemble that go no further."""
-        steps = {} if self.taken is None else {
-            int(i): max(0, int(self.taken[i])) for i in np.flatnonzero(self.taken < self.step)
-        }  # fmt: skip
-        return Stopped(steps, lambda i: self.error(i, steps[i]))
+        """The bodies that an error has ended."""
+        steps = self.clock[TAKEN].reshape(-1)
+        return Stopped(
+            {i: int(steps[i]) for i, error in self.ended.items() if error is not None},
+            self.ended.__getitem__,
+        )
 
-    def error(self, i: int, steps: int) -> IntegrationFailure:
-        """Why a body stopped, after so many steps."""
-        error = self.failures.get(i)
-        t = self.t0 + steps * (self.h if type(self.h) is float else self.h[i])  # type: ignore[index]
-        return failure(error, f"body {i}", f"step {steps + 1}, t = {t:g}")
-
-    def member(self, i: int) -> Any:
-        """The carry of a body of an ensemble, or where it has ended."""
+    def member(self, i: int) -> Carry:
+        """The carry of one body."""
         if self.bodies is None:
             return self
-        state, h = member(self.state, i), self.h if type(self.h) is float else self.h[i]  # type: ignore[index]
-        if i in self.ended:
-            steps = int(self.steps[i])
-            return Ended(state, self.t0 + steps * h, steps, self.error(i, steps))
-        own = Carry(None, self.t0, h, self.step, None, self.numbers[:, i], self.last[:, i])
-        vars(own)["state"] = state
-        return own
+        t0 = self.t0 if np.ndim(self.t0) == 0 else self.t0.item(i)
+        numbers, clock, last = (x[:, i] for x in (self.numbers, self.clock, self.last))
+        maps: Any = self.ended, self.met, self.cut
+        own = [{0: x[i]} if i in x else {} for x in maps]
+        found = Carry(None, t0, numbers, clock, last, None, *own)
+        vars(found)["state"] = member(self.state, i)
+        return found
 
     @property
-    def ended(self) -> list[int]:
-        """The bodies that go no further."""
-        return [] if self.taken is None else np.flatnonzero(self.taken < self.step).tolist()
+    def members(self) -> tuple[Any, ...]:
+        """The carries of all bodies."""
+        return tuple([self.member(i) for i in range(self.bodies or 1)])
+
+    @staticmethod
+    def beside(carries: list[Any]) -> Carry:
+        """The carries of some ensembles as one."""
+        first, begun = carries[0], np.cumsum([0, *[c.bodies for c in carries]]).tolist()
+        zeros = [np.broadcast_to(c.t0, c.bodies) for c in carries]
+
+        def moved(name: str) -> dict[int, Any]:
+            pairs = zip(begun, carries, strict=False)
+            return {at + i: x for at, c in pairs for i, x in getattr(c, name).items()}
+
+        numbers, clock, last = (
+            np.concatenate([getattr(c, name) for c in carries], axis=1)
+            for name in ("numbers", "clock", "last")
+        )
+        t0 = None if first.t0 is None else common(np.concatenate(zeros))
+        maps = moved("ended"), moved("met"), moved("cut")
+        found = Carry(None, t0, numbers, clock, last, begun[-1], *maps)
+        vars(found)["state"] = all_of([c.state for c in carries])
+        return found
+
+    # ---------------------------------------------------------------- going on
+
+    def put_down(self, numbers: np.ndarray, heads: np.ndarray) -> None:
+        """Write what the bodies carry along, and their states, into columns.  Raises InvalidInput for
+        numbers of another width, on which native code relies.
+        """
+        if self.numbers.size != numbers.size or self.last.size != heads.size:
+            raise InvalidInput(
+                f"Plan.resume: the run carries {self.numbers.shape} numbers along, this plan "
+                f"{numbers.shape}: the run had another `compensated` or `precision` than the plan has"
+            )
+        numbers[:] = self.numbers.reshape(numbers.shape)
+        heads[:] = self.last.reshape(heads.shape)
 
     def __getstate__(self) -> dict[str, Any]:
         """The numbers, and the state instead of layouts and native code, which the plan that goes
@@ -116,112 +172,15 @@ class Carry:
         return vars(self) | {"state": self.state, "shape": None}
 
 
-@frozen(eq=False)
-class AdaptiveCarry:
-    """Where a run with adaptive steps stands: state and velocity, clock and controller.
-
-    event : which one ended it, if one did.  met : as of a Carry.
-    """
-
-    numbers: np.ndarray = dataclasses.field(repr=False)
-    clock: np.ndarray = dataclasses.field(repr=False)
-    state: State
-    t: float
-    event: int | None = None
-    met: Met = NO_EVENTS
-    bodies: None = None
-    ended = ()
-
-    def member(self, i: int) -> Any:
-        """The carry of the only body."""
-        return self
-
-    def taken_up(self, t_end: float, width: int) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers and clock with which a run to t_end goes on: it counts its own steps.
-
-        width : how many numbers such a run carries along, which native code relies on.
-        """
-        numbers, clock = np.array(self.numbers, dtype=float), np.array(self.clock, dtype=float)
-        if numbers.shape != (width,) or clock.shape != (CLOCK.width,):
-            raise InvalidInput(
-                f"Plan.resume: the run carries {numbers.shape} numbers and a clock of {clock.shape} "
-                f"along; this plan has ({width},) and ({CLOCK.width},)"
-            )
-        clock[[TAKEN, REJECTED, MARK]] = 0.0
-        if clock[STEP] * (t_end - self.t) < 0.0:
-            clock[STEP] = -clock[STEP]
-        return numbers, clock
+def common(values: Any) -> Any:
+    """The value that all have, or an array of them."""
+    flat = np.ravel(values)
+    return flat.item(0) if (flat == flat[0]).all() else np.array(flat)
 
 
-@frozen(eq=False)
-class Waiting:
-    """A body of an ensemble whose run has not begun: its start, and when."""
-
-    state: State
-    t: float
-
-
-@frozen(eq=False)
-class Ended:
-    """A body of an ensemble that goes no further: where it stays, after how many steps, and the
-    error that ended it, if it was one.
-
-    tau, z, origin : of a run in fictive time.
-    """
-
-    state: State
-    t: float
-    steps: int
-    error: IntegrationFailure | None = None
-    tau: float = 0.0
-    z: float | None = None
-    origin: Any = None
-
-
-@frozen(eq=False)
-class Carries:
-    """Where an ensemble stands whose bodies go each its own way: every body where it came to.
-
-    members : what each carries along, or that it has not begun, or has ended.
-    """
-
-    members: tuple[Any, ...] = dataclasses.field(repr=False)
-
-    @property
-    def bodies(self) -> int:
-        """How many there are."""
-        return len(self.members)
-
-    def member(self, i: int) -> Any:
-        """The carry of a body, or where it has ended."""
-        return self.members[i]
-
-    @property
-    def ended(self) -> list[int]:
-        """The bodies that go no further."""
-        return [i for i, one in enumerate(self.members) if isinstance(one, Ended)]
-
-    @property
-    def t(self) -> Any:
-        """The time, in s; those of all, (bodies,), if they differ."""
-        return self._common([member.t for member in self.members])
-
-    @property
-    def tau(self) -> Any:
-        """The same in fictive time."""
-        return self._common([getattr(member, "tau", 0.0) for member in self.members])
-
-    @staticmethod
-    def _common(times: list[float]) -> Any:
-        return times[0] if len(set(times)) == 1 else np.array(times)
-
-    @functools.cached_property
-    def state(self) -> State:
-        """The states of all bodies."""
-        return stacked([member.state for member in self.members])
-
-
-def stacked(states: list[Any]) -> Any:
-    """The states of single bodies as that of an ensemble."""
-    arrays = {name: np.stack([s.arrays[name] for s in states]) for name in states[0].arrays}
-    return state_of(type(states[0]), arrays)
+def all_of(states: list[Any]) -> Any:
+    """The states of some ensembles as that of one."""
+    names = states[0].arrays
+    return state_of(
+        type(states[0]), {n: np.concatenate([s.arrays[n] for s in states]) for n in names}
+    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
 from typing import Any
 
 from ..errors import InvalidInput, warn
@@ -19,14 +18,13 @@ class Checkpoint:
 
     A disk that is full, or may not be written to, does not end the run: a warning tells of it, the
     next checkpoint is tried in its turn, and at the end a warning tells if the last one failed.
-    steps : None for seconds.  shown : of a run as it is made the one that is written.
+    steps : None for seconds.
     """
 
     def __init__(
         self, path: str | os.PathLike[str], seconds: float, steps: int | None = None
     ) -> None:
         self.path, self.seconds, self.steps = path, seconds, steps
-        self.shown: Callable[[Any], Any] = lambda run: run
         self.next, self.taken = time.perf_counter() + seconds, 0
         self.failed: Exception | None = None  # why the last one is not there
         self.failures, self.written = 0, ""  # how many are not, and what was written before
@@ -34,7 +32,8 @@ class Checkpoint:
     def __enter__(self) -> Checkpoint:
         return self
 
-    def __exit__(self, *ended: object) -> None:
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        self.end(getattr(error, "trajectory", None))
         if self.failed is not None:
             there = (
                 f"the file has the run {self.written}" if self.written else "nothing is there of it"
@@ -45,6 +44,14 @@ class Checkpoint:
                 "run itself",
                 RuntimeWarning,
             )
+
+    def end(self, run: Any) -> Any:
+        """The run that has come to its end, or to where it was ended; one that was too short for a
+        checkpoint on its way leaves it here.
+        """
+        if run is not None and not self.written and not self.failures:
+            self.save(run)
+        return run
 
     def within(self, steps: int) -> int:
         """So many steps, or those that are left until it is written."""
@@ -60,9 +67,8 @@ class Checkpoint:
     def save(self, run: Any) -> None:
         """Write the run as far as it came."""
         begun, self.taken = time.perf_counter(), 0
-        made = self.shown(run)
         try:
-            made.save(self.path)
+            run.save(self.path)
         except (OSError, MemoryError, InvalidInput) as error:
             self.failures, self.failed = self.failures + 1, error
             if self.failures == 1:
@@ -72,7 +78,7 @@ class Checkpoint:
                     RuntimeWarning,
                 )
         else:
-            self.failed, self.written = None, f"up to step {made.steps}"
+            self.failed, self.written = None, f"up to step {run.steps}"
         ended = time.perf_counter()
         self.next = ended + max(self.seconds, (ended - begun) / SHARE)
 

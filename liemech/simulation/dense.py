@@ -11,10 +11,11 @@ import numpy as np
 
 from ..compiler import kernel
 from ..compiler.driver import accepted, any_body, attempt, itself, read, reason, write
-from ..errors import InvalidInput, failure, is_mistake
+from ..errors import IncompatibleSystem, InvalidInput, failure, is_mistake
 from ..formulas import Vec, horner, real_array, where
 from ..formulas.frozen import frozen
 from ..formulas.pytree import NUMBER, build, layout_of, leaves, rounded
+from ..integrators.ending_at_jumps import AT_ENDS
 from ..systems.system import state_of
 from .execution import COLUMNS, Execution, numbers_of
 
@@ -225,8 +226,13 @@ class ShortSteps(Between):
     def moved(
         self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
     ) -> np.ndarray:
+        (method,) = kernel.examples([self.method])
+        if method.noisy:
+            raise IncompatibleSystem(
+                f"{method!r} knows no state at t = {times[0]:g}, inside of a step: {AT_ENDS}"
+            )
         what = (
-            repr(kernel.examples([self.method])[0]),
+            repr(method),
             lambda k: f"the shorter step from t = {given[k, -2]:g} to t = {times[k]:g}",
         )
         arguments = self.method, self.system, layout_of(self.example)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,9 +11,14 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas.frozen import frozen
 from ..systems.system import System
+from .written_tables import WrittenTable
 
 FEW = 20
 """Samples below which nothing is said of a trend: a dozen steps show neither a bound nor a drift."""
+
+
+COLUMN = 18
+"""How wide the names are printed, at least."""
 
 
 SMALL = 0.1
@@ -80,7 +86,8 @@ class Kept:
             "changed": "; too few samples for a trend",
         }
         trend = trends.get(self.verdict, "")
-        return f"{self.name:<18}{self.verdict:<10}largest change {self.largest:.1e} ({self.measure}){trend}"
+        change = f"largest change {self.largest:.1e} ({self.measure}){trend}"
+        return f"{self.name:<{COLUMN}}{self.verdict:<10}{change}"
 
 
 RECORDED = ("energy", "casimirs", "spatial_momentum")
@@ -151,7 +158,29 @@ class Drift:
         return any(kept.name == name for kept in self.kept)
 
     def __str__(self) -> str:
-        return "\n".join(map(str, self.kept)) or "no constants of the motion are known"
+        wide = max([COLUMN, *(len(kept.name) + 2 for kept in self.kept)])
+        lines = [
+            kept.name.ljust(wide) + str(kept)[max(COLUMN, len(kept.name)) :] for kept in self.kept
+        ]
+        return "\n".join(lines) or "no constants of the motion are known"
+
+    @property
+    def table(self) -> WrittenTable:
+        """A row for each constant: name, verdict, largest change, what it is relative to (0 for an
+        absolute change), slope in unit time.
+        """
+        rows = [(k.name, k.verdict, k.largest, k.scale, k.slope) for k in self.kept]
+        return WrittenTable(
+            ("constant", "verdict", "largest change", "relative to", "slope"), tuple(rows)
+        )
+
+    def to_csv(self, path: str | os.PathLike[str] | None = None) -> str | None:
+        """The report as comma-separated values: the text, or written to a file."""
+        return self.table.to_csv(path)
+
+    def to_latex(self, path: str | os.PathLike[str] | None = None) -> str | None:
+        """The report as a tabular for LaTeX: the text, or written to a file."""
+        return self.table.to_latex(path)
 
 
 def constants_and_terms(

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+import math
 import pkgutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
 from typing import Any, NoReturn
 
 import numpy as np
@@ -23,6 +25,7 @@ from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
 from ..formulas.frozen import frozen
 from ..formulas.large import Large
+from ..formulas.pytree import build, gatherer, layout_of
 from ..formulas.records import known, refilled
 from ..formulas.tables import Table
 from ..formulas.vectors import Mat, Vec
@@ -33,10 +36,55 @@ ROOMS = "groups", "integrators", "models", "systems", "tableaus"
 """The packages of the library that have records; besides there is its module of retractions."""
 NUMBERS = "biufc"
 """Kinds of NumPy's types that are numbers."""
+INLINE = 16
+"""Longer arrays and tables are not written into the text."""
 
 
-def encoded(value: Any) -> Any:
-    """A record, and what it may hold, as JSON."""
+class Pool:
+    """The numbers of arrays and tables beside the text, end to end, those of each type apart; what is
+    put in twice is there once.
+    """
+
+    def __init__(self) -> None:
+        self.parts: dict[str, list[np.ndarray]] = {}
+        self.known: dict[int, tuple[Any, int]] = {}
+        self.length: dict[str, int] = {}
+
+    def put(self, owner: Any, array: np.ndarray) -> int:
+        """Where the numbers of an array begin.  owner : the object that they are of."""
+        found = self.known.get(id(owner))
+        if found is not None:
+            return found[1]
+        name, begin = array.dtype.name, self.length.get(array.dtype.name, 0)
+        self.parts.setdefault(name, []).append(np.ascontiguousarray(array).ravel())
+        self.length[name] = begin + array.size
+        self.known[id(owner)] = owner, begin
+        return begin
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """One array for each type, by its name."""
+        return {f"{POOL}{name}": np.concatenate(parts) for name, parts in self.parts.items()}
+
+
+POOL = "pool."
+
+
+def encoded_each(values: Sequence[Any], pool: Pool) -> Any:
+    """Values, many of one kind: the first one as JSON, the numbers of all in an array."""
+    layouts = {layout_of(x) for x in values}
+    if len(values) <= INLINE or len(layouts) > 1:
+        return [encoded(x, pool) for x in values]
+    (layout,) = layouts
+    if not layout.width or {*layout.kinds} != {"number"}:
+        return [encoded(x, pool) for x in values]
+    numbers = np.array([*map(gatherer(layout), values)], dtype=float)
+    told = {"first": encoded(values[0], pool), "count": len(values)}
+    return told | {"at": pool.put(numbers, numbers)}
+
+
+def encoded(value: Any, pool: Pool | None = None) -> Any:
+    """A record, and what it may hold, as JSON; with a pool long arrays and tables are put there."""
     if value is None or type(value) in (bool, int, float, str):
         return value
     if isinstance(value, (np.float64, np.str_)):
@@ -51,13 +99,15 @@ def encoded(value: Any) -> Any:
     if isinstance(value, type) and (issubclass(value, Record) or dataclasses.is_dataclass(value)):
         return {"type": f"{value.__module__}:{value.__qualname__}"}
     if isinstance(value, Vec):
-        return {"vec": [encoded(x) for x in value]}
+        return {"vec": [encoded(x, pool) for x in value]}
     if isinstance(value, Mat):
-        return {"mat": [encoded(row) for row in value.rows]}
+        return {"mat": [encoded(row, pool) for row in value.rows]}
     if isinstance(value, Large):
-        return {"large": encoded(np.array(value))}
+        return {"large": encoded(np.array(value), pool)}
     if isinstance(value, Table):
-        return {"table": value.array.tolist()}
+        if pool is None or len(value) <= INLINE:
+            return {"table": value.array.tolist()}
+        return {"table": {"at": pool.put(value, value.array), "count": len(value)}}
     if isinstance(value, complex):
         return {"complex": [value.real, value.imag], "as": "complex"}
     if isinstance(value, Complex):
@@ -68,17 +118,20 @@ def encoded(value: Any) -> Any:
         and value.dtype.kind in NUMBERS
         and value.dtype.char not in "gG"
     ):
+        if pool is not None and value.size > INLINE and value.dtype.isnative:
+            at = {"at": pool.put(value, np.asarray(value))}
+            return {"array": at, "dtype": value.dtype.str, "shape": list(value.shape)}
         flat = np.ascontiguousarray(value)
         made = {"array": flat.view(float).ravel().tolist() if flat.dtype.kind == "c" else flat.ravel().tolist(),
                 "dtype": flat.dtype.str, "shape": list(value.shape)}  # fmt: skip
         return made | {"scalar": True} if isinstance(value, np.generic) else made
     if type(value) in (tuple, list):
-        return {type(value).__name__: [encoded(x) for x in value]}
+        return {type(value).__name__: [encoded(x, pool) for x in value]}
     if isinstance(value, FrozenDict):
-        return {"dict": [[encoded(k), encoded(x)] for k, x in value.items()]}
+        return {"dict": [[encoded(k, pool), encoded(x, pool)] for k, x in value.items()]}
     if dataclasses.is_dataclass(value):
         cls = type(value)
-        fields = {f.name: encoded(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        fields = {f.name: encoded(getattr(value, f.name), pool) for f in dataclasses.fields(value)}
         told = {"class": f"{cls.__module__}:{cls.__qualname__}", "fields": fields}
         formulas = fingerprint(cls)
         return told if formulas is None else told | {"formulas": formulas}
@@ -93,12 +146,15 @@ class Decoder:
     """What was encoded.
 
     where : the file, for messages.  modules : which the user has named, and which are imported.
-    trusted : are modules that the file names imported?
+    trusted : are modules that the file names imported?  pool : the arrays that numbers are in.
     """
 
     where: str
     modules: frozenset[str] = frozenset()
     trusted: bool = False
+    pool: Mapping[str, np.ndarray] = field(default_factory=dict)
+    taken: dict[Any, Any] = field(default_factory=dict)
+    totals: dict[str, int] = field(default_factory=dict)
 
     def __call__(self, value: Any) -> Any:
         """The value that was encoded as this."""
@@ -114,7 +170,7 @@ class Decoder:
             "complex": self._complex,
             "array": self._array,
             "large": lambda given, _: Large(self(given)),
-            "table": lambda given, _: Table([float(x) for x in self._list(given)]),
+            "table": self._table,
             "tuple": lambda given, _: tuple(map(self, self._list(given))),
             "list": lambda given, _: [*map(self, self._list(given))],
             "dict": lambda given, _: FrozenDict({self(k): self(x) for k, x in self._list(given)}),
@@ -123,6 +179,21 @@ class Decoder:
         if kind not in known_kinds:
             self._refuse(value)
         return known_kinds[kind](given, dict(more))
+
+    def each(self, value: Any, kind: type) -> list[Any]:
+        """Many records of this kind, such as the systems of an ensemble."""
+        if isinstance(value, list):
+            return [self.record(x, kind) for x in value]
+        if not isinstance(value, dict) or value.keys() != {"first", "count", "at"}:
+            self._refuse(value)
+        first = self.record(value["first"], kind)
+        layout = layout_of(first)
+        if not layout.width or {*layout.kinds} != {"number"} or type(value["count"]) is not int:
+            self._refuse(value)
+        count = value["count"]
+        numbers = self._pooled("float64", value["at"], count * layout.width)
+        rows = numbers.reshape(count, layout.width).tolist()
+        return [build(layout, iter(row)) for row in rows]
 
     def record(self, value: Any, kind: type) -> Any:
         """A record of this kind, such as a method."""
@@ -215,11 +286,40 @@ class Decoder:
         re, im = self._numbers(given)
         return Complex(re, im) if more.get("as") == "Complex" else complex(re, im)
 
+    def _table(self, given: Any, _: dict[str, Any]) -> Table:
+        if isinstance(given, dict) and given.keys() == {"at", "count"}:
+            numbers, key = (
+                self._pooled("float64", given["at"], given["count"]),
+                ("table", *given.values()),
+            )
+            if key not in self.taken:  # tables of the same numbers are one
+                self.taken[key] = Table(numbers)
+            return self.taken[key]
+        return Table([float(x) for x in self._list(given)])
+
+    def _pooled(self, name: str, at: Any, count: Any) -> np.ndarray:
+        """Numbers of a pool.  All that a file asks for is no more than is there."""
+        pool = self.pool.get(f"{POOL}{name}")
+        key = name, at, count
+        if pool is None or type(at) is not int or type(count) is not int or pool.dtype.name != name:
+            self._refuse(key)
+        if key not in self.taken:
+            total = self.totals.get(name, 0) + max(count, 0)
+            if at < 0 or count < 0 or at + count > pool.size or total > pool.size:
+                self._refuse(key)
+            self.taken[key], self.totals[name] = pool[at : at + count], total
+        found: np.ndarray = self.taken[key]
+        return found
+
     def _array(self, given: Any, more: dict[str, Any]) -> Any:
         told, shape = more.get("dtype"), self._list(more.get("shape"))
         dtype = np.dtype(told) if isinstance(told, str) and len(told) < 8 else np.dtype(object)
         if dtype.kind not in NUMBERS:
             self._refuse(more)
+        if isinstance(given, dict) and given.keys() == {"at"}:
+            if not all(type(n) is int and n >= 0 for n in shape):
+                self._refuse(more)
+            return self._pooled(dtype.name, given["at"], math.prod(shape)).reshape(shape)
         numbers = np.array(self._list(given), dtype=float if dtype.kind == "c" else dtype)
         array = (numbers.view(dtype) if dtype.kind == "c" else numbers).reshape(shape)
         return array[()] if more.get("scalar") is True else array

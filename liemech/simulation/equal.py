@@ -4,7 +4,6 @@ way, with ends, times or events of their own.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import os
 import time
@@ -15,11 +14,12 @@ import numpy as np
 from ..compiler import kernel
 from ..compiler.driver import Rejected, attempt, read, reason
 from ..errors import IntegrationFailure, InvalidInput, InvalidType, failure, is_mistake
-from ..formulas.pytree import Layout, double_double, fitted, layout_of, leaves
+from ..formulas.pytree import Layout, build, double_double, fitted, layout_of, leaves
 from ..systems.system import State, member
-from .carry import Carries, Carry, stacked
+from .carry import Carry, common
 from .control import (
     ASKED,
+    GOAL,
     LIMIT,
     MARK,
     STEP,
@@ -38,6 +38,7 @@ from .keep import At, Straight
 from .lanes import Lanes, share_out
 from .prepared import Shape, shown_step, times
 from .progress import Bar
+from .result import of_run
 from .run import PATIENCE, Run
 from .trajectory import Trajectory
 
@@ -67,11 +68,12 @@ class EqualRun(Run):
     unbegun: Any = ()
 
     def aim(self, ends: list[Any], steps: Any) -> None:
-        plan, way, members = self.plan, self.way, [self.begun(i) for i in range(self.count)]
+        plan, way, before = self.plan, self.way, self.before
         self.h = np.array([way.h_of(i) for i in range(self.count)])
-        self.zero = np.array([getattr(one, "t0", one.t) for one in members])
-        self.first = np.array([float(getattr(one, "step", 0)) for one in members])
-        self.aims = np.zeros((6, self.count))
+        self.zero = self.t0 if before is None else np.array(np.broadcast_to(before.t0, self.count))
+        if before is not None:
+            self.first = before.clock[TAKEN].reshape(-1).copy()
+        self.aims = np.zeros((GOAL.width, self.count))
         self.aims[0], self.aims[5] = np.copysign(np.inf, self.h), self.zero
         self.aims[LIMIT] = self.first
         for i in np.flatnonzero(~self.over).tolist():
@@ -90,10 +92,9 @@ class EqualRun(Run):
     # ---------------------------------------------------------------- the start
 
     def begin(self) -> None:
-        start, count = self._from(), self.count
-        shape = self.shape = self._shape(start)
-        lanes = self.lanes = self._lanes()
-        columns = shape.columns(count)
+        count, before, shape = self.count, self.before, self._shape()
+        self.shape, lanes = shape, self._lanes(shape)
+        self.lanes, columns = lanes, shape.columns(count)
         self.table = np.empty((lanes.height, columns))
         numbers, clocks, goals, *own = lanes.parts(self.table[:, :count])
         for mine, given in zip(own, lanes.own, strict=True):
@@ -101,70 +102,59 @@ class EqualRun(Run):
         clocks[:], clocks[STEP], clocks[TAKEN] = 0.0, self.h, self.first
         clocks[TIME], goals[:] = self.zero + self.first * self.h, self.aims
         heads = self._heads(shape.shown.width, columns)
-        if isinstance(start, Carry):
-            lay_down(start, numbers, heads[:, :count])
-            self.failures |= {i: [error] for i, error in start.failures.items()}
-        else:
+        if before is None:
             self.table[:, count:] = self.table[:, count - 1 : count]  # lanes that are left over
-            self._begin(start, heads)
-            self._place(numbers, heads, clocks)
+            self._begin(heads)
+        else:
+            before.put_down(numbers, heads[:, :count])
         clocks[MARK][self.over] = STUCK
-        self._stand_at_start(numbers, clocks, heads[:, :count])
+        self._stand_at_start(clocks, heads[:, :count])
 
     def _heads(self, width: int, columns: int) -> np.ndarray:
         """Memory for the first samples."""
         return np.zeros((width, columns))
 
-    def _stand_at_start(self, numbers: np.ndarray, clocks: np.ndarray, heads: np.ndarray) -> None:
+    def _stand_at_start(self, clocks: np.ndarray, heads: np.ndarray) -> None:
         """Stand where the run begins."""
         self.here = np.concatenate([clocks[TIME, None], heads])
         self.here[0, self.over] = self.t0[self.over]
 
-    def _from(self) -> Any:
-        """The start as one state or carry."""
-        if isinstance(self.start, Carries):
-            return stacked([one.state for one in self.start.members])
-        return self.start
+    @functools.cached_property
+    def stepped(self) -> Any:
+        """The states in which steps begin, as the method takes them."""
+        return self.start if self.before is None else self.before.state
 
-    def _place(self, numbers: np.ndarray, heads: np.ndarray, clocks: np.ndarray) -> None:
-        """Put down where bodies stand that go on."""
-        for i in range(self.count if not self.fresh else 0):
-            one = self.begun(i)
-            if isinstance(one, Carry):
-                lay_down(one, numbers[:, i], heads[:, i])
-                clocks[MARK, i] = 0.0
+    def _member(self, i: int) -> Any:
+        """That of one body."""
+        return member(self.stepped, i)
 
-    def _member(self, start: Any, i: int) -> Any:
-        """The start of one body."""
-        return member(start.state if isinstance(start, Carry) else start, i)
-
-    def _shape(self, start: Any) -> Shape:
+    def _shape(self) -> Shape:
         """The layouts of this run, from other runs of the plan if their starts were like this one."""
-        way, known = self.way, getattr(start, "shape", None)
+        way, known = self.way, getattr(self.before, "shape", None)
         if known is not None and way.owns(known):
             return known
-        one = self._member(start, 0)
+        one = self._member(0)
         given, side = layout_of(one), kernel.side_by_side(self.bodies)
         known = way.shapes.get((given, side))
         if known is None:
             remembering = way.remembering(one)
             started = layout_of(remembering)
-            first, example = self._first(start, remembering, started)
+            first, example = self._first(remembering, started)
             known = way.shapes[given, side] = Shape(way, given, started, first, example, side)
         return known
 
-    def _lanes(self) -> Lanes:
+    def _lanes(self, shape: Shape) -> Lanes:
         """Layouts and native code of steps."""
         native = self.asked_for is not False and kernel.available() is None
-        side = self.shape.side if self.straight else kernel.width() if self.bodies and native else 1
-        return self.shape.lanes_of(self.way, self.control, self.extra, side)
+        side = shape.side if self.straight else kernel.width() if self.bodies and native else 1
+        return shape.lanes_of(self.way, self.control, self.extra, side)
 
-    def _first(self, start: Any, one: State, started: Layout) -> tuple[Any, Any]:
+    def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
         """The first memory of the method for the first body that can begin, and the
         sample that shows it.
         """
         for i in range(self.count):
-            own = fitted(self._member(start, i), started) if i else one
+            own = fitted(self._member(i), started) if i else one
             trial = attempt(begun, self.way.way_of(i), self.way.of(i), own, self.h.item(i))
             if not isinstance(trial, Rejected):
                 carry, example = trial
@@ -193,20 +183,26 @@ class EqualRun(Run):
 
     def _only_start(self) -> Trajectory:
         """The start as the only sample."""
-        start: Any = self.start if self.fresh else self.start.state
-        states = {name: np.array(x)[None] for name, x in start.parts.items() if x is not None}
-        h, t = self.way.h, times(self.zero.item(0), np.zeros(1), self.way.h)
-        return Trajectory(
-            self.plan.system, self.plan.method, shown_step(h), t, states, self.bodies, 0
+        states = {
+            name: np.array(x)[None] for name, x in self.stepped.parts.items() if x is not None
+        }
+        h = self.way.h
+        fields = self._sampled(times(self.zero.item(0), np.zeros(1), h), states)
+        return self.run_of(
+            method=self.plan.method, h=shown_step(h), bodies=self.bodies, steps=0, **fields
         )
 
-    def _begin(self, start: Any, heads: np.ndarray) -> None:
+    def _sampled(self, t: np.ndarray, states: dict[str, np.ndarray]) -> dict[str, Any]:
+        """The fields of a trajectory that has these samples only."""
+        return {"system": self.plan.system, "t": t, "states": states}
+
+    def _begin(self, heads: np.ndarray) -> None:
         """Let the method begin with every body."""
         shape, lanes, count = self.shape, self.lanes, self.count
         numbers, clocks, *_ = lanes.parts(self.table)
         alike = shape.given == shape.shown
         starts = heads if alike else np.empty((shape.given.width, heads.shape[1]))
-        self._lay_down(start, starts)
+        self._lay_down(starts)
         if shape.order is not None:
             for number, place in zip(numbers, shape.order, strict=True):
                 number[:] = starts[place] if place >= 0 else 0.0
@@ -250,20 +246,20 @@ class EqualRun(Run):
         stuck = clocks[MARK, :count] == STUCK
         self.unbegun = {*np.flatnonzero(stuck).tolist()}
         mistaken = any(is_mistake(e) for told in self.failures.values() for e in told)
-        if self.fresh and (stuck.all() or mistaken):
+        if stuck.all() or mistaken:
             raise self._nobody()
         numbers[:, :count][:, stuck] = 0.0
         if not stays and execution.native is not None and self.bodies:
             stepping.compile()
 
-    def _lay_down(self, start: Any, columns: np.ndarray) -> None:
+    def _lay_down(self, columns: np.ndarray) -> None:
         """Write the numbers of the start, a column for each body; lanes that are left over repeat
         the last body.
         """
         if not self.bodies:
-            columns[:, 0] = leaves(start, self.shape.given)
+            columns[:, 0] = leaves(self.stepped, self.shape.given)
             return
-        lay_out(start.arrays, columns)
+        lay_out(self.stepped.arrays, columns)
 
     def observe(self) -> list[Any]:
         if self.asked is None or self.plan.events:
@@ -290,12 +286,21 @@ class EqualRun(Run):
         h = shown_step(self.way.h) if i is None else self.h.item(i)
         return {"h": h, "breaks": self.way.breaks}
 
-    def carry(self, i: int, met: Any) -> Any:
+    def standing(self, some: Any) -> Any:
         self._stand_here()
-        given = self.shape, self.zero.item(i), self.h.item(i), int(self.clocks[TAKEN, i])
-        last = self.here[1:, i].copy()
-        made = Carry.quickly(*given, self.numbers[:, i].copy(), last, met)
-        vars(made)["state"] = self.small(last)
+        zero, shape = (
+            self.zero[some],
+            self.shape if some == slice(None) or not self.bodies else None,
+        )
+        zero = zero.item() if zero.ndim == 0 else common(zero)
+        numbers, clock, last = (
+            x[:, some].copy() for x in (self.numbers, self.clocks, self.here[1:])
+        )
+        clock[MARK] = 0.0
+        bodies = None if isinstance(some, int) else self.count
+        made = Carry.made(shape, zero, numbers, clock, last, bodies, self.met(some))
+        if bodies is None:
+            vars(made)["state"] = build(self.lanes.state, iter(last.tolist()))
         return made
 
     def error(self, i: int) -> Any:
@@ -326,16 +331,18 @@ class StraightRun(EqualRun):
 
     control = STRAIGHT
     straight = True
+    streams = property(lambda run: run.asked is None)
 
     def aim(self, ends: list[Any], steps: Any) -> None:
-        fresh, start, count = self.fresh, self.start, self.count
-        zero, before = (self.t0.item(0), 0) if fresh else (start.t0, start.step)
+        before, count = self.before, self.count
+        zero, done = (self.t0.item(0), 0) if before is None else (before.t0, before.step)
         self.h = np.broadcast_to(np.array(self.way.h, dtype=float), count)
-        self.steps = self.plan.count(steps, ends[0], zero, before, self.way.h)
-        self.before, self.reached, self.standing = before, before, (-1, -1.0)
+        self.steps = self.plan.count(steps, ends[0], zero, done, self.way.h)
+        self.done, self.reached, self.stood = done, done, (-1, -1.0)
         self.zero = np.broadcast_to(zero, count)
-        self.first = np.broadcast_to(float(before) if fresh else 1.0 * start.steps, count)
-        aims = np.inf, 0.0, 0.0, 0.0, float(before + self.steps), zero
+        if before is not None:
+            self.first = before.clock[TAKEN].reshape(-1).copy()
+        aims = np.inf, 0.0, 0.0, 0.0, float(done + self.steps), zero
         self.aims = np.array(aims)[:, None]
         self.t_end, self.sign = np.broadcast_to(np.inf, count), np.copysign(1.0, self.h)
 
@@ -344,9 +351,9 @@ class StraightRun(EqualRun):
         return None if found is None else found[:, 0]
 
     def _heads(self, width: int, columns: int) -> np.ndarray:
-        before, end, every = self.before, self.before + self.steps, self.way.every
+        before, end, every = self.done, self.done + self.steps, self.way.every
         rows = len(self.asked) if self.asked is not None else self.steps // every
-        room = rows + 2 if self.recorder is None else max(2, SAMPLES // columns)
+        room = rows + 2 if not (self.recorded and self.streams) else max(2, SAMPLES // columns)
         affordable(max(min(room, rows + 2) * width * columns, rows) * 8, self.steps, every)
         if self.asked is None:
             numbers = np.arange(before // every * every, end + every, every)
@@ -360,7 +367,7 @@ class StraightRun(EqualRun):
         self.latest = self.kept_samples.array[0]
         return self.latest
 
-    def _stand_at_start(self, numbers: np.ndarray, clocks: np.ndarray, heads: np.ndarray) -> None:
+    def _stand_at_start(self, clocks: np.ndarray, heads: np.ndarray) -> None:
         stay = {*np.flatnonzero(self.over).tolist(), *self.unbegun}
         self.stay = {i: heads[:, i].copy() for i in stay}
 
@@ -377,9 +384,9 @@ class StraightRun(EqualRun):
         """Sweeps of all bodies, as long as there is something to show and somebody to interrupt."""
         samples, stepping, kept = self.observers[0], self.lanes.stepping, self.kept
         settled, pace, columns = False, PLAIN, self.shape.whole(self.count)
-        end, looked = self.before + self.steps, self.before
-        if self.recorder is not None:
-            self._flush()
+        end, looked = self.done + self.steps, self.done
+        if self.quantities:
+            self.quantities.flush()
         while self.reached < end and not self._mistaken():
             native = stepping.native is not None
             if not settled and (native or stepping.wanted is False):
@@ -396,19 +403,19 @@ class StraightRun(EqualRun):
             used = (time.perf_counter() - begun) / calls
             look = samples.full or (self.reached - looked) * columns >= STEPS
             due = kept is not None and kept.due(turns * every)
-            if self.recorder is not None and (look or due):
+            if self.quantities and (look or due):
                 looked = self.reached
-                self._flush()
+                self.quantities.flush()
             if due:
-                kept.save(self.result())
+                kept.save(of_run(self))
             if used < (PATIENCE if settled else LOOK) / 2:
                 pace *= 2
             elif used > 2 * PATIENCE:
                 pace = max(1, pace // 2)
             if not (self.bodies or self.open.any()):
                 break
-        if self.recorder is not None:
-            self._flush()
+        if self.quantities:
+            self.quantities.flush()
 
     def _mistaken(self) -> bool:
         """Has a body shown a mistake in a formula?"""
@@ -423,7 +430,7 @@ class StraightRun(EqualRun):
             0,
             1,
         )
-        done = before - self.before
+        done = before - self.done
 
         def plainly(i: int) -> None:
             clock, told = self.clocks[:, i], self.failures.setdefault(i, [])
@@ -460,9 +467,9 @@ class StraightRun(EqualRun):
     def _stand_here(self) -> None:
         """Find where every body stands: where the last sample was taken, or where it stopped."""
         taken, count = self.clocks[TAKEN], self.count
-        if self.standing == (self.reached, taken.sum()):
+        if self.stood == (self.reached, taken.sum()):
             return
-        self.standing = self.reached, taken.sum()
+        self.stood = self.reached, taken.sum()
         self.here = np.empty((1 + len(self.latest), count))
         self.here[0], self.here[1:] = self.clocks[TIME], self.latest[:, :count]
         for i in np.flatnonzero((taken != self.reached) | self.over).tolist():
@@ -487,7 +494,7 @@ class StraightRun(EqualRun):
 
     def so_far(self) -> str:
         t = f"{self.way.clock} = {self.zero[0] + self.reached * self.h[0]:g}"
-        told = f"after {self.reached} of {self.before + self.steps} steps, {t}"
+        told = f"after {self.reached} of {self.done + self.steps} steps, {t}"
         return f"{told}; {len(self._gathered()[0])} samples are in `.trajectory`"
 
     def _filled(self, samples: Straight) -> int:
@@ -513,7 +520,7 @@ class StraightRun(EqualRun):
             t = times(self.zero.item(0), samples.numbers[samples.first : many], self.way.h)
             return self._as_far(t, samples), numbers, many
         reached = self.reached if self.bodies else self.clocks.item(TAKEN, 0)
-        some = self.after + ~self.exact <= max(reached, self.before)
+        some = self.after + ~self.exact <= max(reached, self.done)
         return self._between(samples, numbers, some)
 
     def _as_far(self, t: np.ndarray, samples: Straight) -> np.ndarray:
@@ -571,39 +578,34 @@ class StraightRun(EqualRun):
 
     @property
     def most(self) -> int:
-        return self.reached - self.before
+        return self.reached - self.done
 
-    def carries(self) -> Any:
-        """With what the bodies go on together, as long as all that are left have come equally far."""
-        taken, failed = self.clocks[TAKEN], self.failed | self.over
+    def ended(self) -> dict[int, Any]:
+        """In few words, and without the runs that they would have made alone."""
         self._stand_here()
-        if failed.all():
-            return None
-        step = taken[~failed][0]
-        if not (taken[~failed] == step).all():
-            return super().carries()
-        state = self.states_of(self.here[1:].T)
-        made = Carry.quickly(
-            self.shape, self.zero.item(0), self.way.h, int(step), self.numbers.copy(),
-            self.here[1:].copy(), bodies=self.count,
-        )  # fmt: skip
-        if failed.any():
-            stopped = {int(i): self.failures.get(int(i)) for i in np.flatnonzero(failed)}
-            failures = {i: told[-1] if told else None for i, told in stopped.items()}
-            given = np.where(failed & (taken == step), -1.0, taken)
-            made = dataclasses.replace(made, taken=given, failures=failures)
-        vars(made)["state"] = state
-        return made
+        found = {}
+        for i in np.flatnonzero(self.failed).tolist():
+            at = f"step {int(self.clocks[TAKEN, i]) + 1}, t = {self.here[0, i]:g}"
+            found[i] = failure((self.failures.get(i) or [None])[-1], f"body {i}", at)
+        return found
 
 
-def lay_down(carry: Carry, numbers: np.ndarray, heads: np.ndarray) -> None:
-    """Write where bodies stand into their columns."""
-    if carry.numbers.size != numbers.size or carry.last.size != heads.size:
-        raise InvalidInput(
-            "Plan.resume: the run had another `compensated` or `precision` than the plan has"
-        )
-    numbers[:] = carry.numbers.reshape(numbers.shape)
-    heads[:] = carry.last.reshape(heads.shape)
+class Advance(StraightRun):
+    """Steps that warn of a body only when it stops, and of which an interrupt leaves all bodies at the
+    same one.
+    """
+
+    def _sweep(self, turns: int, every: int, pace: int) -> int:
+        before = self.table.copy()
+        try:
+            return super()._sweep(turns, every, pace)
+        except KeyboardInterrupt:
+            self.table[:] = before
+            raise
+
+    def tell(self, stopped: Any) -> None:
+        if any(not self.over[i] for i in stopped):
+            super().tell(stopped)
 
 
 def steps_before(times: np.ndarray, t0: float, h: float) -> tuple[np.ndarray, np.ndarray]:

@@ -122,17 +122,11 @@ class Events:
         self.run, self.events, self.floats = run, events, True
         self.blind: dict[int, tuple[str, int, float]] = {}
         self.each: dict[int, Watch] = {}
-        for i in range(run.count):
-            begun = run.begun(i)
-            if run.over[i]:
-                continue
-            t, state, before = (
-                float(run.here[0, i]),
-                run.small(run.here[1:, i]),
-                getattr(begun, "met", NO_EVENTS),
-            )
+        met, cut = ({}, {}) if run.fresh else (run.start.met, run.before.cut)  # type: Any, Any
+        for i in np.flatnonzero(~run.over).tolist():
+            t, state = float(run.here[0, i]), run.view.small(run.here[1:, i])
+            before, ended = met.get(i, NO_EVENTS), cut.get(i)
             values = [self._value(i, event, t, state) for event in events]
-            ended = getattr(begun, "event", None)
             if ended is not None and ended < len(
                 events
             ):  # a zero that ended that run is none of this
@@ -140,7 +134,7 @@ class Events:
                 if known[ended] == name_of(events[ended]):
                     values[ended] = 0.0
             self.each[i] = Watch(events, values, before)
-        layout, _ = run.seen(run.here[1:, :1].T)
+        layout, _ = run.view.seen(run.here[1:, :1].T)
         self.kernels = [
             execution_of(observe, (event, layout, NUMBER), run.asked_for, silent=True)
             for event in events
@@ -233,7 +227,7 @@ class Events:
 
     def _values(self, points: np.ndarray, t: np.ndarray) -> np.ndarray:
         """Their values at states, (n, width), and times, (n,): (events, n), nan where one failed."""
-        given = np.column_stack([self.run.seen(points)[1], t])
+        given = np.column_stack([self.run.view.seen(points)[1], t])
         found = [natively(*kernel, given, 1) for kernel in self.kernels]
         return np.array([np.where(one[:, 1] == 1.0, one[:, 0], np.nan) for one in found])
 
@@ -281,7 +275,7 @@ class Events:
                 return found
 
             try:
-                hits, state = [], run.small(piece.rows(some)[0, run.head][1:])
+                hits, state = [], run.view.small(piece.rows(some)[0, run.head][1:])
                 for i, (event, old) in enumerate(zip(self.events, watch.values, strict=True)):
                     new = self._value(body, event, b, state)
                     watch.values[i] = new
@@ -290,7 +284,7 @@ class Events:
                         def value(_: Any, times: np.ndarray, event: Any = event) -> np.ndarray:
                             return np.array(
                                 [
-                                    self._value(body, event, t, run.small(inside(t)))
+                                    self._value(body, event, t, run.view.small(inside(t)))
                                     for t in times.tolist()
                                 ]
                             )
@@ -329,7 +323,7 @@ class Events:
         found = [[] for _ in self.events] if watch is None else watch.found
         width = self.run.here.shape[0] - 1
         return tuple([
-            (np.array([t for t, _ in one]), self.run.states_of(np.array([x for _, x in one]).reshape(len(one), width)))
+            (np.array([t for t, _ in one]), self.run.view.states(np.array([x for _, x in one]).reshape(len(one), width)))
             for one in found
         ])  # fmt: skip
 

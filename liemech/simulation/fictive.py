@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
+
+import numpy as np
 
 from ..errors import IncompatibleSystem
 from ..formulas.frozen import frozen
@@ -13,8 +15,8 @@ from ..integrators.composition import Composition
 from ..systems.clocked import Clocked
 from ..systems.sundman import InFictiveTime
 from ..systems.system import State, member, small_state, state_of
-from .carry import Carry, Ended
-from .events import NO_EVENTS, Met
+from .carry import Carry, common
+from .dense import unpacked
 from .prepared import Steps
 
 
@@ -78,21 +80,18 @@ class FictiveCarry:
     """Where a run in fictive time stands: at the end of its last whole step, from which it goes on
     as if it had never stopped.
 
+    origin : where the motion began; of an ensemble whose bodies go each their own way a tuple.
     inner : what the method carries along there, of the system with its clock, whose time is the
     fictive one.
-    ahead : the last sample, with its clock, if it lies inside of the next step, as at a t_end.
-    tau : its fictive time.  met : as of a Carry.
+    here : where the last samples are, if not there but inside of the next step, as at a t_end:
+    (n,) or (n, bodies) the physical time, numbers of the state with its clock, and the fictive time.
+    met : of each body how many zeros of every event it has met.
     """
 
-    origin: Origin
+    origin: Any
     inner: Carry
-    ahead: Any = None
-    tau: Any = None
-    met: Met = NO_EVENTS
-
-    def __post_init__(self) -> None:
-        if self.tau is None:
-            object.__setattr__(self, "tau", self.inner.t)
+    here: np.ndarray | None = None
+    met: dict[int, Any] = field(default_factory=dict, repr=False)
 
     @property
     def bodies(self) -> int | None:
@@ -105,43 +104,72 @@ class FictiveCarry:
         return self.inner.step
 
     @property
+    def standing(self) -> np.ndarray:
+        """`here`, also of an ensemble that stands at the ends of steps."""
+        if self.here is not None:
+            return self.here
+        lead = self.inner.last.shape[1:]
+        t, tau = (np.broadcast_to(x, lead)[None] for x in (self.t, self.tau))
+        return np.concatenate([t, self.inner.last, tau])
+
+    @property
+    def tau(self) -> Any:
+        """The fictive time of the last sample."""
+        return self.inner.t if self.here is None else common(self.here[-1])
+
+    @property
     def t(self) -> Any:
         """The physical time of the last sample, in s; of an ensemble those of the members,
         (bodies,).
         """
-        t = self._apart[0][0]
-        return float(t) if self.bodies is None else t
+        t = self._apart[0] if self.here is None else self.here[0]
+        return common(t)
 
     @cached_property
     def state(self) -> Any:
         """The last sample."""
         made = small_state if self.bodies is None else state_of
-        return made(type(self.origin.start), {name: x[0] for name, x in self._apart[1].items()})
+        return made(self._kind, self._apart[1])
 
     def member(self, i: int) -> Any:
-        """The carry of a body of an ensemble, or where it has ended."""
+        """The carry of one body."""
         if self.bodies is None:
             return self
-        return _member_of(self.origin, i, self.inner.member(i), self.inner.h)
+        here = None if self.here is None else self.here[:, i]
+        met = {0: self.met[i]} if i in self.met else {}
+        return FictiveCarry(origin_of(self.origin, i), self.inner.member(i), here, met)
 
     @property
-    def ended(self) -> list[int]:
-        """The bodies that go no further."""
-        return self.inner.ended
+    def members(self) -> tuple[Any, ...]:
+        """The carries of all bodies."""
+        return tuple([self.member(i) for i in range(self.bodies or 1)])
+
+    @property
+    def _first(self) -> Origin:
+        return self.origin[0] if isinstance(self.origin, tuple) else self.origin
+
+    @property
+    def _kind(self) -> Any:
+        return type(self._first.start)
 
     @cached_property
     def _apart(self) -> Any:
-        sample = self.inner.state if self.ahead is None else self.ahead
-        return self.origin.whole.apart({name: x[None] for name, x in sample.arrays.items()})
+        """Time, parts of the state, and z."""
+        inner, here = self.inner.state, self.here
+        parts = (
+            inner.arrays if here is None else unpacked(layout_of(member(inner, 0)), here[1:-1].T)
+        )
+        t, states, z = self._first.whole.apart({name: x[None] for name, x in parts.items()})
+        return t[0], {name: x[0] for name, x in states.items()}, None if z is None else z[0]
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields."""
+        return {name: vars(self)[name] for name in ("origin", "inner", "here", "met")}
 
 
-def _member_of(origin: Origin, i: int, inner: Any, h: Any) -> Any:
-    """The carry of a body of an ensemble, or where it has ended."""
-    own = Origin(origin.given, origin.method, member(origin.start, i))
-    if isinstance(inner, Carry):
-        return FictiveCarry(own, inner)
-    arrays = {name: x[None] for name, x in inner.state.arrays.items()}
-    t, states, z = own.whole.apart(arrays)
-    state = small_state(type(own.start), {name: x[0] for name, x in states.items()})
-    tau, last = inner.steps * h, None if z is None else float(z[0])
-    return Ended(state, float(t[0]), inner.steps, inner.error, tau, last, own)
+def origin_of(origin: Any, i: int) -> Origin:
+    """Where the motion of one body began."""
+    if isinstance(origin, tuple):
+        found: Origin = origin[i]
+        return found
+    return Origin(origin.given, origin.method, member(origin.start, i))

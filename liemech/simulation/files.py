@@ -43,7 +43,8 @@ def write(path: Path, arrays: dict[str, Any], about: dict[str, Any]) -> None:
     disk.
     """
     packed = in_hdf5 if path.suffix in (".h5", ".hdf5") else in_npz
-    replace(path, packed(arrays | {ABOUT: np.array(json.dumps(about))}))
+    text = np.frombuffer(json.dumps(about, ensure_ascii=False).encode(), np.uint8)
+    replace(path, packed(arrays | {ABOUT: text}))
 
 
 def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -136,9 +137,12 @@ def _of_npz(path: Path, file: BinaryIO) -> tuple[dict[str, np.ndarray], str]:
             if name in arrays:
                 raise InvalidInput(f"{path}: is damaged or was forged: it has two entries {name!r}")
             arrays[name] = _array(path, name, archive.read(entry))
-    if ABOUT not in arrays or arrays[ABOUT].dtype.kind != "U" or arrays[ABOUT].ndim:
+    text = arrays.pop(ABOUT, None)
+    if text is not None and text.dtype == np.uint8 and text.ndim == 1:
+        return arrays, text.tobytes().decode()
+    if text is None or text.dtype.kind != "U" or text.ndim:  # of files of before
         raise InvalidInput(f"{path}: is no run saved by liemech")
-    return arrays, str(arrays.pop(ABOUT))
+    return arrays, str(text)
 
 
 def _array(path: Path, name: str, data: bytes) -> np.ndarray:
@@ -185,7 +189,7 @@ def in_hdf5(arrays: dict[str, np.ndarray]) -> bytes:
     memory = io.BytesIO()
     with _h5py().File(memory, "w") as file:
         for name, array in arrays.items():
-            file[name] = str(array) if name == ABOUT else array
+            file[name] = array.tobytes().decode() if name == ABOUT else array
         file.attrs["checksum"] = _checksum(arrays)
     return memory.getvalue()
 
@@ -214,8 +218,9 @@ def _of_hdf5(path: Path, opened: BinaryIO) -> tuple[dict[str, np.ndarray], str]:
     # what h5py has to say of damaged files
     except Exception:
         raise _damaged(path) from None
-    if whole != _checksum(arrays | {ABOUT: np.array(told)}):
-        raise _damaged(path)
+    text = np.frombuffer(told.encode(), np.uint8)
+    if whole not in (_checksum(arrays | {ABOUT: x}) for x in (text, np.array(told))):
+        raise _damaged(path)  # the second one is that of files of before
     return arrays, told
 
 

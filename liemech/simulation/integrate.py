@@ -13,7 +13,7 @@ from ..formulas.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
-from .options import EQUAL, TOLERANCE, Options
+from .options import EQUAL, TOLERANCE, ErrorControl, FixedSteps, Options, Save, times_of
 from .plan import Plan
 from .systems import methods_of, systems_of
 from .trajectory import Trajectory
@@ -30,6 +30,8 @@ def integrate(
     method: Method | Sequence[Method],
     start: State,
     *,
+    control: FixedSteps | ErrorControl | None = None,
+    save: Save | None = None,
     h: Any = None,
     steps: int | None = None,
     every: int = 1,
@@ -53,6 +55,10 @@ def integrate(
     executor: Any = None,
 ) -> Trajectory:
     """Follow a motion, in `steps` steps of length h, or adaptively to the time `t_end`.
+
+    control, save : FixedSteps(h), ErrorControl(rtol, atol) and Save(every=..., at=..., record=...) say
+    by values what the words below say; with FixedSteps steps are fixed up to t_end too, whatever the
+    method.
 
     system : a list of systems of one kind, one for each body of an ensemble, gives every body its
     own parameters; so does a list of methods of one kind.
@@ -116,11 +122,22 @@ def integrate(
         h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision,
         compiled, progress, workers,
     )  # fmt: skip
+    fixed = isinstance(control, FixedSteps)
+    if control is not None or save is not None:
+        options, t_eval = options.with_values(control, save), times_of(save, t_eval)
     key: Any = None
     if isinstance(system, System) and isinstance(method, Method):
         layout = layout_of(method)
         numbers = exact(tuple(leaves(method, layout))) if layout.width else ()
-        key = layout_of(system), layout, numbers, t_end is None, *map(type, options), *options
+        key = (
+            layout_of(system),
+            layout,
+            numbers,
+            t_end is None,
+            fixed,
+            *map(type, options),
+            *options,
+        )
     try:
         plan = _plans.get(key)
     except TypeError:  # a list or an array among them
@@ -134,15 +151,17 @@ def integrate(
         arguments.matching(one, way)
         if way.fictive or one.fictive:
             pass
-        elif t_end is None:
+        elif t_end is None or fixed:
             options._replace(dense=None).require(EQUAL, way)
-            if h is None or steps is None:
+            if options.h is None or (steps is None and t_end is None):
                 raise InvalidInput(
                     "integrate: give h and steps, for fixed steps, or t_end, for adaptive ones"
                 )
         elif options.asks_for_tolerance or arguments.chooses_steps(way):
             options.require(TOLERANCE, way)
-            options = options._replace(rtol=arguments.RTOL if rtol is None else rtol)
+            options = options._replace(
+                rtol=arguments.RTOL if options.rtol is None else options.rtol
+            )
         plan = Plan(system, method, **options._asdict())
         if key is not None:
             if len(_plans) >= KEPT:

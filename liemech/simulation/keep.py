@@ -6,17 +6,15 @@ seen beyond the place where the run stands.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from ..errors import IntegrationFailure
+from ..errors import IntegrationFailure, IntegrationInterrupted
 
 ROWS = 2**17
 """Samples inside of steps whose states are found at once."""
-
-FEW = 8
-"""Times that are compared one after another, and not looked for body after body."""
 
 
 class Piece:
@@ -233,16 +231,12 @@ class At:
             return np.zeros(len(t), dtype=np.intp)
         if asked.strides[1] == 0 or asked.shape[1] == 1:  # all are asked for at the same
             return np.searchsorted(sign[0] * asked[:, 0], sign * t, "right")
-        found = np.zeros(len(t), dtype=np.intp)
-        if len(asked) <= FEW:
-            for times in asked:
-                found += sign * times[body] <= sign * t
-            return found
-        for i in np.unique(body).tolist():
-            of = body == i
-            sign = self.run.sign[i]
-            found[of] = np.searchsorted(sign * asked[:, i], sign * t[of], "right")
-        return found
+        low, high = np.zeros(len(t), dtype=np.intp), np.full(len(t), len(asked))
+        for _ in range(len(asked).bit_length()):  # bisection, of all bodies at once
+            middle = (low + high) // 2
+            there = (low < high) & (sign * asked[middle % len(asked), body] <= sign * t)
+            low, high = np.where(there, middle + 1, low), np.where(there, high, middle)
+        return low
 
     def move(self) -> None:
         """Find the states inside of steps that were asked for."""
@@ -315,3 +309,65 @@ class Dense:
     def rows(self) -> np.ndarray:
         """All of them so far."""
         return self.array[: self.filled]
+
+
+class Quantities:
+    """Functions of the samples that the first observer of a run has, kept instead of these: as the run
+    goes, of what it hands on, or at its end.
+
+    kept : times, and the values by name, of some samples after others.
+    until : the number of the first sample at which a function failed, at the end of a run.
+    """
+
+    def __init__(self, run: Any, recorder: Any) -> None:
+        self.run, self.recorder, self.kept = run, recorder, []  # type: Any, Any, list[Any]
+        self.until: int | None = None
+
+    def _values(self, t: np.ndarray, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """What is asked for of some samples.  What a function raises has, as `kept`, how many samples
+        are before the one at which it failed, and what there is of them.
+        """
+        run = self.run
+        about = SimpleNamespace(
+            system=run.known(None).get("system", run.plan.system), bodies=run.bodies
+        )
+        found: dict[str, np.ndarray] = self.recorder.values(
+            about, run.view.kind, t, states, run.asked_for
+        )
+        return found
+
+    def flush(self) -> None:
+        """Keep what is asked for of the samples so far, which are needed no longer."""
+        if not self.run.streams:
+            return
+        t, numbers = self.run.flush()
+        if not len(t) and self.kept:
+            return
+        try:
+            kept = self._values(t, self.run.view.arrays(numbers))
+        except (Exception, IntegrationInterrupted) as caught:
+            error: Any = caught
+            if hasattr(error, "kept"):
+                n, kept = error.kept
+                self.kept.append((t[:n], kept))
+            raise
+        self.kept.append((t, kept))
+
+    def fields(self, samples: Any) -> dict[str, Any]:
+        """The fields of a trajectory that are samples.  samples : makes those of the states."""
+        if self.kept:
+            some = [one for one in self.kept if len(one[0])] or self.kept[:1]
+            names = self.recorder.names
+            states = {name: np.concatenate([kept[name] for _, kept in some]) for name in names}
+            return {"t": np.concatenate([t for t, _ in some]), "states": states}
+        found: dict[str, Any] = samples()
+        if self.until is not None:
+            states = {name: x[: self.until] for name, x in found.pop("states").items()}
+            found = {name: x if x is None else x[: self.until] for name, x in found.items()}
+            found["states"] = states
+        try:
+            return found | {"states": self._values(found["t"], found["states"])}
+        except (Exception, IntegrationInterrupted) as caught:
+            error: Any = caught
+            self.until = error.kept[0] if hasattr(error, "kept") else 0
+            raise

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, InvalidType
+from ..formulas.frozen import frozen
 from . import arguments
 
 EQUAL, TOLERANCE, FICTIVE = "equal", "tolerance", "fictive"
@@ -32,6 +33,57 @@ REFUSED: dict[str, dict[str, str]] = {
     ),
 }
 """Which option is refused under which control, and why."""
+
+
+@frozen
+class FixedSteps:
+    """Fixed steps, as a value of `control=`: all of length h, in fictive time where the method or the
+    system has one.
+
+    h : the step, in s; negative runs backwards; (bodies,) gives every body its own.
+    breaks, compensated, precision : as for `integrate`.
+    """
+
+    h: Any
+    breaks: Any = ()
+    compensated: bool | None = None
+    precision: str = "double"
+
+
+@frozen
+class ErrorControl:
+    """Adaptive steps, as a value of `control=`: the estimated error of each is at most
+    atol + rtol |state|.
+
+    rtol, atol : the tolerances; atol is 1e-9 if None.  h : the first step; None to find it.
+    max_step : the longest step.  breaks : as for `integrate`.
+    Source: Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.4.
+    """
+
+    rtol: Any = arguments.RTOL
+    atol: Any = None
+    h: Any = None
+    max_step: Any = None
+    breaks: Any = ()
+
+
+@frozen
+class Save:
+    """What is kept of a run, as a value of `save=`: every n-th state, or those at given times, or
+    functions of them.
+
+    every : n, of fixed steps.  at : (n,) times, what `t_eval` is.
+    record, dense : as for `integrate`.
+    """
+
+    every: int = 1
+    at: Any = None
+    record: Any = None
+    dense: bool | None = None
+
+
+CONTROL = "h", "rtol", "atol", "max_step", "breaks", "compensated", "precision"
+SAVE = "every", "record", "dense"
 
 
 class Options(NamedTuple):
@@ -65,6 +117,22 @@ class Options(NamedTuple):
             events=arguments.events(self.events),
         )
 
+    def with_values(self, control: Any, save: Any) -> Options:
+        """The options with those of `control=` and `save=`, which are given there only."""
+        words = words_of(control, save)
+        for name in words:
+            if not self.is_default(name):
+                value = control if name in CONTROL else save
+                raise InvalidInput(
+                    f"integrate: {name} = {getattr(self, name)!r} is given beside {value!r}; give it there"
+                )
+        return self._replace(**words)
+
+    def is_default(self, name: str) -> bool:
+        """Is an option what it is where nothing is given?"""
+        given, default = getattr(self, name), Options._field_defaults[name]
+        return given is default or (isinstance(given, (tuple, int, str)) and given == default)
+
     @property
     def adaptive(self) -> dict[str, Any]:
         """The options that adaptive steps alone have."""
@@ -88,3 +156,30 @@ class Options(NamedTuple):
             if control == EQUAL and given is True:  # of fixed steps too the state is known
                 continue
             raise InvalidInput(f"integrate: {name} {why.format(method=method)}")
+
+
+def words_of(control: Any, save: Any) -> dict[str, Any]:
+    """The options that `control=` and `save=` stand for: all those of control, all those of what is kept."""
+    found: dict[str, Any] = {}
+    for value, name, kinds, words in (
+        (control, "control", (FixedSteps, ErrorControl), CONTROL),
+        (save, "save", (Save,), SAVE),
+    ):
+        if value is None:
+            continue
+        if not isinstance(value, kinds):
+            examples = (
+                "FixedSteps(h) or ErrorControl(rtol)" if name == "control" else "Save(every=10)"
+            )
+            raise InvalidType(f"integrate: {name} is a value such as {examples}; got {value!r}")
+        own = vars(value)
+        found |= {word: own.get(word, Options._field_defaults[word]) for word in words}
+    return found
+
+
+def times_of(save: Any, t_eval: Any) -> Any:
+    """The times at which states are kept."""
+    at = None if save is None else save.at
+    if at is not None and t_eval is not None:
+        raise InvalidInput(f"integrate: t_eval is given beside {save!r}; give it there")
+    return t_eval if at is None else at

@@ -13,7 +13,6 @@ from datetime import timedelta
 from typing import Any
 
 from ..compiler import kernel
-from ..compiler.kernel import Several
 from ..errors import (
     IntegrationInterrupted,
     InvalidInput,
@@ -21,11 +20,8 @@ from ..errors import (
     StepWarning,
     warn,
 )
-from ..formulas import Record
 from ..formulas.pytree import (
     Layout,
-    exact,
-    fields_of,
     known_layout,
     layout_of,
     names_of,
@@ -35,23 +31,31 @@ from ..formulas.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
-from .carry import AdaptiveCarry, Carries, Carry, Ended, Waiting
+from .carry import Carry
 from .checkpoint import Checkpoint
-from .equal import EqualRun, StraightRun
+from .equal import Advance, EqualRun, StraightRun
 from .execution import like
 from .fictive import FictiveCarry
 from .fictive_run import FictiveRun, StraightFictiveRun
-from .options import EQUAL, FICTIVE, TOLERANCE, Options
+from .going_on import carry_of
+from .options import (
+    EQUAL,
+    FICTIVE,
+    TOLERANCE,
+    ErrorControl,
+    FixedSteps,
+    Options,
+    Save,
+    words_of,
+)
 from .prepared import Steps
 from .recorded import recorder_of
 from .short import advanced, short, short_steps, short_steps_of_many
 from .sites_carry import SiteCarry
-from .sites_plan import SitesOfPlan
-from .sites_states import by_site, first_of
 from .stepper import Stepper
-from .systems import OfBodies, Systems, each_of, methods_of, of_body, systems_of
+from .systems import OfBodies, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
-from .trajectory import TangentTrajectory, Trajectory, TransformedTrajectory
+from .trajectory import TangentTrajectory, Trajectory
 
 ROUNDING = 1e-9
 """Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
@@ -78,6 +82,9 @@ class Plan:
     across one.  Those of tables in the fields of the system are known.
     record, events, compiled, progress, workers : as for `integrate`.
 
+    control, save : FixedSteps(h), ErrorControl(rtol, atol) and Save(every=..., record=...) say the same
+    by values.
+
     A plan does not change; `replace` makes another one.  What formulas read from outside counts as
     it is when a run begins.
     """
@@ -89,6 +96,8 @@ class Plan:
         method: Method | Sequence[Method],
         h: Any = None,
         *,
+        control: FixedSteps | ErrorControl | None = None,
+        save: Save | None = None,
         rtol: float | None = None,
         atol: float | None = None,
         max_step: float | None = None,
@@ -110,7 +119,12 @@ class Plan:
         options = self.options = Options(
             h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision,
             compiled, progress, workers,
-        ).checked()  # fmt: skip
+        ).with_values(control, save).checked()  # fmt: skip
+        h = options.h
+        if save is not None and save.at is not None:
+            raise InvalidInput(
+                f"Plan: the times of {save!r} are those of a run: plan.run(..., t_eval=)"
+            )
         several, kinds = systems_of(system), methods_of(method)
         one: Any = system if several is None else several[0]
         for way in (method,) if kinds is None else kinds:
@@ -130,24 +144,25 @@ class Plan:
         self._laid_out: dict[Any, tuple[Layout, int]] = {}
         first = self._first_of
         self.fictive = bool(first("method").fictive or one.fictive)  # steps equal in fictive time
-        control = FICTIVE if self.fictive else TOLERANCE if options.asks_for_tolerance else EQUAL
-        options.require(control, first("method"))
+        kind = FICTIVE if self.fictive else TOLERANCE if options.asks_for_tolerance else EQUAL
+        options.require(kind, first("method"))
         self._steps: Any
-        if control == TOLERANCE:
+        if kind == TOLERANCE:
             h = None if h is None else arguments.step(first("h"))
             tolerances = (
                 arguments.tolerance(first("rtol"), "rtol", arguments.RTOL),
                 arguments.tolerance(first("atol"), "atol", arguments.ATOL),
                 arguments.longest(first("max_step")),
             )
-            own: Any = h, *tolerances, options.breaks, dense, compiled, progress
+            own: Any = h, *tolerances, options.breaks, options.dense, compiled, progress
             self._steps = AdaptiveSteps(one, first("method"), *own)
         else:
             h = arguments.steps(h)
-            own = h, options.every, compensated, precision, compiled, progress, options.workers
+            digits = options.compensated, options.precision
+            own = h, options.every, *digits, compiled, progress, options.workers
             self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]
         self.adaptive = not isinstance(self._steps, Steps)  # are they chosen by an error estimate?
-        self._sites = SitesOfPlan.of(self)  # of a system of many sites
+        self._sites = self._of_sites()
         of_each = {*self.of_each} - (set() if self.adaptive else {"system", "method"})
         kinds_of_methods = {type(way) for way in each_of(self.method)}
         self._warns = any(k.step_warning is not Method.step_warning for k in kinds_of_methods)
@@ -168,6 +183,8 @@ class Plan:
         Native code is shared as far as it depends on numbers only: another inertia costs no
         compilation.
         """
+        values = [changed.pop(name, None) for name in ("control", "save")]
+        changed = words_of(*values) | changed
         unknown = sorted(set(changed) - set(self._given))
         if unknown:
             raise InvalidInput(
@@ -191,8 +208,16 @@ class Plan:
         given, steps = self._given | {"system": system}, self._steps.of_system(system)
         other: Plan = like(self, system=system, _one=system, _given=given, _steps=steps)
         if self._sites is not None:
-            other._sites = SitesOfPlan.of(other)
+            other._sites = other._of_sites()
         return other
+
+    def _of_sites(self) -> Any:
+        """The runs of a system of many sites; None for all others."""
+        if self._one.site_form is None:
+            return None
+        from .sites_plan import SitesOfPlan
+
+        return SitesOfPlan.of(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """What it was made with; layouts and native code are found again where it arrives."""
@@ -243,7 +268,7 @@ class Plan:
             if checkpoint is None:
                 return self._run(start, steps, t_end, t0, t_eval, None)
             with self._kept(checkpoint, checkpoint_every) as kept:
-                return self._run(start, steps, t_end, t0, t_eval, kept)
+                return kept.end(self._run(start, steps, t_end, t0, t_eval, kept))
         except IntegrationInterrupted:
             raise
         except KeyboardInterrupt:
@@ -255,17 +280,23 @@ class Plan:
         """A run of a system of many sites, site by site; None if it is to be written out."""
         sites: Any = self._sites
         if sites.knows(start):
-            start, t0 = arguments.known(self._one, start), arguments.real(t0, "t0")
-            start = by_site(self._one, start)
-            first = first_of(start)
-            wanted = arguments.with_parts(sites.site, first, self._needed(sites.site, first)).arrays
-            start = type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
+            start, t0 = self._start_of_sites(start), arguments.real(t0, "t0")
         if path is None:
             made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
             return made
         with self._kept(path, seconds) as kept:
             made = sites.trajectory(start, steps, t_end, t0, kept, t_eval)
-        return made
+            return kept.end(made)
+
+    def _start_of_sites(self, start: Any) -> Any:
+        """The start of a system of many sites, with the parts that the run needs."""
+        from .sites_states import by_site, first_of
+
+        sites: Any = self._sites
+        start = by_site(self._one, arguments.known(self._one, start))
+        first = first_of(start)
+        wanted = arguments.with_parts(sites.site, first, self._needed(sites.site, first)).arrays
+        return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
         """The run of no step."""
@@ -369,7 +400,10 @@ class Plan:
 
     def _apart(self, start: Any, t_end: Any, t_eval: Any) -> bool:
         """Has every body a clock and a goal of its own?  Otherwise they make the same steps."""
-        if self.events or isinstance(start, Carries):
+        inner = getattr(start, "inner", start)
+        if self.events or getattr(start, "here", None) is not None:
+            return True
+        if isinstance(inner, Carry) and inner.bodies and not inner.together:
             return True
         many = start.bodies is not None
         if self.fictive:
@@ -392,21 +426,10 @@ class Plan:
     def _in_pieces(
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
-        """A run of bodies each of which goes its own way."""
-        way, recorder = self._steps, self.recorder
+        """A run of any kind that is more than a short one."""
         kind: Any = self.kind_of_run(start, t_end, t_eval)
-        straight = kind is StraightRun
-        instead = t_eval is not None if straight else start.bodies is not None
-        if recorder is not None and (self.fictive or instead):
-            recorder = None
-        made = kind(self, start, t0, steps, t_end, t_eval, kept, recorder)
-        if recorder is self.recorder:
-            return made.trajectory()
-        own, keeper = type(made.begun(0).state), self.recorder  # type: Any, Any
-        if kept is not None:
-            kept.shown = functools.partial(keeper.presented, kind=own, compiled=way.compiled)
-        shown: Trajectory = keeper.instead(made.trajectory, own, way.compiled)
-        return shown
+        made: Trajectory = kind(self, start, t0, steps, t_end, t_eval, kept).trajectory()
+        return made
 
     def _started(self, start: Any) -> Any:
         """The start with the parts that the run needs; its bodies must be as many as the systems,
@@ -499,7 +522,7 @@ class Plan:
             if checkpoint is None:
                 return self._gone_on(run, steps, t_end, t_eval, None)
             with self._kept(checkpoint, checkpoint_every) as kept:
-                return self._gone_on(run, steps, t_end, t_eval, kept)
+                return kept.end(self._gone_on(run, steps, t_end, t_eval, kept))
         except IntegrationInterrupted:
             raise
         except KeyboardInterrupt:
@@ -510,25 +533,12 @@ class Plan:
         self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
         """What comes after a run of any kind."""
-        if isinstance(getattr(run, "carry", None), SiteCarry):
-            carry = run.carry
-            if isinstance(run, Stepper):
-                self._require_mine(carry, "resume")
-            else:
-                carry = self._of_this_plan(run, "resume")
-            made = None if self._sites is None else self._sites.trajectory(
-                carry, steps, t_end, 0.0, kept, t_eval
-            )  # fmt: skip
-            if made is not None:
-                return made
-        if isinstance(run, Stepper):
-            carry = run.carry
-            self._require_mine(carry, "resume")
-        elif isinstance(run, Trajectory):
-            carry = self._of_this_plan(run, "resume")
-        else:
-            raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(run).__name__}")
-        if self._plain and t_eval is kept is None and type(carry) is Carry and carry.bodies is None:
+        carry = carry_of(self, run, "resume")
+        if isinstance(carry, SiteCarry):
+            by_sites: Any = self._sites.trajectory(carry, steps, t_end, 0.0, kept, t_eval)
+            return by_sites
+        plain = self._plain and not self.adaptive and t_eval is kept is None
+        if plain and type(carry) is Carry and carry.bodies is None:
             shape: Any = carry.shape
             count = self._count(steps, t_end, carry.t0, carry.step)
             if self._steps.owns(shape):
@@ -574,76 +584,6 @@ class Plan:
             arguments.affordable_times(t0, one, before + steps)
         return steps
 
-    def _of_this_plan(self, run: Trajectory, what: str) -> Any:
-        """What the run carries along, if it is this plan's to go on with.  what : the method that was
-        called.
-        """
-        carry: Any = run.carry
-        if isinstance(run, TangentTrajectory):
-            raise InvalidInput(
-                f"Plan.{what}: a run with its tangent map carries nothing on; go on with "
-                "plan.tangent(run.last, ...) and multiply the maps"
-            )
-        if carry is None:
-            raise InvalidInput(
-                f"Plan.{what}: this run was interrupted, has failed or was ended "
-                "by an event, and carries nothing on; start from run.last"
-            )
-        given = carry.origin.given if isinstance(carry, FictiveCarry) else run.system
-        if isinstance(run, TransformedTrajectory) and isinstance(run.origin, tuple):
-            given = run.system if not self._one.fictive else None
-            if isinstance(self.system, OfBodies) and given is None:
-                given = Systems(tuple([origin.given for origin in run.origin]))
-            elif given is None:
-                given = run.origin[0].given
-        of_bodies = []
-        for name, mine, theirs in (
-            ("system", self.system, given),
-            ("method", self.method, run.method),
-        ):
-            pairs = each_of(mine), each_of(theirs)
-            if len(pairs[0]) != len(pairs[1]):
-                raise InvalidInput(
-                    f"Plan.{what}: the run was made with {len(pairs[1])} "
-                    f"{name}s, the plan with {len(pairs[0])}"
-                )
-            of_bodies += [(name, *pair) for pair in zip(*pairs, strict=True)]
-        record = (self.record,) if isinstance(self.record, str) else self.record
-        if self.recorder is not None:
-            record = self.recorder.names
-        if (record is not None and sorted(run.states) != sorted(record)) or (
-            run.observed and self.recorder is None
-        ):
-            raise InvalidInput(
-                f"Plan.{what}: the run recorded "
-                f"{', '.join(run.states)}, the plan records {self.record}"
-            )
-        for name, mine, theirs in of_bodies:
-            if mine is not theirs and exact(mine) != exact(theirs):
-                raise InvalidInput(
-                    f"Plan.{what}: the run was made with another {name}: "
-                    f"{', '.join(differing(mine, theirs))}; start a new one from run.last, or make "
-                    "a plan of what it was made with"
-                )
-        wanted: Any = AdaptiveCarry if self.adaptive else FictiveCarry if self.fictive else Carry
-        wanted = wanted if self.fictive else (wanted, SiteCarry)
-        several = isinstance(carry, Carries)
-        for body, one in enumerate(carry.members if several else (carry,)):
-            if isinstance(one, (Waiting, Ended)):
-                continue
-            if not isinstance(one, wanted):
-                raise InvalidInput(
-                    f"Plan.{what}: the run was made with other steps; start a new one from run.last"
-                )
-            inner: Any = one.inner if isinstance(one, FictiveCarry) else one
-            h = None if self.adaptive else self._steps.h_of(body) if several else self._steps.h
-            if not self.adaptive and inner.h != h:
-                raise InvalidInput(
-                    f"Plan.{what}: the run was made with h = {inner.h!r} instead of {h!r}; "
-                    "start a new one from run.last"
-                )
-        return carry
-
     def tangent(
         self,
         start: State,
@@ -652,6 +592,8 @@ class Plan:
         t_end: float | None = None,
         t0: float = 0.0,
         by: str | Sequence[str] = "start",
+        along: Any = None,
+        against: Any = None,
     ) -> TangentTrajectory:
         """A run with its tangent map: the exact derivative of the discrete motion.
 
@@ -663,13 +605,18 @@ class Plan:
         fixed; t_end is needed.  In fictive time it is the derivative at the same fictive time, with
         the row of physical time behind the others, and steps are needed.
 
+        along, against : (N,) or (N, k), for products with the map J by the start instead of J itself:
+        J v as `tangent["along"]` and J^T w as `tangent["against"]`, (n, N) or (n, N, k).  Runs of many
+        sites go site by site, once for each v; for J^T w once for each of the N directions.
+
         Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state
         at each sample, group elements left-trivialised, dg = g hat(eta).  Of an ensemble of m
-        bodies, one after another, (n, m, N, N).
+        bodies, one after another, (n, m, N, N).  Of many sites the N components are the momenta of all
+        sites, then the eta of all.
         Raises what `integrate` does, for a body of an ensemble too; InvalidInput for what is no
         parameter, IncompatibleSystem for classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
         """
-        from .tangent import of_bodies
+        from .tangent import multiplied, of_bodies
 
         if self.recorder is not None:
             raise InvalidInput(
@@ -677,9 +624,7 @@ class Plan:
             )
         if self.events:
             raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
-        if self._sites is not None:
-            self._sites.require_small(start, "tangent map")
-        start, t0 = self._started(start), arguments.real(t0, "t0")
+        t0 = arguments.real(t0, "t0")
         names: tuple[Any, ...] = (
             (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
         )
@@ -687,15 +632,30 @@ class Plan:
             raise InvalidType(
                 f'Plan.tangent: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
             )
+        products = {"along": along, "against": against}
+        asked = [name for name, x in products.items() if x is not None]
+        if len(asked) > 1 or (asked and names != ("start",)):
+            raise InvalidInput(
+                'Plan.tangent: give one of along and against, and by="start"; got by={by!r}'
+            )
+        given = (asked[0], products[asked[0]]) if asked else None
+        if self._sites is not None and self._sites.takes(start):
+            by_sites = self._start_of_sites(start)
+            made: Any = self._sites.tangent(by_sites, steps, t_end, t0, names, given)
+            if made is not None:
+                return made
+        start = self._started(start)
         with self._beginning(start, t0):
             if start.bodies is None:
-                return self._tangent(start, steps, t_end, t0, names)
-            ends = arguments.ends(t_end, start.bodies)
-            runs = [
-                self._of_body(i)._tangent(member(start, i), steps, ends[i], t0, names)
-                for i in range(start.bodies)
-            ]
-            return of_bodies(self.method, runs)
+                run = self._tangent(start, steps, t_end, t0, names)
+            else:
+                ends = arguments.ends(t_end, start.bodies)
+                runs = [
+                    self._of_body(i)._tangent(member(start, i), steps, ends[i], t0, names)
+                    for i in range(start.bodies)
+                ]
+                run = of_bodies(self.method, runs)
+        return run if given is None else multiplied(run, *given)
 
     def _of_body(self, i: int) -> Plan:
         """The plan of one body."""
@@ -739,7 +699,11 @@ class Plan:
             return like(self, events=()).run(start, steps=0, t0=t0).carry
         start, t0 = self._started(start), arguments.real(t0, "t0")
         with self._beginning(start, t0):
-            return StraightRun(like(self, events=()), start, t0, 0, None, None).trajectory().carry
+            return (
+                StraightRun(like(self, events=(), recorder=None), start, t0, 0, None, None)
+                .trajectory()
+                .carry
+            )
 
     def step(self, carry: Carry, steps: int = 1) -> Carry:
         """What the method carries along after some more steps: its `t` and `state` are those of
@@ -751,20 +715,18 @@ class Plan:
         if type(steps) is not int or steps < 1:
             steps = arguments.count(steps, "steps", 1)
         given: Any = carry
-        if isinstance(given, Stepper):
-            given = given.carry
+        if type(given) is Carry and self._steps.owns(given.shape):
+            return self._advanced(given, steps)
+        given = carry_of(self, given, "step")
         if isinstance(given, SiteCarry):
-            self._require_mine(given, "step")
             run = self.by_hand(given)
             run.advance(steps)
             after: Any = run.standing
             return after
-        if type(given) is not Carry or not self._steps.owns(given.shape):
-            self._require_mine(given, "step")
-            if isinstance(given, FictiveCarry):
-                inner = self.in_fictive_time(given.origin)._advanced(given.inner, steps)
-                made: Any = FictiveCarry(given.origin, inner, met=given.met)
-                return made
+        if isinstance(given, FictiveCarry):
+            inner = self.in_fictive_time(given.origin)._advanced(given.inner, steps)
+            made: Any = FictiveCarry(given.origin, inner, met=given.met)
+            return made
         return self._advanced(given, steps)
 
     def by_hand(self, carry: SiteCarry) -> Any:
@@ -784,10 +746,13 @@ class Plan:
             return made
         # of a failing step it says why
         way = dataclasses.replace(self._steps, every=steps)
-        run = Advance(like(self, _steps=way, events=()), carry, 0.0, steps, None, None).trajectory()
+        run = Advance(
+            like(self, _steps=way, events=(), recorder=None), carry, 0.0, steps, None, None
+        ).trajectory()
         if run.carry is None:  # all bodies have stopped
             raise run.stopped[min(run.stopped)].error
-        return dataclasses.replace(run.carry, met=carry.met)
+        run.carry.met.update(carry.met)
+        return run.carry
 
     def stepper(self, start: Any, t0: float | None = None) -> Stepper:
         """A run that is advanced by hand, a step or some at a time, at a cost of a microsecond.
@@ -809,40 +774,35 @@ class Plan:
             raise InvalidInput(
                 f"Plan.stepper: t0 = {t0!r} is for a state; what goes on has its time"
             )
-        carry = start.carry if isinstance(start, Stepper) else start
-        if isinstance(start, Trajectory):
-            carry = self._of_this_plan(start, "stepper")
-        self._require_mine(carry, "stepper")
-        return Stepper(self, carry)
+        return Stepper(self, carry_of(self, start, "stepper"))
 
-    def _require_mine(self, carry: Any, what: str) -> None:
-        """Refuse what fixed steps do not go on from.  what : the method that was called."""
-        self._one_length(what)
-        kinds: Any = FictiveCarry if self.fictive else (Carry, SiteCarry)
-        if not isinstance(carry, kinds) or (isinstance(carry, SiteCarry) and not self._sites):
-            raise InvalidType(
-                f"Plan.{what} goes on from what `begin` or `step` gave, or from the `carry` of a run "
-                f"or a stepper; got {carry!r}"
-            )
-        inner: Any = carry.inner if isinstance(carry, FictiveCarry) else carry
-        if inner.h != self._steps.h:
-            raise InvalidInput(
-                f"Plan.{what}: the carry is of steps of h = "
-                f"{inner.h!r}, the plan has {self._steps.h!r}"
-            )
-        theirs, way = None, self.method  # type: Any, Any
-        if isinstance(carry, FictiveCarry):
-            theirs = carry.origin.given, carry.origin.method
-        elif getattr(inner, "shape", None) is not None:
-            method, system, *_ = next(iter(inner.shape.lanes.values())).arguments
-            theirs = tuple([x.values if isinstance(x, Several) else x for x in (system, method)])
-            way = self._steps.way
-        mine = tuple([x.members if isinstance(x, OfBodies) else x for x in (self.system, way)])
-        if theirs is not None and exact(theirs) != exact(mine):
-            raise InvalidInput(
-                f"Plan.{what}: the carry is of another system or method; begin anew there, with "
-                "plan.begin(carry.state, carry.t), or plan.stepper for begin"
-            )
+    def export(
+        self,
+        path: str | os.PathLike[str],
+        start: State | None = None,
+        *,
+        inputs: Sequence[str] | None = None,
+        target: str | None = None,
+    ) -> Any:
+        """Write the steps as C code that needs no Python: "attitude" makes the object file
+        attitude.o, the header attitude.h, which says how the state lies in memory, and
+        attitude_example.c, a program that makes the run.
+
+        start : a state, which says what the state in C has; left out, that of former runs.
+        inputs : names of fields of the system that are arguments of the C function, as those of
+        `stepper.step`.
+        target : the processor: None is the simplest one of this platform, "native" this one; other
+        platforms in LLVM's words, such as "aarch64-linux-gnu:cortex-a72".
+
+        Returns what was written, with a bound on what a step does.  The numbers are those of
+        `stepper`, to the bit, with the same C library.
+        Raises NotCompilable for formulas that ask Python, IncompatibleSystem for steps that are not
+        fixed ones of one body, InvalidInput for a name that is none in C and for inputs of which
+        other numbers are made.
+        """
+        from .export import export
+
+        return export(self, path, start, inputs, target)
 
     def _one_length(self, what: str) -> None:
         if self.adaptive:
@@ -861,48 +821,8 @@ class Plan:
         return f"Plan({', '.join([repr(self.system), repr(self.method), *given])})"
 
 
-class Advance(StraightRun):
-    """Steps that warn of a body only when it stops, and of which an interrupt leaves all bodies at the
-    same one.
-    """
-
-    def _sweep(self, turns: int, every: int, pace: int) -> int:
-        before = self.table.copy()
-        try:
-            return super()._sweep(turns, every, pace)
-        except KeyboardInterrupt:
-            self.table[:] = before
-            raise
-
-    def tell(self, stopped: Any) -> None:
-        if any(not self.over[i] for i in stopped):
-            super().tell(stopped)
-
-
 def kind_of_many(start: Any) -> Any:
     """What the starts of two ensembles have in common that are laid out in the same way."""
     kind: Any = type(start)
     parts = [getattr(start, name) for name in names_of(kind)]
     return kind, *[x if x is None else (x.shape, x.dtype.char) for x in parts]
-
-
-def differing(mine: Any, theirs: Any, name: str = "") -> list[str]:
-    """The first fields in which two records differ, with both values: those that a user gave, or
-    else derived ones.
-    """
-    if type(mine) is not type(theirs) or not isinstance(mine, Record) or not fields_of(mine):
-        return (
-            []
-            if exact(mine) == exact(theirs)
-            else [f"{name or type(theirs).__name__} = {theirs!r} instead of {mine!r}"]
-        )
-    given = inspect.signature(type(mine)).parameters
-    fields = sorted(fields_of(mine), key=lambda field: field not in given)
-    parts = {
-        n: differing(getattr(mine, n), getattr(theirs, n), f"{name}.{n}".lstrip("."))
-        for n in fields
-    }
-    found = [text for n, part in parts.items() if n in given for text in part] or [
-        text for part in parts.values() for text in part
-    ]
-    return found[:3]

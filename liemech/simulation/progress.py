@@ -23,16 +23,20 @@ class Wanted(threading.local):
     """Whether anybody waits for the runs of this thread.
 
     unless : a file; when it is there, nobody does, as after Ctrl-C where they were asked for.
+    name : of the run, which its bar shows.  compiled : the seconds that compiling took so far.
     """
 
     unless: str | None = None
+    name: str | None = None
+    compiled: float = 0.0
 
 
 WANTED = Wanted()
 
 
 class Bar:
-    """A progress bar that appears when the run takes longer than a second.
+    """A progress bar that appears when the run takes longer than a second and somebody looks: not
+    in a log, unless it was asked for.
 
     unit : of what there are `total`; empty for parts of a time, whose number tells nothing.
     A run that is no longer wanted is ended as by Ctrl-C, where it tells of its progress.
@@ -54,11 +58,17 @@ class Bar:
                 raise KeyboardInterrupt
             self.looked = time.perf_counter()
         if self.bar is None and self.wanted is not False and self.done < self.total:
-            if self.wanted or time.perf_counter() - self.begun > NOTICE:
+            if self.wanted or (time.perf_counter() - self.begun > NOTICE and watched()):
                 from tqdm.auto import tqdm
 
                 shape = None if self.unit else "{l_bar}{bar}| [{elapsed}<{remaining}]"
-                self.bar = tqdm(total=self.total, unit=self.unit, unit_scale=True, bar_format=shape)
+                self.bar = tqdm(
+                    desc=WANTED.name,
+                    total=self.total,
+                    unit=self.unit,
+                    unit_scale=True,
+                    bar_format=shape,
+                )
                 self.bar.update(self.done)
         elif self.bar is not None:
             self.bar.update(steps)
@@ -68,10 +78,25 @@ class Bar:
             self.bar.close()
 
 
+def watched() -> bool:
+    """Is what is written to stderr seen at once, in a terminal or a notebook?"""
+    return sys.stderr.isatty() or "ipykernel" in sys.modules
+
+
+@contextmanager
+def named(name: str) -> Iterator[None]:
+    """Runs in this thread have a name, which their bars show."""
+    before, WANTED.name = WANTED.name, name
+    try:
+        yield
+    finally:
+        WANTED.name = before
+
+
 @contextmanager
 def notice(wanted: bool | None, text: str) -> Iterator[None]:
     """A line for what takes longer than a second."""
-    shown: list[float] = []
+    shown, begun = list[float](), time.perf_counter()
 
     def show() -> None:
         shown.append(time.perf_counter())
@@ -85,5 +110,6 @@ def notice(wanted: bool | None, text: str) -> Iterator[None]:
         yield
     finally:
         timer.cancel()
+        WANTED.compiled += time.perf_counter() - begun
         if shown:
             print(f" {NOTICE + time.perf_counter() - shown[0]:.1f} s", file=sys.stderr, flush=True)

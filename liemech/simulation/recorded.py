@@ -27,7 +27,7 @@ from ..formulas.vectors import small
 from ..systems.system import State
 from .dense import evaluated, flat, observe
 from .drift import RECORDED
-from .trajectory import Trajectory, TransformedTrajectory
+from .trajectory import Trajectory
 
 COMPUTED = *RECORDED, "multipliers"
 """Quantities that a run computes from its samples, unless they were kept."""
@@ -82,14 +82,15 @@ class Recorder:
             return tuple(dict.fromkeys([*start.arrays, *self.parts, *self.chosen]))
         wanted = [name for name, x in system.essential_part(start).parts.items() if x is not None]
         for quantity in self.quantities.values():
-            parts = inspect.signature(getattr(system, str(quantity))).parameters
+            formula = getattr(system, str(quantity))
+            parts = [name for name in inspect.signature(formula).parameters if name != "t"]
             if not set(parts) <= set(start.parts):
                 raise InvalidInput(
                     f"integrate: record={quantity!r} is a formula of {', '.join(parts)}, not of "
                     f"the state, which is {', '.join(start.parts)}; "
                     "record a function of time and state"
                 )
-            wanted += parts
+            wanted += [part for part in parts if part != "t"]
         return tuple(dict.fromkeys([*wanted, *self.parts, *self.chosen]))
 
     # ---------------------------------------------------------------- what is kept
@@ -120,14 +121,15 @@ class Recorder:
         self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any
     ) -> dict[str, np.ndarray]:
         found = {name: states[name] for name in self.parts}
+        each = run.bodies and t.ndim == 1  # of an ensemble, whose bodies share the times
+        known = {"t": np.broadcast_to(t[:, None], (len(t), run.bodies)) if each else t, **states}
         for name in self.chosen:
             found[name] = self.of_chosen(run.system, name, states[name])
         for name, quantity in self.quantities.items():
             if isinstance(quantity, str):
                 formula = getattr(run.system, quantity)
-                found[name] = np.asarray(
-                    formula(*(states[part] for part in inspect.signature(formula).parameters))
-                )
+                parts = inspect.signature(formula).parameters
+                found[name] = np.asarray(formula(*(known[part] for part in parts)))
             elif len(t):
                 found[name] = self._of_function(
                     name, quantity, kind, t, states, run.bodies, compiled
@@ -178,33 +180,6 @@ class Recorder:
                 f"liemech.mat(...); got {result!r}"
             )
         return result
-
-    def presented(self, run: Any, kind: type, compiled: Any) -> Any:
-        """A run that kept the states, with what is to be kept instead."""
-        own: dict[str, Any] = {"observed": self.observed, "dense": None}
-        try:
-            kept = self.values(run, kind, run.t, run.states, compiled)
-        except (Exception, IntegrationInterrupted) as caught:
-            error: Any = caught
-            n, kept = error.kept
-            own |= {"t": run.t[:n], "states": kept, "carry": None}
-            if isinstance(run, TransformedTrajectory):
-                own |= {"tau": run.tau[:n], "z": None if run.z is None else run.z[:n]}
-            error.trajectory = dataclasses.replace(run, **own)
-            raise
-        return dataclasses.replace(run, states=kept, **own)
-
-    def instead(self, make: Callable[[], Any], kind: type, compiled: Any) -> Any:
-        """The same of a run to be made, which may fail."""
-        try:
-            run = make()
-        except BaseException as caught:
-            error: Any = caught
-            run = getattr(error, "trajectory", None)
-            if isinstance(run, Trajectory) and not run.observed:
-                error.trajectory = self.presented(run, kind, compiled)
-            raise
-        return self.presented(run, kind, compiled)
 
 
 # ------------------------------------------------------------------ what a user asks for

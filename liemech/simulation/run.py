@@ -5,25 +5,23 @@ from __future__ import annotations
 import dataclasses
 import functools
 import time
-from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import IntegrationFailure, IntegrationInterrupted, is_mistake, warn
-from ..formulas.pytree import build
 from ..systems.system import member
 from . import arguments
-from .carry import Carries, Ended, Waiting
+from .carry import Carry
 from .control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME, go_on
-from .dense import Between, unpacked
-from .events import NO_EVENTS, Events
+from .dense import Between
+from .events import Events
 from .execution import LOOK
-from .keep import At, Every, Piece
+from .keep import At, Every, Piece, Quantities
 from .lanes import Lanes
 from .progress import Bar
-from .stopped import NONE, Stopped
-from .systems import of_body
+from .result import AsItIs, of_body, of_run
+from .systems import of_body as one_of
 from .trajectory import Trajectory
 
 ROOM = 1024
@@ -43,13 +41,19 @@ class Run:
     for every control.
 
     A body that fails stays where it came to, and disturbs no other.
+    start : a state, or where another run stands, `before`.
     here : (1 + width, bodies) time and state of every body, and in fictive time tau.
     table : a column for each body: what is carried along, `numbers`; `clocks`; `goals`; parameters
     of their own.
     over : bodies that had ended before.  cuts : what terminal events have ended.
+    left : times at which the velocity jumps, last ones first, of bodies that still have some before them.
+    view : how numbers are shown as states.
     """
 
+    run_of: ClassVar[Any] = Trajectory
     adaptive: ClassVar[bool] = False
+    # are samples handed on as the run goes, where functions of them are kept?
+    streams: bool = property(lambda run: not run.bodies)  # type: ignore[assignment]
     lazy: bool = False  # are samples views of what is there, made when somebody looks at them?
     rows: bool = True
     lanes: Lanes
@@ -60,31 +64,27 @@ class Run:
 
     def __init__(
         self, plan: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
-        kept: Any = None, recorder: Any = None,
+        kept: Any = None,
     ) -> None:  # fmt: skip
-        self.plan, self.way, self.kept, self.recorder = plan, plan._steps, kept, recorder
+        self.plan, self.way, self.kept = plan, plan._steps, kept
         self.start, self.bodies, self.count = start, start.bodies, start.bodies or 1
-        self.asked_for, self.fresh = plan.options.compiled, not hasattr(type(start), "ended")
-        self.begun = functools.cache(
-            (lambda i: Waiting(member(start, i), t0)) if self.fresh else start.member
+        self.before: Carry | None = (
+            start if isinstance(start, Carry) else getattr(start, "inner", None)
         )
+        self.asked_for, self.fresh = plan.options.compiled, self.before is None
         self.t0 = np.full(self.count, t0 if self.fresh else start.t)
         self.over = np.zeros(self.count, dtype=bool)
-        if not self.fresh:
-            self.over[[*start.ended]] = True
         self.failures: dict[int, list[Any]] = {}  # what plain Python saw failing steps raise
-        self.errors: dict[int, IntegrationFailure] = {
-            i: self.begun(i).error
-            for i in np.flatnonzero(self.over).tolist()
-            if self.begun(i).error
-        }
+        self.errors: dict[int, IntegrationFailure] = {}
+        if self.before is not None:
+            self.over[[*self.before.ended]] = True
+            self.errors = {i: e for i, e in self.before.ended.items() if e is not None}
+        self.recorded = plan.recorder is not None
         self.cuts: dict[int, int] = {}
         self.first = np.zeros(self.count)  # how many steps there were before
         self.compiled = self.native = False
-        self.told: list[Any] = []  # of one body: times, and what the recorder kept of samples
-        self.left: dict[
-            int, list[tuple[float, float]]
-        ] = {}  # jumps of the velocity, last ones first
+        self.quantities: Quantities | None = None
+        self.left: dict[int, list[tuple[float, float]]] = {}
         ends = arguments.ends(t_end, self.count) if self.bodies else [
             None if t_end is None else arguments.real(t_end, "t_end")
         ]  # fmt: skip
@@ -94,10 +94,11 @@ class Run:
             t_eval is None and arguments.axes(t_end, "t_end") > 0
         )
         self.begin()
-        self.state_width = self.lanes.state.width
         self.numbers, self.clocks, self.goals, *_ = self.lanes.parts(self.table[:, : self.count])
         self.limit = self.goals[LIMIT]
         self.observers = self.observe()
+        if self.recorded:
+            self.quantities = Quantities(self, plan.recorder)
         self.events: Any = None
         try:
             self.events = Events(self, plan.events) if plan.events else None
@@ -141,8 +142,8 @@ class Run:
         """Set the clock, and behind it the goal, of a body that an event ends."""
         clock[[TIME, MARK, CLOCK.width]] = at, 0.0, at
 
-    def carry(self, i: int, met: Any) -> Any:
-        """With what a body goes on."""
+    def standing(self, some: Any) -> Any:
+        """The carry of a body, or of some: with what they go on."""
         raise NotImplementedError
 
     def error(self, i: int) -> Any:
@@ -169,7 +170,7 @@ class Run:
             times = arguments.times(columns[0], self.t0.item(0), ends.item(0))
             return np.broadcast_to(times[:, None], (len(times), self.count))
         found: list[Any] = [
-            one if isinstance(self.begun(i), Ended) and not self.adaptive else
+            one if self.over[i] and not self.adaptive else
             arguments.times(one, self.t0.item(i), ends.item(i))
             for i, one in enumerate(columns)
         ]  # fmt: skip
@@ -179,23 +180,14 @@ class Run:
         """When every body is to end."""
         return self.t_end
 
-    def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
-        """Of the numbers of states the layout and the numbers of what formulas take."""
-        return self.lanes.state, numbers
+    def start_of(self, i: int) -> Any:
+        """The state in which a body begins."""
+        return member(self.start if self.fresh else self.start.state, i)
 
-    def small(self, numbers: np.ndarray) -> Any:
-        """A state as formulas take it."""
-        return build(self.lanes.state, iter(numbers[: self.state_width].tolist()))
-
-    def arrays(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """The parts of states, from their numbers, (..., width)."""
-        return unpacked(self.lanes.state, numbers)
-
-    def states_of(self, numbers: np.ndarray) -> Any:
-        """Many states from their numbers."""
-        arrays = self.arrays(numbers)
-        example = self.begun(0).state
-        return type(example)(*(arrays.get(name) for name in example.parts))
+    @functools.cached_property
+    def view(self) -> AsItIs:
+        """How numbers are shown as states."""
+        return AsItIs(self.lanes.example)
 
     def inside(self, piece: Piece, step: np.ndarray, times: np.ndarray) -> np.ndarray:
         """The numbers of states at times in steps."""
@@ -262,7 +254,7 @@ class Run:
                 if is_mistake(error):
                     error.add_note(f"[integrate: body {i}]")
                     raise error
-            made = self.result()
+            made = of_run(self)
         except (Exception, KeyboardInterrupt) as error:
             raise self._stopped(error) from error.__cause__
         self.tell(made.stopped)
@@ -284,8 +276,8 @@ class Run:
         """Pieces of as many bodies as run side by side, until all have come to their ends."""
         stepping, kept, workers = self.lanes.stepping, self.kept, self.plan.options.workers
         room, least, work, span = ROOM * workers, TURNS, WORK * workers, TURNS
-        if self.recorder is not None:
-            self._flush()
+        if self.quantities:
+            self.quantities.flush()
         queue = np.flatnonzero(self.open)
         bodies, columns = queue[:0], None  # type: Any, Any
         while True:
@@ -313,7 +305,7 @@ class Run:
                 span = min(2 * span, LONGEST)
             made = int(columns[self._clock + TAKEN, :m].sum() - taken)
             if kept is not None and kept.due(made) and (self.adaptive or self.open.any()):
-                kept.save(self.result())
+                kept.save(of_run(self))
             going = self._open(bodies)
             ended = m - int(going.sum())
             at_once = len(queue) or self.events or self.left or not native
@@ -404,8 +396,8 @@ class Run:
         ends = np.flatnonzero(piece.ends)
         self.here[:, piece.body[ends]] = piece.rows(ends)[:, self.head].T
         self._stand(bodies, columns)
-        if self.recorder is not None:
-            self._flush()
+        if self.quantities:
+            self.quantities.flush()
 
     def _stand(self, bodies: np.ndarray, columns: np.ndarray) -> None:
         """Stand where these columns do."""
@@ -429,41 +421,11 @@ class Run:
                 if beyond == self.t_end[body]:
                     self.here[0, body] = beyond
 
-    # ---------------------------------------------------------------- functions instead of states
-
-    def _flush(self) -> None:
-        """Keep what the recorder keeps of the samples so far."""
-        t, numbers = self.flush()
-        if not len(t) and self.told:
-            return
-        states, kind = self.arrays(numbers), type(self.begun(0).state)
-        run = SimpleNamespace(system=self.plan.system, bodies=self.bodies)
-        try:
-            kept = self.recorder.values(run, kind, t, states, self.asked_for)
-        except (Exception, IntegrationInterrupted) as caught:
-            error: Any = caught
-            n, kept = error.kept
-            self.told.append((t[:n], kept))
-            raise
-        self.told.append((t, kept))
-
-    def flush(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times and numbers of samples that were not handed on yet."""
-        found: tuple[np.ndarray, np.ndarray] = self.observers[0].flush()
-        return found
-
-    def _told(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """All that the recorder has kept: times, and the functions by name."""
-        told = [one for one in self.told if len(one[0])] or self.told[:1]
-        names = self.recorder.names
-        kept = {name: np.concatenate([kept[name] for _, kept in told]) for name in names}
-        return np.concatenate([t for t, _ in told]), kept
-
-    # ---------------------------------------------------------------- results
+    # ---------------------------------------------------------------- what came of it
 
     def of(self, i: int) -> tuple[Any, Any]:
         """System and method of a body."""
-        return of_body(self.plan.system, i), of_body(self.plan.method, i)
+        return one_of(self.plan.system, i), one_of(self.plan.method, i)
 
     def why(self, i: int) -> Any:
         """Why a body stopped, found out once."""
@@ -473,15 +435,15 @@ class Run:
 
     def explained(self, error: Any, i: int, goes_on: bool = True) -> Any:
         """The error of a body, with its run as it would be alone."""
-        run = self.alone(i)
+        run = of_body(self, i)
         error.trajectory = run if goes_on else dataclasses.replace(run, carry=None)
         if isinstance(error, IntegrationFailure):
-            error.reached = self.states_here(i)
+            self.view.mark(error, *self.here_of(i))
         return error
 
-    def states_here(self, i: int) -> Any:
-        """The state in which a body stands."""
-        return self.small(self.here[1:, i])
+    def here_of(self, i: int) -> tuple[float, np.ndarray]:
+        """Where a body stands: the time, and the numbers of its state."""
+        return self.here.item(0, i), self.here[1:, i]
 
     def _stopped(self, error: Any) -> Any:
         """The error or interrupt that ends a run, with the run so far."""
@@ -491,11 +453,11 @@ class Run:
             error = IntegrationInterrupted(f"integrate: interrupted {self.so_far()}")
         elif getattr(error, "trajectory", None) is not None and not self.bodies:
             return error
-        if self.recorder is not None and not hasattr(error, "kept"):
-            self._flush()
+        if self.quantities and not hasattr(error, "kept"):
+            self.quantities.flush()
         for one in (*self.observers, *([self.events] if getattr(self, "events", None) else [])):
             one.forget()
-        error.trajectory = self.result(goes_on)
+        error.trajectory = of_run(self, goes_on)
         return error
 
     def so_far(self) -> str:
@@ -510,81 +472,28 @@ class Run:
         """How many steps every body took."""
         return np.where(self.over, 0.0, self.clocks[TAKEN] - self.first)
 
+    @property
+    def most(self) -> int:
+        """How many steps the body took that took most."""
+        return int(self.made.max())
+
+    @property
+    def stops(self) -> dict[int, int]:
+        """How many steps every body took that an error has ended."""
+        gone = self.failed.copy()
+        gone[[*self.errors]] = True
+        return {i: int(self.clocks[TAKEN, i]) for i in np.flatnonzero(gone).tolist()}
+
+    def flush(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times and numbers of samples that were not handed on yet."""
+        found: tuple[np.ndarray, np.ndarray] = self.observers[0].flush()
+        return found
+
     def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
         """The samples of a body: times, and numbers of states, and fictive times behind them."""
         rows, told = self.observers[0].rows
         found = rows[: told[i], i].copy() if self.bodies else rows[: told[i], i]
         return found[:, 0], found[:, 1:]
-
-    def alone(self, i: int, goes_on: bool = True) -> Trajectory:
-        """The run of one body."""
-        extra: dict[str, Any] = {}
-        if self.recorder is not None and self.told and not self.bodies:
-            t, states = self._told()
-        else:
-            t, numbers = self.samples(i)
-            states, extra = self.arrays(numbers), self.clocks_of(numbers)
-        known = self.known(i) | extra
-        system, method = self.of(i)
-        watch = self.events.each.get(i) if self.events else None
-        carry = (
-            functools.partial(self._carry, i)
-            if (goes_on and i not in self.cuts) or (self.adaptive and goes_on)
-            else lambda: None
-        )
-        fields = {
-            "system": system,
-            "method": method,
-            "t": t,
-            "states": states,
-            "bodies": None,
-            "steps": int(self.made[i]),
-            "compiled": self.compiled or self.lanes.stepping.native is not None,
-            "events": self.events.shown(i) if self.events else (),
-            "ended": None if watch is None else watch.ended,
-            "stopped": NONE,
-            "dense": None,
-            "rejected": None,
-            "breaks": (),
-            "observed": () if self.recorder is None else self.recorder.observed,
-        }
-        return self.kind.promised(SimpleNamespace(carry=carry), **fields | known)
-
-    kind: ClassVar[Any] = Trajectory
-
-    def clocks_of(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """Fictive times, and z, of samples; nothing in physical time."""
-        return {}
-
-    def _carry(self, i: int) -> Any:
-        """With what a body goes on; None if it does not."""
-        if self.over[i] or self.clocks[MARK, i] == STUCK:
-            return None
-        watch = self.events.each.get(i) if self.events else None
-        return self.carry(i, NO_EVENTS if watch is None else watch.met)
-
-    def result(self, goes_on: bool = True) -> Trajectory:
-        """The run so far."""
-        return self.joined(goes_on or self.adaptive) if self.bodies else self.alone(0, goes_on)
-
-    def member(self, i: int) -> Any:
-        """Where a body of an ensemble stands: with what it goes on, or where it has ended."""
-        begun = self.begun(i)
-        if self.over[i]:
-            return begun
-        fresh = self.clocks[TAKEN, i] == self.first[i] and not self.clocks[MARK, i]
-        if isinstance(begun, Waiting) and fresh and self.open[i]:
-            return begun
-        if self.failed[i]:
-            return self.ended(i, self.why(i))
-        if i in self.cuts and not self.adaptive:
-            return self.ended(i, None)
-        return self._carry(i)
-
-    def ended(self, i: int, error: Any) -> Ended:
-        """Where a body stays."""
-        steps = int(self.clocks[TAKEN, i])
-        return Ended(self.states_here(i), float(self.here[0, i]), steps, error)
 
     def together(self) -> tuple[np.ndarray, np.ndarray]:
         """The samples of all bodies, times, (n,) or (n, bodies), and numbers of states, (n, bodies,
@@ -614,47 +523,37 @@ class Run:
             t = t[:, 0].copy()
         return t, shown[..., 1:]
 
-    def carries(self) -> Any:
-        """With what the bodies go on."""
-        members = tuple([self.member(i) for i in range(self.count)])
-        return None if all(isinstance(one, Ended) for one in members) else Carries(members)
+    # ---------------------------------------------------------------- going on
 
-    @property
-    def most(self) -> int:
-        """How many steps the body took that took most."""
-        return int(self.made.max())
+    def met(self, some: Any) -> dict[int, Any]:
+        """How many zeros of events some bodies have met."""
+        each = self.events.each if self.events else {}
+        if isinstance(some, int):
+            return {0: each[some].met} if some in each else {}
+        return {i: watch.met for i, watch in each.items()}
 
-    def joined(self, goes_on: bool = True) -> Trajectory:
-        """The runs of all bodies as one."""
-        extra: dict[str, Any] = {}
-        rest = SimpleNamespace(carry=self.carries if goes_on else lambda: None)
-        if self.recorder is not None and self.told:
-            extra["t"], extra["states"] = self._told()
-        elif self.lazy:
-            made = functools.cache(self.together)
-            rest.t, rest.states = lambda: made()[0], lambda: self.arrays(made()[1])
-        else:
-            extra["t"], numbers = self.together()
-            extra |= {"states": self.arrays(numbers)} | self.clocks_of(numbers)
-        gone = self.failed | np.isin(np.arange(self.count), [*self.errors])
-        stopped = {
-            int(i): self.begun(i).steps if self.over[i] else int(self.clocks[TAKEN, i])
-            for i in np.flatnonzero(gone)
-        }
-        fields = {
-            "system": self.plan.system,
-            "method": self.plan.method,
-            "bodies": self.count,
-            "steps": self.most,
-            "compiled": self.compiled or self.lanes.stepping.native is not None,
-            "stopped": Stopped(stopped, self.why),
-            "dense": None,
-            "events": tuple(zip(*[self.events.shown(i) for i in range(self.count)], strict=True))
-            if self.events else (),
-            "rejected": None,
-            "observed": () if self.recorder is None else self.recorder.observed,
-        }  # fmt: skip
-        return self.kind.promised(rest, **fields | self.known(None) | extra)
+    def carry_of(self, i: int) -> Any:
+        """With what a body goes on; None if it does not."""
+        ended = self.over[i] or self.clocks[MARK, i] == STUCK
+        return None if ended or (i in self.cuts and not self.adaptive) else self.standing(i)
+
+    def carry(self) -> Any:
+        """With what the bodies go on; None if all have ended."""
+        ended = {} if self.before is None else dict(self.before.ended)
+        if len(ended) + np.count_nonzero(self.failed) == self.count:
+            return None
+        ended |= self.ended() | ({} if self.adaptive else dict.fromkeys(self.cuts))
+        if len(ended) == self.count:
+            return None
+        made = self.standing(slice(None))
+        inner, some = getattr(made, "inner", made), [*ended]
+        inner.ended.update(ended)
+        inner.clock[TIME, some] = self.here[0, some]
+        return made
+
+    def ended(self) -> dict[int, Any]:
+        """The bodies that go no further from here on, and why."""
+        return {i: self.why(i) for i in np.flatnonzero(self.failed).tolist()}
 
 
 def _padded(places: np.ndarray, side: int) -> np.ndarray:

@@ -17,7 +17,7 @@ import numpy as np
 from ..compiler.kernel import address
 from ..formulas.pytree import build, gatherer
 from ..systems.system import State
-from .carry import AdaptiveCarry, Carry
+from .carry import Carry
 from .control import CLOCK, FRESH, GOAL, MARK, STRAIGHT, TAKEN, TIME
 from .dense import DenseOutput, lay_out, unpacked
 from .driver import SAMPLES, sampled_steps
@@ -121,10 +121,14 @@ class Place(Places):
 
     def go_on(self, carry: Carry, memory: Any) -> None:
         """Write where a run of one body stands."""
-        h: Any = carry.h
-        clock = carry.t, h, 0.0, float(carry.step), 0.0, 0.0, 0.0
         goal = math.inf, 0.0, 0.0, 0.0, ENDLESS, carry.t0
-        self.begun(memory, 0, *carry.numbers, *clock, *goal, *carry.last)
+        numbers, clock, last = carry.numbers.tolist(), carry.clock.tolist(), carry.last.tolist()
+        self.begun(memory, 0, *numbers, *clock, *goal, *last)
+
+    def standing(self, memory: Any, t0: float, last: Any, met: Any = None) -> Carry:
+        """The carry of one body that stands in memory, a view."""
+        numbers, clock = memory[: self.carried], memory[self.clock : self.goal]
+        return Carry.made(self.shape, t0, numbers, clock, last, None, met)
 
     def prepared(self, memory: Any, turns: int, out: int) -> Any:
         """Where goal, numbers, clock and so many samples are, the first of them there in memory, and how many
@@ -135,9 +139,17 @@ class Place(Places):
 
     def advance(self, buffers: Any, turns: int, every: int) -> None:
         """Make `turns` samples, each after `every` steps."""
+        self.stepping.on_memory(self.block(buffers, turns, every), buffers)
+
+    def block(self, buffers: Any, turns: int, every: int) -> bytes:
+        """The arguments of native code; number 4 of the words is `every`, the constants are at
+        `words`.
+        """
         (goal, _), (states, _), (clock, _), (rows, _) = buffers
-        block = self.call(1, 0, 1, turns, every, goal, states, clock, rows, self.constants)
-        self.stepping.on_memory(block, buffers)
+        made: bytes = self.call(1, 0, 1, turns, every, goal, states, clock, rows, self.constants)
+        return made
+
+    words = 8 * 9
 
 
 def place_of(steps: Steps, shape: Shape) -> Place:
@@ -196,8 +208,7 @@ def advanced(way: Steps, carry: Carry, steps: int) -> Carry | None:
     reached = carry.step + steps
     if memory.item(place.taken) != reached:
         return None
-    given = shape, carry.t0, carry.h, reached, memory[: place.carried], memory[place.kept :]
-    return Carry.quickly(*given, carry.met)
+    return place.standing(memory, carry.t0, memory[place.kept :], carry.met)
 
 
 class _Found:
@@ -231,8 +242,7 @@ class _Found:
         """Where the run stands."""
         place = self.place
         last = self.memory[-place.sampled :].copy() if self.last is None else self.last
-        numbers = self.memory[: place.carried]
-        return Carry.quickly(place.shape, self.t0, self.h, self.reached, numbers, last)
+        return place.standing(self.memory, self.t0, last)
 
 
 class _FoundOfBodies(_Found):
@@ -251,9 +261,8 @@ class _FoundOfBodies(_Found):
     def carry(self) -> Carry:
         """Where the run stands."""
         last = self.out[-1, :, : self.bodies].copy() if self.last is None else self.last
-        numbers = self.memory[: self.place.carried, : self.bodies]
-        given = self.place.shape, self.t0, self.h, self.reached, numbers, last
-        return Carry.quickly(*given, bodies=self.bodies)
+        numbers, clock, *_ = self.place.lanes.parts(self.memory[:, : self.bodies])
+        return Carry.made(self.place.shape, self.t0, numbers, clock, last, self.bodies)
 
 
 def short_steps_of_many(
@@ -389,11 +398,13 @@ class _Rows:
         given = self.rows, method.dense_order, way.compiled
         return DenseOutput(way.system, method.retraction, lanes.example, *given)
 
-    def carry(self) -> AdaptiveCarry:
+    def carry(self) -> Carry:
         """Where the run stands."""
         numbers = self.memory[: self.places.carried].copy()
-        state = build(self.places.lanes.state, iter(numbers.tolist()))
-        return AdaptiveCarry(numbers, np.array(self.clock), state, self.t_end)
+        last = numbers[: self.places.lanes.state.width]
+        made = Carry.made(None, None, numbers, np.array(self.clock), last)
+        vars(made)["state"] = build(self.places.lanes.state, iter(last.tolist()))
+        return made
 
 
 class Times(Rows):

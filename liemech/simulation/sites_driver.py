@@ -142,6 +142,12 @@ def one_step(
     save(sites, there, new, memory)
 
 
+def one_rate(method: Any, system: Any, t: float, sites: Any, here: int, memory: Any) -> None:
+    """The velocity of one site, which is to be finite."""
+    one, state = at_this_site(system), sample(method, load(sites, here, memory))
+    require_finite(one.rate(t, one.essential_part(state)))
+
+
 def require_finite(value: Any) -> None:
     """Raise NotFinite where the sum of the numbers of a value is not finite."""
     total = added([*numbers(value)])
@@ -273,7 +279,8 @@ class Share(Record):
     parts: tuple[str, ...]
 
     def __call__(self, t: float, system: Any, state: Any) -> Any:
-        return getattr(system, self.name)(*[getattr(state, part) for part in self.parts])
+        given = [t if part == "t" else getattr(state, part) for part in self.parts]
+        return getattr(system, self.name)(*given)
 
 
 @record

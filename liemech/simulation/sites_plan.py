@@ -5,24 +5,53 @@ method of one site.
 from __future__ import annotations
 
 import functools
+import inspect
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ..compiler.planes import Planes
-from ..errors import IncompatibleSystem, IntegrationFailure, NotCompilable, warn
+from ..errors import (
+    IncompatibleSystem,
+    IntegrationFailure,
+    InvalidInput,
+    NotCompilable,
+    warn,
+)
 from ..formulas.pytree import layout_of
+from ..integrators.ending_at_jumps import AT_ENDS
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import StateOfSites
 from ..systems.system import State
+from .events import name_of
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
-from .sites_states import by_site, first_of
+from .sites_states import by_site
 from .stopped import Stopped
 from .trajectory import Trajectory
 
 LARGE = 300
 """Numbers of momenta beyond which a system is not written out."""
+
+SIDE_BY_SIDE = 4
+"""Members of an ensemble, which are stepped in lanes where they are written out, are so up to so many
+times as many numbers as a single system.
+"""
+
+OF_SITES = "site", "total"
+"""Names that the second argument of a function of a user's may have, which say of what it is: of one
+site, or of totals over all sites.  Any other is the state of all sites.
+"""
+
+
+def second(function: Any) -> str:
+    """The name of the argument of a function of time that comes behind it."""
+    try:
+        names = [*inspect.signature(function).parameters]
+    except (TypeError, ValueError):
+        return ""
+    return names[1] if len(names) > 1 else ""
 
 
 class SitesOfPlan:
@@ -38,15 +67,17 @@ class SitesOfPlan:
         site = plan._one.site_form
         return None if site is None else cls(plan, with_lists(plan._one, site))
 
-    def prepared(self, start: StateOfSites, starts: Planes, curves: bool) -> Any:
-        """Layouts and native code for starts like this one.  curves : is the way of adaptive steps
-        needed?
+    def prepared(
+        self, first: State, starts: Planes, curves: bool, level: float | None = None
+    ) -> Any:
+        """Layouts and native code for starts whose first site is like this one.  curves : is the way of
+        adaptive steps needed?  level : of the derivative that its numbers carry along.
         """
         from .sites_prepared import Prepared
 
-        key = layout_of(first_of(start)), curves
+        key = layout_of(first), curves
         if key not in self.known:
-            self.known[key] = Prepared(self.plan, self.site, start, starts, curves)
+            self.known[key] = Prepared(self.plan, self.site, first, starts, curves, level)
         return self.known[key]
 
     # ---------------------------------------------------------------- which runs
@@ -60,9 +91,34 @@ class SitesOfPlan:
             return False
         return True
 
+    @functools.cached_property
+    def functions(self) -> list[tuple[str, str, Callable[..., Any]]]:
+        """What a user's functions are called, of what they are, and the functions themselves."""
+        recorder = self.plan.recorder
+        found = [] if recorder is None else [*recorder.quantities.items()]
+        found += [(name_of(event), event) for event in self.plan.events]
+        return [(name, second(x), x) for name, x in found if not isinstance(x, str)]
+
+    @functools.cached_property
+    def of_sites(self) -> str | None:
+        """A function of one site or of totals, for which a run of any size goes by sites."""
+        return next((name for name, of, _ in self.functions if of in OF_SITES), None)
+
     def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
         """What is asked for that runs by sites do not have yet; None if nothing is."""
         plan, steps = self.plan, self.plan._steps
+        whole = next((name for name, of, _ in self.functions if of not in OF_SITES), None)
+        if whole is not None:
+            return (
+                f"function of the state of all sites, as {whole} is: with the arguments (t, site) it is "
+                "of one site, and summed over all; an event (t, total) is of such sums"
+            )
+        event = next((name for name, of, _ in self.functions if of == "total"), None)
+        if event is not None and (plan.recorder is None or not plan.recorder.quantities):
+            raise InvalidInput(
+                f"integrate: {event} is of totals over all sites, and record= names no totals: "
+                'record=[("spin", lambda t, site: site.mu)]'
+            )
         if plan.fictive:
             return "steps in fictive time"
         if plan.of_each:
@@ -76,11 +132,8 @@ class SitesOfPlan:
         if steps.breaks:
             return "breaks of fixed steps (adaptive ones end there)"
         method = steps.way_of(0)
-        if isinstance(method, TermSplitting):
-            asked = {"events": plan.events or None, "t_eval": t_eval}
-            return next(
-                (f"{x} of {method!r}" for x, value in asked.items() if value is not None), None
-            )
+        if method.noisy and (plan.events or t_eval is not None):
+            return f"events and t_eval of {method!r}, {AT_ENDS}"
         return None
 
     def knows(self, start: Any) -> bool:
@@ -97,7 +150,8 @@ class SitesOfPlan:
         if not self.knows(start):
             return False
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
-        return numbers > self.plan._one.small or not self.as_one_body
+        few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
+        return numbers > few or self.of_sites is not None or not self.as_one_body
 
     def trajectory(
         self, start: Any, steps: int | None, t_end: Any, t0: float, kept: Any, t_eval: Any = None
@@ -117,33 +171,50 @@ class SitesOfPlan:
             return self._members(state, steps, t_end, t0, t_eval)
         if why is None:
             try:
-                run = self._kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
+                run = self.kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
                 return run.trajectory()
             except NotCompilable as error:
                 why = f"{self.plan.method!r} for sites one by one ({error})"
-                numbers += LARGE if self.plan.events else 0  # which would be of other things
+        if self.of_sites is not None:
+            raise IncompatibleSystem(
+                f"integrate: {self.of_sites} is of one site or of totals, and a run by sites has no {why}"
+            )
         if numbers <= LARGE and self.as_one_body and not isinstance(start, SiteCarry):
             return None
-        raise IncompatibleSystem(
-            f"integrate: there is no {why}, for systems of many sites, here {state.sites}: RKMK and "
-            f"KickDrift with h and steps take any number; up to {LARGE} numbers are written out as one "
-            "body, which takes everything"
-        )
+        raise self._too_many(why, state)
 
-    def require_small(self, start: Any, what: str) -> None:
-        """Raise IncompatibleSystem for a system that is too large to be written out."""
-        if isinstance(start, StateOfSites) and start.width // (start.bodies or 1) > LARGE:
-            raise IncompatibleSystem(
-                f"integrate: there is no {what}, for systems of many sites, here {start.sites}; up to "
-                f"{LARGE} numbers are written out as one body"
-            )
+    def tangent(self, start: Any, steps: Any, t_end: Any, t0: float, names: Any, given: Any) -> Any:
+        """The run with its tangent map; None if the system is to be written out instead.  Raises
+        IncompatibleSystem for one that is too large for that.
+        """
+        wanted = [f"derivative by {name}" for name in names if name != "start"]
+        if self.plan.adaptive:
+            wanted.append("derivative of adaptive steps")
+        if start.bodies is not None:
+            wanted.append("derivative of members")
+        why = wanted[0] if wanted else self.missing(None, None, False)
+        if why is None:
+            from .sites_tangent import tangent_by_sites
+
+            count = self.plan._count(steps, t_end, t0)
+            return tangent_by_sites(self, start, count, t0, given)
+        if start.width // (start.bodies or 1) <= LARGE and self.as_one_body:
+            return None
+        raise self._too_many(why, start)
+
+    def _too_many(self, why: str, start: Any) -> IncompatibleSystem:
+        """The error of what runs by sites do not have."""
+        return IncompatibleSystem(
+            f"integrate: there is no {why}; that is for systems of many sites, here {start.sites}, of "
+            f"which up to {LARGE} numbers are written out as one body, which takes everything"
+        )
 
     def by_hand(self, carry: SiteCarry) -> Any:
         """A run that goes on as it is told, without samples."""
-        return self._kind(self.plan, self.site, carry, carry.t0, 0, None, None, None)
+        return self.kind(self.plan, self.site, carry, carry.t0, 0, None, None, None)
 
     @property
-    def _kind(self) -> Any:
+    def kind(self) -> Any:
         """What a run is."""
         from .sites_run import SiteRun
         from .turns_of_sites import TurnsRun

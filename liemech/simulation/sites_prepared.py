@@ -12,9 +12,17 @@ from ..compiler import kernel
 from ..compiler.planes import Planes, load
 from ..errors import InvalidInput
 from ..formulas import Record, record
-from ..formulas.pytree import build, carried_layout, layout_of, leaves, rounded, with_fields
+from ..formulas.pytree import (
+    build,
+    carried_layout,
+    layout_of,
+    leaves,
+    rounded,
+    with_fields,
+    with_slopes,
+)
 from ..formulas.sites import one_site
-from ..systems.site_state import StateOfSites
+from ..systems.system import State
 from ..systems.terms_at_site import at_this_site
 from .control import Equal, Tolerance
 from .sites_driver import (
@@ -32,7 +40,6 @@ from .sites_driver import (
     look_inside,
 )
 from .sites_execution import SiteExecution
-from .sites_states import first_of
 
 SOME = 3
 """Sites among which a formula is tried whose layout alone is asked for."""
@@ -52,11 +59,10 @@ class Prepared:
     way: Any
 
     def __init__(
-        self, plan: Any, site: Any, start: StateOfSites, starts: Planes, curves: bool
+        self, plan: Any, site: Any, first: State, starts: Planes, curves: bool, level: float | None
     ) -> None:
         steps = plan._steps
         self.plan, self.site, self.control, self.place = plan, site, Equal(True), PLACE
-        first = first_of(start)
         self.given = self.started = layout_of(first)
         if plan.adaptive:
             self.control, self.place = Tolerance(curves, False), BESIDE
@@ -67,8 +73,10 @@ class Prepared:
             self.way = Whole(self.method)
             self.started = layout_of(steps.remembering_of(site, first))
         self.beginner = self.method, site, self.given, self.started
-        some = min(start.sites, SOME)
+        some = min(starts.count, SOME)
         carry = one_site(some, 0, first_memory, *self.beginner, self.h, starts)
+        if level is not None:  # all that it carries along may come to depend on the start
+            carry = with_slopes(carry, level)
         example = rounded(self.method.observe(carry))
         self.memory, self.state = carried_layout(carry), layout_of(example)
         self.shown = self._shown(example, some, starts)
@@ -182,7 +190,7 @@ def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
     if not isinstance(wanted, str):
         return OfSite(wanted)
     parts = tuple(inspect.signature(getattr(site, wanted)).parameters)
-    missing = [name for name in parts if getattr(example, name, None) is None]
+    missing = [name for name in parts if name != "t" and getattr(example, name, None) is None]
     if missing:
         raise InvalidInput(
             f"integrate: record={wanted!r} needs {', '.join(missing)}; start from a state with it"

@@ -17,11 +17,12 @@ from ..errors import (
     IntegrationInterrupted,
     InvalidInput,
     NoConvergence,
+    NotFinite,
     StepTooSmall,
     failure,
     is_mistake,
 )
-from ..formulas.pytree import inside
+from ..formulas.pytree import inside, layout_of
 from ..formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
 from ..systems.site_state import StateOfSites
 from ..systems.tabulated import has_inputs
@@ -55,6 +56,7 @@ from .sites_driver import (
     look_inside,
     one_inside,
     one_look,
+    one_rate,
     one_remake,
     one_start,
     one_step,
@@ -62,7 +64,7 @@ from .sites_driver import (
 from .sites_events import Sightings
 from .sites_lists import STEP as SHORT
 from .sites_lists import Lists
-from .sites_states import as_users_see, by_site, site_rows, state_of_rows
+from .sites_states import as_users_see, by_site, first_of, site_rows, state_of_rows
 from .stopped import NONE
 from .tolerance import stretches, too_small
 from .trajectory import Trajectory
@@ -72,6 +74,9 @@ PATIENCE = 0.1
 
 MOST = 2**30
 """Steps of a call, at most."""
+
+AROUND = 20
+"""Sites on both sides of one that failed, among which that is looked for of which it failed."""
 
 LONG = 50
 """Steps that an adaptive run is expected to take."""
@@ -98,6 +103,7 @@ class SiteRun:
     """
 
     ended: int | None = None  # by which event
+    level: float | None = None  # of the derivative that numbers carry along
 
     def __init__(
         self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
@@ -119,8 +125,9 @@ class SiteRun:
         self.aim(steps, t_end, t_eval)
         inner = (self.asked != self.begun) & (self.asked != self.t_end)
         curves = self.adaptive and bool(plan.events or inner.any())
-        self.starts = Planes(rows_of(site_rows(state)), self.count)
-        self.shape = shape = plan._sites.prepared(state, self.starts, curves)
+        first, rows = self.laid_out(state)
+        self.starts = Planes(rows_of(rows), self.count)
+        self.shape = shape = plan._sites.prepared(first, self.starts, curves, self.level)
         self.h, samples = shape.h, len(self.asked)
         self.wide = shape.state.width if shape.shown.kept else 0
         self.chosen = None if plan.recorder is None else plan.recorder.sites
@@ -142,6 +149,10 @@ class SiteRun:
         else:
             self._take_up(start)
         self.events = Sightings(self, plan.events, start) if plan.events else None
+
+    def laid_out(self, state: Any) -> tuple[Any, np.ndarray]:
+        """The state of the first site, and the numbers of all, (width, sites)."""
+        return first_of(state), site_rows(state)
 
     # ---------------------------------------------------------------- what is asked for
 
@@ -380,8 +391,11 @@ class SiteRun:
 
     def _elements(self) -> np.ndarray:
         """Where the sites are."""
-        rows = self.shape.shown_rows(self._memory)
-        return unpacked(self.shape.state, rows.T)["g"]
+        return self.elements(self.shape.shown_rows(self._memory))
+
+    def elements(self, rows: np.ndarray) -> np.ndarray:
+        """The elements of sites, of the numbers of their states."""
+        return unpacked(layout_of(first_of(self.state)), rows.T)["g"]
 
     # ---------------------------------------------------------------- between two calls
 
@@ -475,7 +489,7 @@ class SiteRun:
             error = self._why(
                 failures, self.notes, lambda i: one_site(self.count, i, one_step, *given)
             )
-            raise self._ended(error, at)
+            raise self._ended(self._origin(error, t), at)
         if clock[MARK] == STUCK and clock[ANEW] == 0.0:
             error = failures[-1] if failures else None
             raise (
@@ -541,6 +555,25 @@ class SiteRun:
                 f"does not settle. The step h = {self.h:g} may be too large; try {0.25 * self.h:g}"
             )
         return None
+
+    def _origin(self, error: Any, t: float) -> Any:
+        """The error of the first site whose own velocity is not finite before the step that failed: in
+        the stages of a step that goes over to its neighbours.
+        """
+        near = getattr(error, "site", None)
+        some = range(self.count)
+        if self.count > FEW:
+            some = range(0) if near is None else some[max(0, near - AROUND) : near + AROUND]
+        given: Any = self.shape.method, self.site, t, self.sites, self._copy, self.shape.memory
+        if isinstance(error, (NotFinite, NoConvergence)):
+            for i in some:
+                try:
+                    one_site(self.count, i, one_rate, *given)
+                except TooManySites:
+                    break
+                except Exception as found:
+                    return found
+        return error
 
     def _too_small(self, error: Any) -> Any:
         """The error of a run whose steps became too small."""

@@ -9,12 +9,14 @@ import numpy as np
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
 from ..systems.poisson import PoissonState
-from ..systems.site_state import SitePoints, SiteState, SiteValues, StateOfSites
+from ..systems.site_state import NoisySites, SitePoints, SiteState, SiteValues, StateOfSites
+from ..systems.stochastic import NoisyState
 from ..systems.system import State, small_state, state_of
 from .dense import unpacked
 
 OF_ONE: dict[Any, type[State]] = {
     SiteState: BodyState,
+    NoisySites: NoisyState,
     SitePoints: CanonicalState,
     SiteValues: PoissonState,
 }
@@ -37,6 +39,8 @@ def as_users_see(system: Any, state: Any) -> Any:
 
 def kind_of(states: Any) -> Any:
     """The kind of states that has these parts."""
+    if "path" in states:
+        return NoisySites
     return SiteState if "mu" in states else SiteValues if "y" in states else SitePoints
 
 

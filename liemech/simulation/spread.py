@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import IntegrationInterrupted, InvalidInput, InvalidType, warn
-from ..systems.system import State, member
+from ..systems.system import State
 from . import arguments
-from .carry import Carries, Carry
-from .fictive import FictiveCarry, Origin
-from .joined import beside
+from .carry import Carry, all_of
+from .fictive import FictiveCarry, origin_of
 from .progress import WANTED, Bar
+from .result import beside
 from .stopped import Stopped
 from .systems import OfBodies, Systems
 from .trajectory import Trajectory, TransformedTrajectory
@@ -129,8 +129,6 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
             "are in `.trajectory`, where the other bodies stand at their starts"
         )
         parts = [whole[i] if i in whole else _waiting(*jobs[i]) for i in range(len(jobs))]
-        if isinstance(parts[0], TransformedTrajectory):
-            parts = [_of_their_own(run) for run in parts]
         stopped.trajectory = _joined(plan, chunks, parts)
         raise stopped from None
     for i, result in sorted(found.items()):
@@ -187,18 +185,6 @@ def _waiting(plan: Any, start: Any, how: dict[str, Any]) -> Any:
     return plan.replace(compiled=False, progress=False)._standing(start, how["t0"])
 
 
-def _of_their_own(run: Any) -> Any:
-    """A chunk in fictive time beside others that are not as far: every body has its own clock."""
-    if isinstance(run.origin, tuple):
-        return run
-    given, method, start = run.origin.given, run.origin.method, run.origin.start
-    origin = tuple([Origin(given, method, member(start, i)) for i in range(run.bodies)])
-    carry: Any = run.carry
-    carry = None if carry is None else Carries(_members_of(carry))
-    tau = np.repeat(run.tau[:, None], run.bodies, axis=1)
-    return dataclasses.replace(run, origin=origin, tau=tau, carry=carry)
-
-
 def _chunks(bodies: int, steps: int, workers: int | None) -> list[tuple[int, int]]:
     """Where chunks begin and end."""
     wanted = 4 * workers if workers else CHUNKS
@@ -245,15 +231,8 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
     own = {name: x for name, x in vars(first).items() if name not in ("_rest", "carry")}
     own |= beside(runs)
     if isinstance(first, TransformedTrajectory):
-        origins = [run.origin for run in runs]
-        own["origin"] = (
-            sum(origins, ())
-            if isinstance(first.origin, tuple)
-            else dataclasses.replace(first.origin, start=_all([one.start for one in origins]))
-        )
-    rest = SimpleNamespace(
-        carry=lambda: _carry(chunks, [run.carry for run in runs], own.get("origin"))
-    )
+        own["origin"] = _origin(runs)
+    rest = SimpleNamespace(carry=lambda: _carry([run.carry for run in runs], own.get("origin")))
     known = own | {
         "system": _systems(plan, runs),
         "method": plan.method,
@@ -270,49 +249,21 @@ def _systems(plan: Any, runs: list[Any]) -> Any:
     return runs[0].system if isinstance(runs[0], TransformedTrajectory) else plan.system
 
 
-def _all(states: list[Any]) -> Any:
-    """The states of all bodies."""
-    arrays = zip(*(state.parts.values() for state in states))
-    return type(states[0])(*(None if some[0] is None else np.concatenate(some) for some in arrays))
+def _origin(runs: list[Any]) -> Any:
+    """Where the motions began: one for all, or a tuple if it is so of some."""
+    origins = [run.origin for run in runs]
+    if not any(isinstance(one, tuple) for one in origins):
+        return dataclasses.replace(origins[0], start=all_of([one.start for one in origins]))
+    return tuple([origin_of(run.origin, i) for run in runs for i in range(run.bodies)])
 
 
-def _members_of(carry: Any) -> tuple[Any, ...]:
-    """What each body carries along."""
-    return tuple([carry.member(i) for i in range(carry.bodies)])
-
-
-def _carry(chunks: list[tuple[int, int]], carries: list[Any], origin: Any = None) -> Any:
-    """What all bodies carry along, from an origin in fictive time; None if those of a chunk have
-    all stopped.
-    """
-    apart = len({getattr(carry, "step", None) for carry in carries}) > 1
-    if apart or any(isinstance(carry, Carries) for carry in carries):
-        if None in carries:
-            return None
-        return Carries(sum([_members_of(carry) for carry in carries], ()))
-    if origin is not None and None not in carries:
-        return FictiveCarry(origin, _carry(chunks, [carry.inner for carry in carries]))
-    if not all(isinstance(carry, Carry) for carry in carries):
+def _carry(carries: list[Any], origin: Any) -> Any:
+    """Where all bodies stand; None if those of a chunk have all ended."""
+    if None in carries:
         return None
-    made = dataclasses.replace(
-        carries[0],
-        shape=None,
-        h=sum([carry.h for carry in carries], ())
-        if isinstance(carries[0].h, tuple)
-        else carries[0].h,
-        bodies=chunks[-1][1],
-        numbers=np.concatenate([carry.numbers for carry in carries], axis=1),
-        last=np.concatenate([carry.last for carry in carries], axis=1),
-        taken=None
-        if all(carry.taken is None for carry in carries)
-        else np.concatenate(
-            [np.broadcast_to(1.0 * carry.steps, carry.bodies) for carry in carries]
-        ),
-        failures={
-            begin + i: error
-            for (begin, _), carry in zip(chunks, carries)
-            for i, error in carry.failures.items()
-        },
-    )
-    vars(made)["state"] = _all([carry.state for carry in carries])
-    return made
+    if origin is None:
+        return Carry.beside(carries)
+    inner, here = Carry.beside([one.inner for one in carries]), None
+    if any(one.here is not None for one in carries):
+        here = np.concatenate([one.standing for one in carries], axis=1)
+    return FictiveCarry(origin, inner, here)

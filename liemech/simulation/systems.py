@@ -15,7 +15,6 @@ from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, inside, layout_of
 from ..formulas.remembered import Remembered
 from ..integrators.method import Method
-from ..systems.sums_of_terms import OfTerms
 from ..systems.system import System
 
 BY_MEMBER = ("energy", "velocity", "momentum", "casimirs", "multipliers")
@@ -124,6 +123,8 @@ def _of_members(system: Any) -> Any:
     if not isinstance(system, System) or _alike.get(system):
         return system
     varied = inside(system, Each)
+    from ..systems.sums_of_terms import OfTerms  # here, as few programs need it
+
     if not varied or inside(system, OfTerms):
         _alike.set(system, True)
         return system

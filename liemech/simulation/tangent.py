@@ -4,7 +4,7 @@ same steps.
 
 from __future__ import annotations
 
-import inspect
+import functools
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiler.driver import attempt, read
 from ..errors import IncompatibleSystem, InvalidInput
-from ..formulas import Record, Vec, derivative, record
+from ..formulas import Vec, derivative, record
 from ..formulas.dual import Dual
 from ..formulas.frozen import frozen
 from ..formulas.pytree import (
@@ -33,14 +33,15 @@ from ..integrators.method import Method, Wrapping
 from ..integrators.taylor import Taylor
 from ..systems.clocked import Clocked
 from ..systems.system import State
+from . import arguments
 from .control import TAKEN
 from .dense import evaluated, flat, told, unpacked
 from .equal import StraightRun
 from .execution import like
 from .fictive import Origin
-from .joined import beside
-from .prepared import Steps, times
-from .stopped import Stopped
+from .parameters import parameter, with_parameter
+from .prepared import Steps
+from .result import AsItIs, beside
 from .systems import Methods, Systems
 from .trajectory import TangentTrajectory, Trajectory
 
@@ -388,6 +389,13 @@ def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
     return TangentTrajectory(system, method, **beside(runs))
 
 
+def multiplied(run: TangentTrajectory, name: str, given: Any) -> TangentTrajectory:
+    """The run with products of its map by the start, `along` or `against` directions, instead of it."""
+    map_ = run.tangent["start"]
+    map_ = map_ if name == "along" else np.swapaxes(map_, -1, -2)
+    return replace(run, tangent={name: map_ @ arguments.directions(name, given, map_.shape[-1])})
+
+
 def frame(system: Any, name: str, part: Any) -> Any:
     """The directions in which a part of the state can move, as a function of the part, (n, ...) to
     (n, components, ...).
@@ -458,25 +466,14 @@ def parameter_moves(system: Any, name: str) -> list[Any]:
     return found
 
 
-def parameter(system: Any, name: str) -> Any:
-    """The value of a parameter, such as "inertia" or "hamiltonian.rotor"."""
-    for part in name.split("."):
-        if not isinstance(system, Record) or part not in inspect.signature(type(system)).parameters:
-            known = ", ".join(inspect.signature(type(system)).parameters)
-            raise InvalidInput(
-                f"Plan.tangent: {part} is no parameter of {system!r}; there are {known}, "
-                "and the start; of the method method.name, and the step h"
-            )
-        system = getattr(system, part)
-    return system
+class Directionless(AsItIs):
+    """Nothing is shown of numbers that carry a derivative: a direction is no motion."""
 
+    def arrays(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        return {}
 
-def with_parameter(system: Any, name: str, value: Any) -> Any:
-    """The same system made with another parameter."""
-    first, _, rest = name.partition(".")
-    given = {n: getattr(system, n) for n in inspect.signature(type(system)).parameters}
-    given[first] = with_parameter(given[first], rest, value) if rest else value
-    return type(system)(**given)
+    def mark(self, error: Any, t: float, numbers: np.ndarray) -> None:
+        """Nothing."""
 
 
 class _Run(StraightRun):
@@ -502,34 +499,26 @@ class _Run(StraightRun):
         count = SimpleNamespace(bodies=len(found.moves))
         super().__init__(like(plan, _steps=way), count, t0, steps, None, None)
 
-    def _member(self, start: Any, i: int) -> Any:
+    def _member(self, i: int) -> Any:
         return self.duals[i]
 
-    def _first(self, start: Any, one: State, started: Layout) -> tuple[Any, Any]:
+    def _first(self, one: State, started: Layout) -> tuple[Any, Any]:
         """All numbers that the method carries along may come to depend on the start, zeros of its
         first guesses too.
         """
-        carry, example = super()._first(start, one, started)
+        carry, example = super()._first(one, started)
         return with_slopes(carry, LEVEL), example
 
-    def _lay_down(self, start: Any, columns: np.ndarray) -> None:
+    def _lay_down(self, columns: np.ndarray) -> None:
         numbers = np.array([leaves(dual, self.shape.given) for dual in self.duals]).T
         columns[:] = numbers[:, np.minimum(np.arange(columns.shape[1]), self.count - 1)]
 
+    @functools.cached_property
+    def view(self) -> AsItIs:
+        return Directionless(self.lanes.example)
+
     def _only_start(self) -> Trajectory:
-        return self.alone(0)
-
-    def alone(self, i: int, goes_on: bool = True) -> Trajectory:
-        """A direction is no motion."""
         return Trajectory(self.plan.system, self.plan.method, self.way.h, np.empty(0), {}, None, 0)
-
-    def joined(self, goes_on: bool = True) -> Trajectory:
-        stopped = {int(i): int(self.clocks[TAKEN, i]) for i in np.flatnonzero(self.failed)}
-        t = times(self.zero.item(0), self.observers[0].numbers, self.way.h)
-        return Trajectory(
-            self.plan.system, self.plan.method, self.way.h, t, {}, self.count, self.most,
-            self.compiled, Stopped(stopped, self.why),
-        )  # fmt: skip
 
     def tell(self, stopped: Any) -> None:
         """Directions that stop are no bodies of which to warn."""

@@ -18,11 +18,12 @@ from ..formulas.vectors import Vec
 from ..integrators.ending_at_jumps import MARGIN, jumps_between, same
 from ..systems.tabulated import has_inputs
 from . import arguments
-from .carry import AdaptiveCarry
+from .carry import Carry
 from .control import (
     ANEW,
     CLOCK,
     FRESH,
+    GOAL,
     MARK,
     REJECTED,
     STEP,
@@ -108,7 +109,7 @@ class ToleranceRun(Run):
             raise InvalidInput(
                 "integrate: adaptive steps need a t_end; for fixed steps give h and steps"
             )
-        if given.dense and (self.bodies or self.recorder is not None):
+        if given.dense and (self.bodies or self.recorded):
             what = (
                 "is for one body at a time"
                 if self.bodies
@@ -126,7 +127,7 @@ class ToleranceRun(Run):
             numbers[name] = of_bodies(check, own[name]) if name in own else all_bodies
         self.t_end = np.array(ends, dtype=float)
         self.sign = np.where(self.t_end >= self.t0, 1.0, -1.0)
-        self.aims = np.zeros((6, self.count))
+        self.aims = np.zeros((GOAL.width, self.count))
         self.aims[0], self.aims[4] = self.t_end, limit
         for place, name in enumerate(("rtol", "atol", "max_step"), 1):
             self.aims[place] = numbers[name]
@@ -141,7 +142,7 @@ class ToleranceRun(Run):
     def keeps_rows(self) -> bool:
         """Are all steps of one body kept?"""
         dense = self.plan.options.dense
-        return not self.bodies and (dense is True or (self.asked is None and self.recorder is None))
+        return not self.bodies and (dense is True or (self.asked is None and not self.recorded))
 
     @property
     def curves(self) -> bool:
@@ -151,7 +152,7 @@ class ToleranceRun(Run):
             not self.bodies
             and dense is not False
             and (dense or asked is None)
-            and not self.recorder
+            and not self.recorded
         ):
             return True
         inside = asked is not None and ((asked != self.t0) & (asked != self.t_end)).any()
@@ -166,17 +167,16 @@ class ToleranceRun(Run):
         numbers, clocks, goals, *_ = lanes.parts(self.table)
         clocks[:] = np.array([0.0, 0.0, *FRESH])[:, None]
         clocks[TIME], clocks[STEP] = self.t0, self.first_steps
-        if self.fresh:
+        if self.before is None:
             arrays = self.start.arrays
             numbers[:width] = flat(arrays, count).T if self.bodies else packed(self.start)[:, None]
         else:
-            for i in range(count):
-                begun = self.begun(i)
-                if isinstance(begun, AdaptiveCarry):
-                    end, wide = float(self.t_end[i]), len(numbers)
-                    numbers[:, i], clocks[:, i] = begun.taken_up(end, wide)
-                else:
-                    numbers[:width, i] = packed(begun.state)
+            self.before.put_down(numbers, numbers[:width].copy())
+            clocks[:] = self.before.clock.reshape(clocks.shape)
+            clocks[[REJECTED, MARK]] = 0.0
+            clocks[TAKEN, ~self.over] = 0.0
+            back = clocks[STEP] * (self.t_end - self.t0) < 0.0
+            clocks[STEP, back] = -clocks[STEP, back]
         self.here = np.concatenate([self.t0[None], numbers[:width]])
         if self.way.breaks or has_inputs(self.of(0)[0]):
             for i in range(count):
@@ -195,15 +195,14 @@ class ToleranceRun(Run):
 
     def _still(self, i: int) -> Any:
         """The rejected velocity of a body where its run begins; None if there is one."""
-        begun = self.begun(i)
-        xi = velocity(self.of(i)[0], begun.t, begun.state)
+        xi = velocity(self.of(i)[0], self.t0.item(i), self.start_of(i))
         return None if accepted(xi, itself) else xi
 
     def _lanes(self) -> Lanes:
         """Layouts and native code, from other runs of the plan if their starts were alike."""
         plan, way, curves = self.plan, self.way, self.curves
         self.rows = curves or not self.bodies
-        example = self.begun(0).state
+        example = self.start_of(0)
         key = layout_of(example), curves, bool(self.bodies)
         lanes = None if plan.of_each else way.shapes.get(key)
         if lanes is not None:
@@ -212,10 +211,10 @@ class ToleranceRun(Run):
         system, method = self.of(0)
         xi: Any = Vec(*[0.0] * system.group.dim)
         for i in range(self.count):
-            begun = self.begun(i)
-            found = velocity(self.of(i)[0], begun.t, begun.state)
+            state = self.start_of(i)
+            found = velocity(self.of(i)[0], self.t0.item(i), state)
             if accepted(found, itself):
-                example, xi = begun.state, found
+                example, xi = state, found
                 break
         lanes = Lanes(
             plan.method, plan.system, Tolerance(curves, self.rows), layout_of((example, xi)), example,
@@ -273,22 +272,32 @@ class ToleranceRun(Run):
             return {"h": float(np.mean(h)), "rejected": int(rejected.sum())}
         found: dict[str, Any] = {"h": float(h[i]), "rejected": int(rejected[i])}
         dense, last = self.plan.options.dense, self.observers[-1]
-        kept = dense is True or (dense is None and self.asked is None and not self.recorder)
+        kept = dense is True or (dense is None and self.asked is None and not self.recorded)
         if kept and isinstance(last, Dense):
             (system, method), rows = self.of(i), last.rows
             given = self.lanes.example, rows, method.dense_order, self.asked_for
             found["dense"] = DenseOutput(system, method.retraction, *given)
         return found
 
-    def carry(self, i: int, met: Any) -> Any:
-        numbers, clock = self.numbers[:, i].copy(), self.clocks[:, i].copy()
-        if clock[TIME] != self.here[0, i] and not clock[ANEW]:
-            return None
-        width = self.lanes.state.width
-        numbers[:width] = self.here[1:, i]
-        return AdaptiveCarry(
-            numbers, clock, self.small(numbers), float(clock[TIME]), self.cuts.get(i), met
+    def carry_of(self, i: int) -> Any:
+        beside = self.clocks[TIME, i] != self.here[0, i] and not self.clocks[ANEW, i]
+        return None if beside else super().carry_of(i)
+
+    def standing(self, some: Any) -> Any:
+        numbers, clock, last = (
+            x[:, some].copy() for x in (self.numbers, self.clocks, self.here[1:])
         )
+        numbers[: len(last)] = last
+        if isinstance(some, int):
+            cut = {0: self.cuts[some]} if some in self.cuts else {}
+            found = Carry(None, None, numbers, clock, last, None, {}, self.met(some), cut)
+            vars(found)["state"] = self.view.small(last)
+            return found
+        found = Carry(
+            None, None, numbers, clock, last, self.count, {}, self.met(some), {**self.cuts}
+        )
+        vars(found)["state"] = self.view.states(last.T)
+        return found
 
     def error(self, i: int) -> Any:
         if self.clocks[TAKEN, i] >= self.limit[i]:

@@ -20,9 +20,6 @@ from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
 from .fictive import Origin
-from .sites_totals import constants as constants_of_sites
-from .sites_totals import energy as energy_of_sites
-from .sites_totals import of_sites
 from .stopped import NONE, Stop
 from .systems import OfBodies, Systems, of_body
 
@@ -48,7 +45,8 @@ class Trajectory:
     of the terminal one that ended the run.
     carry : what the method carries along at the end, with which `Plan.resume` goes on.
     observed : names in `states` that are no parts of the state but functions of it, which `record`
-    asked for.  breaks : times at which fixed steps had to end.
+    asked for.  breaks : times at which fixed steps had to end.  written : of a run from a file the
+    versions of liemech, Python and NumPy, the platform and the date.
     stopped : for an ensemble, the bodies that did not reach the end, each with the `steps` it took
     and the `error` that ended it.  It stays there, at its own time where t is (n, m).
     """
@@ -69,6 +67,7 @@ class Trajectory:
     observed: tuple[str, ...] = ()
     breaks: tuple[float, ...] = ()
     ended: int | None = None
+    written: Any = None
 
     @classmethod
     def promised(cls, rest: Any, **known: Any) -> Trajectory:
@@ -189,15 +188,21 @@ class Trajectory:
         """What the system computes from parts of the state, or what was recorded of it."""
         if name in self.observed:
             return self.states[name]
-        if name == "energy" and self.bodies is None and of_sites(self.system, self.states):
-            return energy_of_sites(self.system, self.t, self.states)
+        if name == "energy" and self._is_of_sites:
+            from .sites_totals import energy
+
+            return energy(self.system, self.t, self.states)
         formula = getattr(self._laws, name, None)
         if formula is None:
             raise InvalidInput(f"Trajectory.{name}: {self.system!r} {otherwise}")
         needed = [*inspect.signature(formula).parameters]
         self._recorded(name, [part for part in needed if part != "t"])
         known = {
-            "t": self.t if self.bodies is None or self.t.ndim == 2 else self.t[:, None],
+            "t": self.t
+            if self.bodies is None
+            else np.broadcast_to(
+                self.t if self.t.ndim == 2 else self.t[:, None], (len(self.t), self.bodies)
+            ),
             **self.states,
         }
         return formula(*(known[part] for part in needed))
@@ -246,16 +251,24 @@ class Trajectory:
 
     @cached_property
     def rotation(self) -> Rotation:
-        """The attitudes as SciPy rotations, body to space."""
+        """The attitudes as SciPy rotations, body to space; on a product those of its one rotation."""
         from scipy.spatial.transform import Rotation
 
+        from ..groups.product import ProductGroup
         from ..groups.so3 import SO3
         from ..groups.unit_quaternions import UnitQuaternions
 
-        g, group = (
-            self._attitude("rotation"),
-            getattr(self.system, "configurations", self.system.group),
-        )
+        g: Any = self._attitude("rotation")
+        group: Any = getattr(self.system, "configurations", self.system.group)
+        if isinstance(group, ProductGroup):
+            turning = (SO3, UnitQuaternions)
+            found = [k for k, f in enumerate(group.factors) if isinstance(f, turning)]
+            if len(found) != 1:
+                raise InvalidInput(
+                    f"Trajectory.rotation is for one rotation of space, and {group!r} has "
+                    f"{len(found) or 'none'}; take the factors apart, {type(group).__name__}.split(run.g)"
+                )
+            g, group = group.split(g)[found[0]], group.factors[found[0]]
         if isinstance(group, UnitQuaternions):
             return group.rotation(g)
         if group.element_shape != (3, 3) or not np.all(SO3().contains(g)):
@@ -338,6 +351,8 @@ class Trajectory:
         modules : names of modules to import for classes of your own, unless they are imported
         already.  trusted : import whatever modules the file names, which runs their code; only for
         files whose origin you know.
+        Warns (FileWarning) where another version of liemech or Python, or another machine, has
+        written it; `written` of the run has all that is told.
         Raises InvalidInput if the file is damaged or was not written by `save`, or if a class is
         not there.  Without `trusted` a file chooses among the records of the library and of your
         program; it names nothing that is called, and nothing of it is imported or evaluated.
@@ -452,7 +467,11 @@ class Trajectory:
 
     @property
     def _is_of_sites(self) -> bool:
-        return self.bodies is None and of_sites(self.system, self.states) is not None
+        if self.bodies is not None or self.system.site_form is None:
+            return False
+        from .sites_totals import of_sites
+
+        return of_sites(self.system, self.states) is not None
 
     @cached_property
     def _constants(self) -> dict[str, np.ndarray]:
@@ -460,7 +479,9 @@ class Trajectory:
         if self.observed:
             return {name: self.states[name] for name in self.observed if name in RECORDED}
         if self._is_of_sites:
-            return constants_of_sites(self.system, self.t, self.states)
+            from .sites_totals import constants
+
+            return constants(self.system, self.t, self.states)
         return self.system.constants(self.states)
 
     def _attitude(self, what: str) -> np.ndarray:

@@ -14,23 +14,32 @@ from ..compiler.planes import Planes, each, load, save, some
 from ..errors import NotFinite, undefined
 from ..formulas import Record, plain, record
 from ..formulas.pytree import NUMBER
-from ..formulas.sites import rows_of
+from ..formulas.sites import padded, rows_of
 from ..formulas.tables import Table, entry
+from ..integrators.sublattices import terms_of
 from ..systems.bonds_at_site import BondsOfSite
 from ..systems.lie_poisson import BodyState
 from ..systems.sublattices import turned
+from ..systems.terms import at_time
 from ..systems.terms_at_site import at_this_site
-from .control import MARK, STUCK, TAKEN
+from .control import MARK, STUCK, TAKEN, TIME
+from .sites_driver import CROSSED
 from .sites_execution import SiteExecution
 from .sites_run import SiteRun
 from .sites_totals import totals_in
+
+OVERFLOW = "the step overflowed or left the domain of a formula; a smaller h may help"
+
+ROWS = 2**21
+"""Numbers of states that are made before they are looked into."""
 
 # ------------------------------------------------------------------ the drivers
 
 
 @record
 class Turns(Record):
-    """The turns of a step: for each four numbers, of which the last is its share of the step; abstract.
+    """The turns of a step: for each five numbers, of which the last two are its share of the step, and
+    at which share of it terms are taken that change with time; abstract.
 
     The first one begins with what the step before has left, which is the share `last`.
 
@@ -47,9 +56,17 @@ class Turns(Record):
         return self.name
 
     def make(
-        self, k: int, time: float, sites: Any, here: int, there: Any, row: int, layout: Any
+        self,
+        k: int,
+        t: float,
+        time: float,
+        sites: Any,
+        here: int,
+        there: Any,
+        row: int,
+        layout: Any,
     ) -> None:
-        """Turn number k, of this time, from one copy of the sites to a row of others."""
+        """Turn number k, at a time and for another, from one copy of the sites to a row of others."""
         raise undefined(self, "make")
 
     def after(self, here: int) -> int:
@@ -58,11 +75,15 @@ class Turns(Record):
 
     def number(self, k: int, which: int) -> int:
         """One of the whole numbers of turn number k."""
-        return int(entry(self.numbers, 4 * k + which))
+        return int(entry(self.numbers, 5 * k + which))
 
     def share(self, k: int) -> float:
         """The share of turn number k."""
-        return entry(self.numbers, 4 * k + 3)
+        return entry(self.numbers, 5 * k + 3)
+
+    def at(self, k: int) -> float:
+        """The share of the step at which turn number k sees terms that change."""
+        return entry(self.numbers, 5 * k + 4)
 
 
 @record
@@ -73,13 +94,23 @@ class TurnsOfColours(Turns):
     form : `FieldAtSite`.
     """
 
+    __repr__ = Turns.__repr__
+
     def make(
-        self, k: int, time: float, sites: Any, here: int, there: Any, row: int, layout: Any
+        self,
+        k: int,
+        t: float,
+        time: float,
+        sites: Any,
+        here: int,
+        there: Any,
+        row: int,
+        layout: Any,
     ) -> None:
         """Turn number k: of the sites of a colour."""
         begin, end, part = self.number(k, 0), self.number(k, 1), self.number(k, 2)
         some(
-            sites, begin, end, turned_site, self.group, self.form, part, time, sites, there, row,
+            sites, begin, end, turned_site, self.group, self.form, part, t, time, sites, there, row,
             layout,
         )  # fmt: skip
 
@@ -89,11 +120,12 @@ class TurnsOfColours(Turns):
 
 
 def turned_site(
-    group: Any, field: Any, part: int, time: float, here: Any, there: Any, row: int, layout: Any
-) -> None:
+    group: Any, field: Any, part: int, t: float, time: float, here: Any, there: Any, row: int,
+    layout: Any,
+) -> None:  # fmt: skip
     """The turn of one site."""
     state = load(here, 0, layout)
-    xi = field.velocity(part, plain(state.mu))
+    xi = at_time(field, t).velocity(part, plain(state.mu))
     save(there, row, BodyState(*turned(group, state.mu, state.g, time * xi)), layout)
 
 
@@ -105,15 +137,25 @@ class TurnsOfBonds(Turns):
     form : the terms, `BondsOfSite` and then energies of single sites.
     """
 
+    __repr__ = Turns.__repr__
+
     def make(
-        self, k: int, time: float, sites: Any, here: int, there: Any, row: int, layout: Any
+        self,
+        k: int,
+        t: float,
+        time: float,
+        sites: Any,
+        here: int,
+        there: Any,
+        row: int,
+        layout: Any,
     ) -> None:
         """Turn number k: of all sites, along one term."""
         which, colour = self.number(k, 0), self.number(k, 1)
         for i in range(len(self.form)):
             for _ in range(int(which == i)):
                 each(
-                    sites, turned_by_bond, self.group, self.form[i], colour, time, sites, here,
+                    sites, turned_by_bond, self.group, self.form[i], colour, t, time, sites, here,
                     there, row, layout,
                 )  # fmt: skip
 
@@ -123,10 +165,11 @@ class TurnsOfBonds(Turns):
 
 
 def turned_by_bond(
-    group: Any, term: Any, colour: int, time: float, sites: Any, here: int, there: Any, row: int,
-    layout: Any,
+    group: Any, term: Any, colour: int, t: float, time: float, sites: Any, here: int, there: Any,
+    row: int, layout: Any,
 ) -> None:  # fmt: skip
     """The turn of one site along its bond of a colour, or along its own energy."""
+    term = at_time(term, t)
     state = load(sites, here, layout)
     mu = plain(state.mu)
     if isinstance(term, BondsOfSite):
@@ -147,6 +190,7 @@ def advance_turns(
     layout: Any,
     h: float,
     count: int,
+    t0: float,
     steps: int,
     samples: int,
     shown: int,
@@ -157,25 +201,30 @@ def advance_turns(
     """The driver: `samples` times so many steps of so many turns, and a sample if it is to be shown,
     1; 0 if not.
 
-    layout : of the state of one site.  sites : before the last turn of a step, of which the time is
-    left on the clock, with the copy in which they are.  seen : the states, one sample behind the other.
+    layout : of the state of one site.  t0 : the time of step 0.  sites : before the last turn of a step.
+    clock : the time that is left for it, the copy in which they are, the number of steps made.
+    seen : the states, one sample behind the other.
     """
     for k in range(samples):
         left, here = read(clock, 0, NUMBER), int(read(clock, 1, NUMBER))
-        for _ in range(steps):
+        taken = read(clock, 2, NUMBER)
+        for n in range(steps):
+            t = t0 + (taken + n) * h
             for i in range(count):
                 time = turns.share(i) * h
                 if i == 0:
                     time = left + time
                 there = turns.after(here)
-                turns.make(i, time, sites, here, sites, there, layout)
+                turns.make(i, t + turns.at(i) * h, time, sites, here, sites, there, layout)
                 here = there
             left = turns.last * h
+        taken = taken + steps
         write(clock, 0, left, NUMBER)
         write(clock, 1, float(here), NUMBER)
+        write(clock, 2, taken, NUMBER)
         for _ in range(shown):
             each(sites, copied_site, sites, here, seen, k, layout)
-            turns.make(count, left, sites, here, seen, k, layout)
+            turns.make(count, t0 + taken * h, left, sites, here, seen, k, layout)
 
 
 # ------------------------------------------------------------------ Python's side
@@ -189,22 +238,22 @@ class Turning:
     def __init__(self, plan: Any, layout: Any) -> None:
         steps, system = plan._steps, plan._one
         method = steps.way_of(0)
-        motions = method._motions(system.hamiltonian)
+        motions = method._motions(terms_of(system))
         self.places = motions.places
         form, numbers = motions.of_site(self.places)
-        rows = [(*numbers[part], share) for part, share in method.turns(motions)]
+        rows = [(*numbers[part], share, at) for part, share, at in method.turns(motions)]
         kind, self.copies = (TurnsOfBonds, 2) if isinstance(form, tuple) else (TurnsOfColours, 1)
         last = rows[-1]
         if len(rows) == 1:  # one turn is a step, and leaves nothing
-            last = *last[:3], 0.0
+            last = *last[:3], 0.0, 0.0
             rows = [*rows, last]
         table = Table(np.array(rows, dtype=float).ravel())
         turns = kind(system.group.base, form, table, last[3], repr(method))
         self.arguments = turns, layout, steps.h, len(rows) - 1
         planes, shared = Planes.of_rows(1, 1), kernel.Shared(np.empty(0))
         self.execution = SiteExecution(
-            steps.compiled, steps.progress, advance_turns, *self.arguments, 1, 1, 1, planes, planes,
-            shared,
+            steps.compiled, steps.progress, advance_turns, *self.arguments, 0.0, 1, 1, 1, planes,
+            planes, shared,
         )  # fmt: skip
 
     def spread(self, rows: np.ndarray) -> Planes:
@@ -220,10 +269,19 @@ class TurnsRun(SiteRun):
 
     turned: Planes | None = None  # all sites before the last turn of a step, by their places
     clock: np.ndarray
-    last: np.ndarray | None = None  # all states at the node
+    last: Any = None  # all states at the node, by their places
+    old: Any = None  # those at the node before it
+    torn = False  # are the sites further than the steps that were looked into?
+
+    @property
+    def _looks(self) -> bool:
+        """Is every step looked into, for zeros of events or for times inside of it?"""
+        return bool(self.plan.events) or self.fixed_times
 
     def _call(self, turns: int) -> None:
         """Some more steps: those to the next sample or a part of them, or to some samples."""
+        if self._looks:
+            return self._look_into(turns)
         first = self.made
         if not turns:
             self._show(first, self.shape.shown_rows(self._memory)[None])
@@ -256,19 +314,138 @@ class TurnsRun(SiteRun):
         shown, samples = self.shape.shown, len(rows)
         if not samples:
             return
-        begin = first * self.shape.state.width if shown.kept else 0
         if self.chosen is not None:
             self.own[first : first + samples] = rows[..., self.chosen]
-        planes = (
-            Planes(self.seen.array[begin : begin + rows[:, :, 0].size], self.count)
-            if shown.kept and self.chosen is None
-            else Planes.of_rows(rows[:, :, 0].size, self.count)
-        )
-        planes.array[:, : self.count] = rows.reshape(-1, self.count)
-        planes.array[:, self.count :] = planes.array[:, self.count - 1 : self.count]
+        elif shown.kept:
+            begin = first * self.wide
+            kept = self.seen.array[begin : begin + samples * self.wide]
+            kept[:] = rows_of(rows).reshape(kept.shape)
+        times = self.t0 + self.numbers[first : first + samples] * self.h
+        self.totals[first : first + samples] = self._totals(rows, times)
+
+    def _totals(self, rows: np.ndarray, times: Any) -> np.ndarray:
+        """What is recorded of states, (samples, width, sites), in total over all sites."""
+        shown = self.shape.shown
+        found = np.zeros((len(rows), shown.totals.width))
         if shown.quantities:
-            times = self.t0 + self.numbers[first : first + samples] * self.h
-            totals_in(self.totals[first : first + samples], self.site, shown, planes, times)
+            planes = Planes(rows_of(rows).reshape(-1, padded(self.count)), self.count)
+            totals_in(found, self.site, shown, planes, times)
+        return found
+
+    # ---------------------------------------------------------------- inside of steps
+
+    def _look_into(self, turns: int) -> None:
+        """Some more steps, each of which is looked into."""
+        if self.last is None:
+            self._turned(0, 1, 1)
+        t, left = self.clocks.item(TIME, 0), self.before + self.steps - self.taken
+        if np.isnan(self.march[1]):
+            self.march[1] = t
+            self._stand(self._totals(self._seen(self.last)[None], [t])[0])
+        turns = min(turns, left)
+        if not turns:
+            return
+        if not self.plan.events:  # nothing happens until the next time
+            due = (
+                self.times[self.made]
+                if self.made < len(self.times)
+                else np.copysign(np.inf, self.h)
+            )
+            far = int(min((due - t) / self.h, turns + 1.0)) - 1
+            if far > 0:
+                self._turned(far, 1, 1)
+                self._go_on(far, self.last)
+                return
+        old, self.torn = self.last, True
+        rows = self._turned(1, min(turns, max(1, ROWS // self.last.size)), 1)
+        times = self.t0 + (self.taken + 1 + np.arange(len(rows))) * self.h
+        totals = self._totals(self._seen(rows), times)
+        for row, total in zip(rows, totals):
+            self.old, self.last, old = old, row, row
+            begun = self.clocks.item(TIME, 0)
+            if not self._go_on(1, row):
+                return
+            self._stand(total, begun)
+            if self.ended is not None:
+                return
+        self.torn = False
+
+    def _go_on(self, steps: int, row: np.ndarray) -> bool:
+        """Count steps; is what they lead to finite?"""
+        self.clocks[TAKEN] += steps
+        self.clocks[TIME] = self.t0 + self.clocks[TAKEN] * self.h
+        good = bool(np.isfinite(row).all())
+        if not good:
+            self.clocks[MARK] = STUCK
+        return good
+
+    def _stand(self, totals: np.ndarray, begun: float | None = None) -> None:
+        """Look at what a step leads to, that began then; at the start of a run if none did."""
+        t = self.clocks.item(TIME, 0)
+        self.look[: len(totals)] = totals
+        if self.plan.events:
+            self.values[1] = self._seen_by_events(t, self.look)
+            if begun is None:
+                self.values[0] = self.values[1]
+            a, b = self.values
+            met = (np.minimum(a, b) <= 0.0) & (np.maximum(a, b) >= 0.0) & (a != 0.0)
+            self.march[2] = CROSSED if met.any() and begun is not None else 0.0
+        if begun is not None:
+            self.march[1] = begun
+            super()._attend()
+            if self.march[2] == 0.0:
+                self.values[0] = self.values[1]
+        while self.ended is None and self.made < len(self.times) and self.times[self.made] == t:
+            self._keep(self._seen(self.last), totals)
+
+    def _seen_by_events(self, t: float, totals: np.ndarray) -> Any:
+        """The values of events."""
+        try:
+            return self.shape.sighted.seen(t, totals)
+        except Exception as error:
+            raise self._ended(error, f"in an event at t = {t:g}") from None
+
+    def _attend(self) -> None:
+        """Steps that are looked into have been attended to."""
+        if not self._looks or self.clocks[MARK, 0] != 0.0:
+            super()._attend()
+
+    def _seen(self, rows: np.ndarray) -> np.ndarray:
+        """States by places as they are shown, (..., width, sites)."""
+        return rows[..., self.shape.order, :][..., self.shape.turning.places.places]
+
+    def looked(self, at: float, begun: float, end: float) -> tuple[Any, Any, Any]:
+        """The states of all sites at a time in the last step, the totals, and the events."""
+        if at == end:
+            return self._seen(self.last), self.look[: self.totals.shape[1]], self.values[1]
+        turning, order = self.shape.turning, self.shape.order
+        turns, layout, _, number = turning.arguments
+        fresh = np.zeros_like(self.old)
+        fresh[order] = self.old[order]
+        start = Planes(rows_of(np.tile(fresh, (turning.copies, 1))), fresh.shape[1])
+        seen = Planes.of_rows(len(fresh), start.count)
+        given = turns, layout, at - begun, number, begun, 1, 1, 1, start, seen
+        self._make(given, np.zeros(3))
+        rows = self._seen(seen.array[:, : start.count])
+        if not np.isfinite(rows).all():
+            raise self._ended(NotFinite(OVERFLOW), f"inside of a step, t = {at:g}")
+        totals = self._totals(rows[None], [at])[0]
+        values = self._seen_by_events(at, totals) if self.plan.events else ()
+        return rows, totals, np.array(values)
+
+    # ---------------------------------------------------------------- turns
+
+    def _make(self, arguments: Any, clock: np.ndarray) -> None:
+        """Run the driver."""
+        execution = self.shape.turning.execution
+        left = self.before + self.steps - self.taken
+        if execution.ready_for(self.count * max(1, left)):
+            self.compiled = True
+            calls = execution.on_sites(arguments[-1].count, self.workers)
+            calls(*arguments, kernel.Shared(clock))
+        else:
+            driver: Any = advance_turns
+            driver(*arguments, clock)
 
     def _turned(self, turns: int, samples: int, shown: int) -> np.ndarray:
         """The states of all sites after so many steps each, (samples, width, places); if they are not
@@ -280,18 +457,12 @@ class TurnsRun(SiteRun):
         turning = shape.turning
         if self.turned is None:
             self.turned = turning.spread(self._memory[width : 2 * width])
-            self.clock = np.array([self._memory[2 * width, 0], 0.0])
+            self.clock = np.array([self._memory[2 * width, 0], 0.0, self.taken])
         count = self.turned.count
         seen = Planes.of_rows(width * samples * shown, count)
-        arguments: Any = *turning.arguments, turns, samples, shown, self.turned, seen
+        arguments: Any = *turning.arguments, self.t0, turns, samples, shown, self.turned, seen
         self.notes, self.failures = -1, []
-        left = self.before + self.steps - self.taken
-        if turning.execution.ready_for(self.count * max(1, left)):
-            self.compiled = True
-            turning.execution.on_sites(count, self.workers)(*arguments, kernel.Shared(self.clock))
-        else:
-            given: list[Any] = [*arguments, self.clock]
-            advance_turns(*given)
+        self._make(arguments, self.clock)
         if not shown:
             self.last = None
             return self._before_last[None]
@@ -307,6 +478,12 @@ class TurnsRun(SiteRun):
         begin = int(self.clock[1]) * width
         found: np.ndarray = planes.array[begin : begin + width, : planes.count]
         return found
+
+    def carry(self, *given: Any) -> Any:
+        """With what a run goes on; nothing where it was interrupted between steps that are made and those
+        that were looked into.
+        """
+        return None if self.torn else super().carry(*given)
 
     def _lay_down(self) -> None:
         """Put what every site carries along in its own place."""
@@ -332,7 +509,5 @@ class TurnsRun(SiteRun):
     def _fail(self) -> None:
         """A state that is not finite ends the run."""
         step = self.taken
-        error = NotFinite(
-            "the step overflowed or left the domain of a formula; a smaller h may help"
-        )
+        error = NotFinite(OVERFLOW)
         raise self._ended(error, f"after step {step}, t = {self.t0 + step * self.h:g}")

@@ -69,7 +69,8 @@ class BoundBody(System):
                 f"{name}: body must be a body such as RigidBody([1.0, 1.5, 2.0]) or a "
                 f"MechanicalSystem; got {body!r}"
             )
-        if not isinstance(body.body.lagrangian, KineticEnergy):
+        kinetic = getattr(body.body, "lagrangian", None)
+        if not isinstance(kinetic, KineticEnergy):
             raise InvalidInput(
                 f"{name}: the kinetic energy must be quadratic, a "
                 f"KineticEnergy; {body.body!r} has another one"
@@ -78,9 +79,8 @@ class BoundBody(System):
         # formulas may have no value at the identity
         count = self._count(small(body.configurations.random(1)))
         object.__setattr__(self, "conditions", count)
-        object.__setattr__(
-            self, "separate", _separate(body.configurations, np.array(body.body.lagrangian.inertia))
-        )
+        separate = _separate(body.configurations, np.array(kinetic.inertia))
+        object.__setattr__(self, "separate", separate)
         self._connect(count)
         super().__post_init__()
 

@@ -10,10 +10,11 @@ import numpy as np
 from ..errors import InvalidType, undefined
 from ..formulas import Vec, gradient, record, vec
 from ..formulas.derived import derived
+from ..formulas.pytree import fill, with_fields
 from ..groups.lie_group import LieGroup
 from .canonical import CanonicalState, PhaseSpace
 from .driven_hamiltonian import DrivenHamiltonian
-from .hamiltonian import Hamiltonian
+from .kinetic_energy import KineticEnergy
 from .lie_poisson import BodyState, LiePoissonMotion, LiePoissonSystem, body_state
 from .sums_of_terms import driven_of
 
@@ -72,24 +73,8 @@ class DrivenHamiltonianSystem(PhaseSpace):
 
 # ------------------------------------------------------------------ on the dual of a Lie algebra
 
-
-@record
-class Frozen(Hamiltonian):
-    """A driven energy as it is at one time, H(mu) = K(time, mu).
-
-    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., 13.7.
-    """
-
-    driven: DrivenHamiltonian
-    time: float
-
-    def energy(self, mu: Vec) -> float:
-        """K(time, mu).  mu : (dim,)."""
-        return self.driven.energy(self.time, mu)
-
-    def gradient(self, mu: Vec) -> Vec:
-        """dK/dmu.  mu : (dim,)."""
-        return self.driven.gradient(self.time, mu)
+_EMPTY: Any = fill(LiePoissonSystem, dict.fromkeys(("group", "hamiltonian", "lagrangian")))
+"""What formulas make a free system of."""
 
 
 @record
@@ -147,7 +132,16 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
         """The free system whose energy is for ever what this one's is at time t.  Raises
         InvalidInput as LiePoissonSystem does.
         """
-        return LiePoissonSystem(self.group, Frozen(self.hamiltonian, t))
+        return LiePoissonSystem(self.group, self.hamiltonian.at(t))
+
+    def _at(self, t: float) -> LiePoissonSystem:
+        """The same, unchecked, in formulas."""
+        energy = self.hamiltonian.at(t)
+        own = energy if isinstance(energy, KineticEnergy) else None
+        made: LiePoissonSystem = with_fields(
+            _EMPTY, group=self.group, hamiltonian=energy, lagrangian=own
+        )
+        return made
 
     @final
     def state(self, mu: Any, g: Any = None) -> BodyState:

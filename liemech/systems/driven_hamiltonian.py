@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from ..errors import undefined
 from ..formulas import Record, Vec, gradient, record
 from ..formulas.derived import derived
+from .hamiltonian import Hamiltonian
 
 
 @record
@@ -31,3 +32,26 @@ class DrivenHamiltonian(Record):
     def gradient(self, t: float, mu: Vec) -> Vec:
         """The velocity xi = dK/dmu.  mu : (dim,)."""
         return gradient(lambda m: self.energy(t, m), mu)
+
+    def at(self, t: float) -> Any:
+        """The energy that is for ever what this one is at time t."""
+        return Frozen(self, t)
+
+
+@record
+class Frozen(Hamiltonian):
+    """A driven energy as it is at one time, H(mu) = K(time, mu).
+
+    Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., 13.7.
+    """
+
+    driven: DrivenHamiltonian
+    time: float
+
+    def energy(self, mu: Vec) -> float:
+        """K(time, mu).  mu : (dim,)."""
+        return self.driven.energy(self.time, mu)
+
+    def gradient(self, mu: Vec) -> Vec:
+        """dK/dmu.  mu : (dim,)."""
+        return self.driven.gradient(self.time, mu)

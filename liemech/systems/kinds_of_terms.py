@@ -10,13 +10,17 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Record, dot, jacobian, record, vec
-from ..formulas.pytree import with_fields
+from ..formulas.pytree import inside, with_fields
+from .terms import AtTime, at_time
 
 APART = 1e-9
 """What should vanish, and is larger than this times what it is made of, does not."""
 
 TRIED = 4
 """Edges at which a term is looked at."""
+
+TIMES = 0.0, 0.37, -0.73, 1.19, 7.3, 101.0
+"""Times at which a term that changes is looked at."""
 
 
 @record
@@ -37,6 +41,9 @@ def kind_of(terms: Any, part: Any) -> Kind:
     """The kind of a term on the sites of a power; a formula that fails where it is tried is of none."""
     try:
         seen, arity = list(_tried(terms, part)), part.graph.arity
+        changes = bool(inside(part, AtTime))
+        if changes and not any(_size(term.slope(0, *sites)) for _, term, sites in seen):
+            return Kind()  # of a pulse that is zero whenever it is tried nothing is known
         return Kind(
             all(_affine(term, sites) for _, term, sites in seen),
             arity == 1 and all(_steady(group, term, *sites) for group, term, sites in seen),
@@ -52,7 +59,9 @@ def _tried(terms: Any, part: Any) -> Iterator[tuple[Any, Any, list[Any]]]:
     for number, ends in part.graph.some_edges(TRIED):
         mus = [rng.normal(size=terms.group.base_of(i).dim).tolist() for i in ends]
         sites = [terms.site_with(i, vec(*mu), None) for i, mu in zip(ends, mus)]
-        yield terms.group.base_of(ends[0]), part.at_edge(number), sites
+        term = part.at_edge(number)
+        for t in TIMES if inside(term, AtTime) else (0.0,):
+            yield terms.group.base_of(ends[0]), at_time(term, t), sites
 
 
 def _affine(term: Any, sites: list[Any]) -> bool:

@@ -18,6 +18,7 @@ from ..formulas.vectors import Vec as SmallVec
 from ..groups.lie_group import LieGroup
 from ..groups.matrix_group import MatrixLieGroup
 from ..groups.power import PowerGroup
+from ..groups.product import ProductGroup
 from ..groups.species import SpeciesGroup
 from ..retractions import Retraction
 from .agreement import require_one_body
@@ -244,7 +245,8 @@ class LiePoissonSystem(LiePoissonMotion):
         group is wanted, the element g.
 
         mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, for matrix
-        groups (n, n), or (bodies, n, n); SciPy's Rotation and RigidTransform will do.  xi needs a
+        groups (n, n), or (bodies, n, n); SciPy's Rotation and RigidTransform will do, on a product
+        a tuple of the factors' elements, (rotation, x).  xi needs a
         Lagrangian, dl/dxi is the momentum.
         Raises InvalidInput for wrong shapes, entries that are not finite, and a g that is not on
         the group.
@@ -331,12 +333,24 @@ def of_group(group: LieGroup, method: str, arguments: dict[str, Any]) -> Any:
     return None
 
 
+def _of_factors(name: str, group: ProductGroup, g: tuple[Any, ...]) -> Any:
+    """One element from those of the factors, if that is what a tuple holds; else the tuple."""
+    if len(g) != len(group.factors) or all(isinstance(x, (int, float)) for x in g):
+        return g
+    try:
+        return group.join(*g)
+    except InvalidInput as error:
+        raise InvalidInput(f"{name}: g: {error}") from None
+
+
 def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
     """Momenta on a group and, if given, elements of it, checked; one of either may serve for many
     of the other.
     """
     if isinstance(group, PowerGroup):
         return site_state(name, group, mu, g)
+    if isinstance(g, tuple) and isinstance(group, ProductGroup):
+        g = _of_factors(name, group, g)
     dim, shape = group._sizes
     large = lies_in_memory(group)
     quick = None if large or isinstance(group, SpeciesGroup) else at_a_glance(mu, dim)

@@ -9,12 +9,13 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Element, Vec, record, vec
+from ..formulas import Element, Vec, derivative, dot, record, vec
 from ..formulas.remembered import common
 from ..groups.coadjoint import CoadjointAction
 from ..groups.lie_group import LieGroup
 from ..groups.semidirect import SemidirectProduct
 from ..retractions import Exponential, Retraction
+from .driven import DrivenLiePoissonSystem
 from .lie_poisson import (
     BodyState,
     LiePoissonSystem,
@@ -37,7 +38,7 @@ class MechanicalSystem(System):
     """A body in a field of force: mu' = ad*_xi mu + f(g) + F(t, xi, g),  g' = g xi,  with xi = dH/dmu.
 
     body : the body without the field, such as RigidBody([1.0, 1.5, 2.0]) or LiePoissonSystem(SE3(),
-    KineticEnergy(J)).
+    KineticEnergy(J)); with an energy that changes with time a DrivenLiePoissonSystem.
     potential : V, its energy in the field as a function of where it is; f is the force that follows
     from it.
     load : a force F without a potential, if there is one.
@@ -58,20 +59,21 @@ class MechanicalSystem(System):
         "RKMK accepts every system, KickDrift and LieVerlet bodies in a field"
     )
 
-    body: LiePoissonSystem
+    body: LiePoissonSystem | DrivenLiePoissonSystem
     potential: Potential
     load: Force | None = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
-        if isinstance(self.body, LiePoissonSystem):
+        if isinstance(self.body, (LiePoissonSystem, DrivenLiePoissonSystem)):
             field = potential_of(type(self).__name__, self.body.group, self.potential)
             if field is not self.potential:
                 object.__setattr__(self, "potential", field)
             load = load_of(type(self).__name__, self.body.group, self.load)
             if load is not self.load:
                 object.__setattr__(self, "load", load)
+        body = DrivenLiePoissonSystem if self.driven else LiePoissonSystem
         given: tuple[tuple[str, Any, type, str], ...] = (
-            ("body", self.body, LiePoissonSystem, "such as RigidBody([1.0, 1.5, 2.0])"),
+            ("body", self.body, body, "such as RigidBody([1.0, 1.5, 2.0])"),
             ("potential", self.potential, Potential, "a subclass with an `energy(g)`"),
             ("load", self.load or _NO_FORCE, Force, "a subclass with a `covector(t, xi, g)`"),
         )
@@ -100,10 +102,18 @@ class MechanicalSystem(System):
 
     # ---------------------------------------------------------------- formulas
 
+    @property
+    def driven(self) -> bool:
+        """Does the energy of the body change with time?"""
+        return isinstance(self.body, DrivenLiePoissonSystem)
+
     @final
-    def velocity(self, mu: Vec) -> Vec:
-        """The body velocity xi = dH/dmu.  mu : (dim,)."""
-        return self.body.velocity(mu)
+    def velocity(self, mu: Vec, t: float = 0.0) -> Vec:
+        """The body velocity xi = dH/dmu.  mu : (dim,).  t : counts where the energy of the body
+        changes with time.
+        """
+        body: Any = self.body
+        return body.velocity(t, mu) if self.driven else body.velocity(mu)
 
     @final
     def force(self, g: Element) -> Vec:
@@ -121,9 +131,25 @@ class MechanicalSystem(System):
         return force if self.load is None else force + self.load.covector(t, xi, g)
 
     @final
-    def energy(self, mu: Vec, g: Element) -> float:
-        """H(mu) + V(g).  mu : (dim,), g : an element."""
-        return self.body.energy(mu) + self.potential.energy(g)
+    def energy(self, mu: Vec, g: Element, t: float = 0.0) -> float:
+        """H(mu) + V(g).  mu : (dim,), g : an element.  t : counts where the energy of the body
+        changes with time.
+        """
+        body: Any = self.body
+        free = body.energy(t, mu) if self.driven else body.energy(mu)
+        return free + self.potential.energy(g)
+
+    @final
+    def power(self, mu: Vec, g: Element, t: float = 0.0) -> float:
+        """dE/dt = dK/dt(t, mu) + <F, xi>: the energy that the load gives, and what the change of the
+        body's own energy does, in W.  mu : (dim,), g : an element.
+        """
+        body: Any = self.body
+        total = derivative(lambda s: body.energy(s, mu), t, 1.0) if self.driven else 0.0
+        if self.load is not None:
+            xi = self.velocity(mu, t)
+            total = total + dot(self.load.covector(t, xi, g), xi)
+        return total
 
     @final
     def spatial_momentum(self, mu: Vec, g: Element) -> Vec:
@@ -142,7 +168,7 @@ class MechanicalSystem(System):
     @final
     def rate(self, t: float, state: BodyState) -> Vec:
         """(xi, f): the velocity on T*G."""
-        xi = self.velocity(state.mu)
+        xi = self.velocity(state.mu, t)
         return vec(*xi, *self.applied(t, xi, state.g))
 
     @final
@@ -172,15 +198,14 @@ class MechanicalSystem(System):
         return vec(*(group.ad_star(xi, state.mu) + kick), *xi), vec(*size, *group.scale(state.g))
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """The energy, and the momenta that a symmetry of the potential keeps; nothing, as far as is
-        known, under a load.
+        """The energy, unless that of the body changes with time, and the momenta that a symmetry of
+        the potential keeps; nothing, as far as is known, under a load.
         """
         mu, g = states["mu"], states["g"]
         if self.load is not None:
             return {}
-        return {"energy": np.asarray(self.energy(mu, g))} | self.potential.symmetry(
-            self.body.group, mu, g
-        )
+        energy = {} if self.driven else {"energy": np.asarray(self.energy(mu, g))}
+        return energy | self.potential.symmetry(self.body.group, mu, g)
 
     @cached_property
     def site_form(self) -> MechanicalSystem | None:
@@ -230,7 +255,8 @@ class MechanicalSystem(System):
         """A start for `integrate`: body momentum mu, or body velocity xi, and configuration g.
 
         mu, xi : (dim,) for one body, (bodies, dim) for an ensemble;  g : an element, or one for
-        each body; SciPy's Rotation and RigidTransform will do.
+        each body; SciPy's Rotation and RigidTransform will do, on a product a tuple of the factors'
+        elements, (rotation, x).
         Raises InvalidInput for a missing g, wrong shapes, entries that are not finite, and a g that
         is not on the group.
         """
@@ -240,7 +266,12 @@ class MechanicalSystem(System):
                 f"{name}: g is missing; the force depends on where "
                 "the body is, give state(mu=..., g=...)"
             )
-        momentum = mu if xi is None and mu is not None else self.body._momentum_of(name, mu, xi)
+        if self.driven and mu is None:
+            raise InvalidInput(
+                f"{name}: give mu; the momentum of a velocity is another one at every time"
+            )
+        body: Any = self.body
+        momentum = mu if xi is None and mu is not None else body._momentum_of(name, mu, xi)
         state = body_state(name, self.body.group, momentum, g)
         if isinstance(self.potential, PlaceTerms):
             require_apart(name, self.potential, state.g)

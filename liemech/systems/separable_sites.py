@@ -33,7 +33,8 @@ class SeparableSite(SeparableSystem):
 
     def kinetic(self, p: Vec) -> float:
         """K(p).  p : (n,)."""
-        return self.mass.body.hamiltonian.energy(p)
+        free: Any = self.mass.body
+        return free.hamiltonian.energy(p)
 
     def potential(self, q: Vec) -> float:
         """The share of this site.  q : (n,)."""
@@ -41,7 +42,8 @@ class SeparableSite(SeparableSystem):
 
     def velocity(self, q: Vec, p: Vec) -> Vec:
         """The velocity.  q, p : (n,)."""
-        return self.mass.body.hamiltonian.gradient(p)
+        free: Any = self.mass.body
+        return free.hamiltonian.gradient(p)
 
     def force(self, q: Vec, p: Vec) -> Vec:
         """The force on this site.  q, p : (n,)."""
@@ -60,6 +62,7 @@ class SeparableSites(SeparableSystem):
     """
 
     quadratic: ClassVar[bool] = True
+    small: ClassVar[int] = 48  # their forces are short
 
     @property
     def sites(self) -> int:

@@ -86,6 +86,15 @@ class SiteState(StateOfSites):
         return found
 
 
+@record
+class NoisySites(SiteState):
+    """Sites with the number of the path that the noise of each takes, `path` : (sites,), or with a leading
+    axis of members.
+    """
+
+    path: Any = None
+
+
 def site_state(name: str, group: PowerGroup, mu: Any, g: Any) -> SiteState:
     """Momenta and, if given, elements of many sites, checked; one member of either may serve for
     many of the other.

@@ -20,6 +20,7 @@ from .kinds_of_terms import APART
 from .lie_poisson import BodyState
 from .sums_of_terms import MomentumTerms
 from .system import as_precise
+from .terms import AtTime, at_time
 from .terms_at_site import at_this_site
 
 _UNSTEADY = "the velocity that it gives changes as the site moves"
@@ -61,15 +62,20 @@ class MotionsOfTerms(Record):
         """The momenta and elements of the sites after a part has moved them for a time."""
         raise NotImplementedError
 
+    @property
+    def timed(self) -> bool:
+        """Are there terms that change with time?"""
+        return bool(inside(self.terms, AtTime))
+
     def in_turn(self, state: BodyState, turns: Any) -> BodyState:
-        """The state after the motions of parts, by number and time, one after the other."""
+        """The state after the motions of parts, by number, for how long and when, one after the other."""
         group, n, g = self.terms.group, self.terms.group.base.dim, state.g
         bodies: list[Any] = [
             (state.mu[n * i : n * (i + 1)], None if g is None else group.site(g, i))
             for i in range(group.copies)
         ]
-        for part, h in turns:
-            bodies = self.moved(part, h, bodies)
+        for part, h, t in turns:
+            bodies = at_time(self, t).moved(part, h, bodies)
         mu = vec(*[x for m, _ in bodies for x in m])
         return BodyState(mu, None if g is None else group.join(*[g for _, g in bodies]))
 

@@ -35,7 +35,7 @@ from .kinds_of_terms import kind_of
 from .kinetic_energy import KineticEnergy
 from .lagrangian import Lagrangian
 from .potential import Force, Potential
-from .terms import AtTime, PerSite, Terms, as_terms, is_a_force, site_class
+from .terms import AtTime, PerSite, Terms, as_terms, at_time, is_a_force, site_class
 from .terms_at_site import (
     EachOfSites,
     ForceOfSite,
@@ -362,8 +362,7 @@ class DrivenTerms(DrivenHamiltonian):
 
     def at(self, t: float) -> Any:
         """It at time t."""
-        moved = [with_fields(x, time=t) for x in inside(self.at_zero, AtTime)]
-        return exchanged(self.at_zero, AtTime, moved)
+        return at_time(self.at_zero, t)
 
     def energy(self, t: float, mu: Vec) -> float:
         """At time t.  mu : (sites dim,), or (sites, dim)."""

@@ -24,7 +24,7 @@ from ..formulas import (
 from ..formulas.derived import derived
 from ..formulas.fields import FrozenDict
 from ..formulas.of_each import Each
-from ..formulas.pytree import with_fields
+from ..formulas.pytree import exchanged, inside, with_fields
 from ..formulas.signatures import bare
 from ..formulas.vectors import small
 from .graphs import EachSite, Graph
@@ -229,6 +229,13 @@ class AtTime(Term):
     def energy(self, *sites: Any) -> float:
         """Its energy then."""
         return self.term.energy(*sites, self.time)
+
+
+def at_time(energy: Any, t: float) -> Any:
+    """What holds terms that change with time, with them as they are then."""
+    changing = inside(energy, AtTime)
+    moved = [with_fields(x, time=t) for x in changing]
+    return exchanged(energy, AtTime, moved) if changing else energy
 
 
 def timed(term: Term) -> Term:

@@ -25,6 +25,7 @@ from .canonical import CanonicalState, PhaseSpace
 from .constrained import ConstrainedSystem
 from .driven import DrivenHamiltonianSystem
 from .lie_poisson import BodyState, LiePoissonMotion
+from .mechanical import MechanicalSystem
 from .separable import SeparableSystem
 from .system import State, System, member
 
@@ -95,7 +96,10 @@ class TimeScale(Record):
         # pushed by a field, or by a constraint
         pushed = not isinstance(system, LiePoissonMotion)
         mu, g = state.mu, state.g
-        xi = system.velocity(mu) if pushed else system.rate(t, state)
+        if isinstance(system, MechanicalSystem):
+            xi = system.velocity(mu, t)
+        else:
+            xi = system.velocity(mu) if pushed else system.rate(t, state)
         group = system.configurations if pushed else system.group
         if self.parts is None or "mu" in self.parts:
             force = group.ad_star(xi, mu)

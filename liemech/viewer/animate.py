@@ -50,26 +50,12 @@ def animate(
     least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
     needed = {*least, *(part for content in contents for part in content.needs(system))}
     record = [name for name in start.parts if name in needed]
+    given: dict[str, Any] = {"h": h, "steps": steps, "rtol": rtol, "record": record, "t0": t0}
     if t_end is not None:
-        t_eval = np.linspace(t0, t_end, frames)
-        run = integrate(
-            system,
-            method,
-            start,
-            h=h,
-            steps=steps,
-            t_end=t_end,
-            rtol=rtol,
-            t_eval=t_eval,
-            dense=False,
-            record=record,
-            t0=t0,
-        )
-    else:
-        every = max(1, -(-steps // frames)) if isinstance(steps, (int, np.integer)) else 1
-        run = integrate(
-            system, method, start, h=h, steps=steps, every=every, rtol=rtol, record=record, t0=t0
-        )
+        given |= {"t_end": t_end, "t_eval": np.linspace(t0, t_end, frames), "dense": False}
+    elif isinstance(steps, (int, np.integer)):
+        given["every"] = max(1, -(-steps // frames))
+    run = integrate(system, method, start, **given)
     return Scene(run, contents, title=title, seconds=seconds, frames=frames)
 
 

@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput, InvalidType, NotDefined
+from ..models.curves import ASIDE, across
 from ..systems.system import System
 from .drawing import Drawing
 from .motion import Motion
 
 Array = NDArray[np.float64]
-
-FRONT = (-78.0, 10.0)
-"""The eye in front of a picture that stands upright: the first axis to the right, the third up."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +28,13 @@ class Content:
     origin.
 
     Contents of the same panel share a picture; if they are `alike`, those of equal systems do.
-    With `own` each run has its own.  Is all that is drawn of a panel in the box of `reach`, which
-    the picture then fills, its contents are `filling`.
+    With `own` each run has its own.  In a panel `of_space` directions are those of space.
     """
 
     panel: ClassVar[str] = "space"
     title: ClassVar[str] = "in space"
     alike: ClassVar[bool] = False
-    filling: ClassVar[bool] = False
+    of_space: ClassVar[bool] = True
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The parts of the state that are drawn, such as ("mu",).  Raises InvalidInput if the
@@ -56,14 +53,21 @@ class Content:
         return None
 
     def eye(self, motion: Motion) -> tuple[float, float]:
-        """The direction from which it is best seen, (azimuth, elevation) in degrees."""
-        return 35.0, 22.0
+        """The direction from which it is best seen, (azimuth, elevation) in degrees: across the
+        plane in which most of it lies.
+        """
+        points = self.reach(motion)
+        return ASIDE if points is None else across(points)
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
-        """What its colours mean: each a "name" and a "color", or for a scale its "colors" and the
-        texts at its "ends".
+        """What its colours mean: each a "name" and a "color", of a "line" or of a dot, or for a
+        scale its "colors" and the texts at its "ends".
         """
         return []
+
+    def note(self, motion: Motion) -> str:
+        """What the picture should say of itself, such as that it is not to scale."""
+        return ""
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """Put nodes into a panel: `drawing.add`, `drawing.trail`, `drawing.once`."""

@@ -27,7 +27,7 @@ class Node:
     Channels: `position` (3), `quaternion` (4), `direction` (3), towards which the third axis
     points, `scale` (1), `reveal`, the segments of a trail that are behind the moving point, and of
     what is there many times its places `cloud` (m, 3), of dots too, and arrows `vectors` (m, 3) or
-    attitudes `turns` (m, 4).
+    attitudes `turns` (m, 4).  A `label` stands at the end of an arrow or a rod.
     """
 
     path: str
@@ -35,21 +35,20 @@ class Node:
     still: dict[str, Array] = field(default_factory=dict)
     moving: dict[str, Array] = field(default_factory=dict)
     clock: int = 0
+    label: str = ""
+    fading: bool = False
 
 
 @dataclass
 class Panel:
     """One of the pictures side by side: what it is called, and which ball (centre and radius) of
     its own space it shows.
-
-    corners : two of the box that holds all that is drawn, in units of the panel; None: not known.
     """
 
     path: str
     title: str
     centre: Array
     unit: float
-    corners: Array | None = None
     nodes: dict[str, Node] = field(default_factory=dict)
 
     def inside(self, points: ArrayLike) -> Array:
@@ -69,12 +68,14 @@ class Drawing:
     color: str
     clock: int
 
-    def add(self, path: str, shape: Shape | None = None, **channels: ArrayLike) -> None:
+    def add(
+        self, path: str, shape: Shape | None = None, label: str = "", **channels: ArrayLike
+    ) -> None:
         """Put a shape, or an empty node for others to hang on, at a path below the run.
 
         Channels with one row for each time move; those whose rows do not differ are taken as one.
         """
-        node = Node(f"{self.panel.path}/{self.name}/{path}", shape, clock=self.clock)
+        node = Node(f"{self.panel.path}/{self.name}/{path}", shape, clock=self.clock, label=label)
         for channel, values in channels.items():
             rows = np.asarray(values, dtype=float)
             if rows.ndim == RANK[channel]:
@@ -85,25 +86,29 @@ class Drawing:
                 node.moving[channel] = rows
         self.panel.nodes[node.path] = node
 
-    def once(self, path: str, shape: Shape, **channels: ArrayLike) -> None:
+    def once(self, path: str, shape: Shape, label: str = "", **channels: ArrayLike) -> None:
         """Put a shape that all runs in the panel share."""
         place = f"{self.panel.path}/{path}"
         if place not in self.panel.nodes:
             still = {
                 channel: np.asarray(values, dtype=float) for channel, values in channels.items()
             }
-            self.panel.nodes[place] = Node(place, shape, still)
+            self.panel.nodes[place] = Node(place, shape, still, label=label)
 
     def trail(
-        self, path: str, points: Array, color: str | None = None, radius: float = 0.011
+        self,
+        path: str,
+        points: Array,
+        color: str | None = None,
+        fading: bool = True,
     ) -> None:
-        """The curve behind a moving point, (n, 3): it grows with the time."""
+        """The curve behind a moving point, (n, 3): it grows with the time, and fades."""
         if len(points) < 2:
             return
         smooth, color = is_smooth(points), color or self.color
-        shape = tube(points, color, radius) if smooth else dots(points, color)
+        shape = tube(points, color) if smooth else dots(points, color)
         node = Node(f"{self.panel.path}/{self.name}/{path}", shape, clock=self.clock)
-        node.moving["reveal"] = np.arange(len(points), dtype=float)
+        node.moving["reveal"], node.fading = np.arange(len(points), dtype=float), fading
         self.panel.nodes[node.path] = node
 
 

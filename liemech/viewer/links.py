@@ -15,7 +15,7 @@ from ..models.linkage import Linkage
 from ..models.poses import quaternions
 from ..systems.system import System
 from .body import STONE
-from .content import FRONT, Content, refuse
+from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
 from .shapes import ball, box, box_edges, mixed, rod
@@ -53,30 +53,10 @@ class Links(Content):
         return ("g",)
 
     def reach(self, motion: Motion) -> Array:
-        """Where the corners of the bodies and the joints come."""
+        """Where the joints and the centres of mass come."""
         system, poses = _read(motion)
-        swept = []
-        for k, link in enumerate(system.links):
-            axes, edges = principal_box(link)
-            corners = (
-                0.5
-                * np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
-                * edges
-                @ axes.T
-            )
-            points = np.concatenate(
-                [corners, *[at[None] for number, at in _points(system) if number == k]]
-            )
-            swept.append(
-                (poses[:, k, :3, :3] @ points.T + poses[:, k, :3, 3:]).swapaxes(1, 2).reshape(-1, 3)
-            )
-        return np.concatenate(
-            [*swept, *[at[None] for number, at in _points(system) if number is None]]
-        )
-
-    def eye(self, motion: Motion) -> tuple[float, float]:
-        """From the front."""
-        return FRONT
+        joints = [_placed(poses, number, at) for number, at in _points(system)]
+        return np.concatenate([*joints, poses[:, :, :3, 3].reshape(-1, 3)])
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """A node for each body, which carries its box, and the joints on arms from its centre of

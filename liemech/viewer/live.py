@@ -9,7 +9,6 @@ import secrets
 import threading
 import webbrowser
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,7 +34,9 @@ class Pen(Drawing):
     nodes: dict[str, dict[str, Any]] = field(default_factory=dict)
     trails: dict[str, list[list[float]]] = field(default_factory=dict)
 
-    def add(self, path: str, shape: Shape | None = None, **channels: ArrayLike) -> None:
+    def add(
+        self, path: str, shape: Shape | None = None, label: str = "", **channels: ArrayLike
+    ) -> None:
         """Where a node is."""
         now = {}
         for channel, values in channels.items():
@@ -43,11 +44,15 @@ class Pen(Drawing):
             now[channel] = (rows if rows.ndim == RANK[channel] else rows[0]).ravel().tolist()
         self.nodes[f"{self.panel.path}/{self.name}/{path}"] = now
 
-    def once(self, path: str, shape: Shape, **channels: ArrayLike) -> None:
+    def once(self, path: str, shape: Shape, label: str = "", **channels: ArrayLike) -> None:
         """Nothing to do: all runs share what is there already."""
 
     def trail(
-        self, path: str, points: NDArray[np.float64], color: str | None = None, radius: float = 0.0
+        self,
+        path: str,
+        points: NDArray[np.float64],
+        color: str | None = None,
+        fading: bool = True,
     ) -> None:
         """The newest point."""
         self.trails[f"{self.panel.path}/{self.name}/{path}"] = points[-1:].tolist()
@@ -142,12 +147,7 @@ class Live:
     def __enter__(self) -> Live:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def __repr__(self) -> str:

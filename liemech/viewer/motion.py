@@ -170,16 +170,8 @@ class Motion:
         if sites is not None:
             states = {name: by_site(system, name, x)[:, sites] for name, x in states.items()}
         motion = object.__new__(cls)
-        for name, value in (
-            ("system", system),
-            ("t", np.array([t])),
-            ("states", states),
-            ("bodies", state.bodies),
-            ("sites", sites),
-            ("note", ""),
-            ("joined", True),
-        ):
-            object.__setattr__(motion, name, value)
+        values = {"system": system, "t": np.array([t]), "states": states}
+        motion.__dict__.update(values, bodies=state.bodies, sites=sites)
         return motion
 
     def __len__(self) -> int:

@@ -50,6 +50,7 @@ def page(scene: Scene, compressed: bool, socket: str = "") -> str:
 def described(scene: Scene) -> dict[str, Any]:
     """The scene as data: its panels, the commands that build it, the tracks along which it moves."""
     panels = scene.panels()
+    nodes = [node for panel in panels for node in panel.nodes.values()]
     named = [one for one in scene.shown if one.name]
     return {
         "start": scene.start,
@@ -61,20 +62,13 @@ def described(scene: Scene) -> dict[str, Any]:
         "title": scene.title,
         "legend": [{"name": one.name, "color": one.color} for one in named] + scene.legend(),
         "notes": scene.notes(),
-        "axes": any(content.filling for one in scene.shown for content in one.contents),
-        "panels": [
-            {
-                "path": panel.path,
-                "title": panel.title,
-                "corners": None if panel.corners is None else panel.corners.tolist(),
-            }
-            for panel in panels
-        ],
+        "unit": scene.unit,
+        "axes": any(content.of_space for one in scene.shown for content in one.contents),
+        "panels": [{"path": panel.path, "title": panel.title} for panel in panels],
+        "labels": [{"path": node.path, "text": node.label} for node in nodes if node.label],
         "commands": commands(panels),
         "clocks": scene.clocks(),
-        "tracks": [
-            track for panel in panels for node in panel.nodes.values() for track in tracks(node)
-        ],
+        "tracks": [track for node in nodes for track in tracks(node)],
     }
 
 
@@ -87,6 +81,7 @@ def tracks(node: Node) -> list[dict[str, Any]]:
         track: dict[str, Any] = {"path": node.path, "channel": channel, "clock": node.clock}
         if channel == "reveal" and node.shape is not None:
             track |= {"each": node.shape.per_segment, "first": node.shape.per_start}
+            track["fading"] = node.fading
         elif channel in MANY:
             largest = float(np.abs(rows).max()) or 1.0
             track |= {

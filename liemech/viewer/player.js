@@ -6,15 +6,9 @@ function startPlayer() {
   const $ = (id) => document.getElementById(id);
   const scene = JSON.parse($("scene").textContent, (_, v) => (v && v.$ ? typedArray(v) : v));
 
-  function typedArray(v) {
-    const bytes = Uint8Array.from(atob(v.b), (c) => c.charCodeAt(0));
-    return new globalThis[v.$](bytes.buffer);
-  }
+  function typedArray(v) { return new globalThis[v.$](Uint8Array.from(atob(v.b), (c) => c.charCodeAt(0)).buffer); }
 
-  function say(text) {
-    $("message").textContent = text;
-    $("message").style.display = "block";
-  }
+  const say = (text) => { $("message").textContent = text; $("message").style.display = "block"; };
 
   // ---------------------------------------------------------------- the stage
 
@@ -44,8 +38,11 @@ function startPlayer() {
   const panels = scene.panels.map((panel) => ({ ...panel, object: node(panel.path).object, rect: [0, 0, 1, 1] }));
   const dots = [];
   viewer.scene.traverse((object) => {
+    const normal = object.geometry && object.geometry.attributes.normal;
+    if (normal && unknown(normal.array)) object.geometry.computeVertexNormals();
     if (object.isInstancedMesh) {
       object.frustumCulled = false;
+      if (object.userData.sides) paintSides(object);
       object.instanceMatrix = new THREE.InstancedBufferAttribute(new Float32Array(16 * object.count), 16);
     }
     if (object.isPoints) {
@@ -58,9 +55,25 @@ function startPlayer() {
     }
   });
 
+  function paintSides(object) { // two colours in turn on the eight octants, or one for each of three sides and a fourth
+    const geometry = object.geometry = object.geometry.toNonIndexed(), p = geometry.attributes.position.array, sides = object.userData.sides;
+    for (let k = 0, colors = []; k < p.length; k += 9) {
+      const middle = [0, 1, 2].map((i) => p[k + i] + p[k + 3 + i] + p[k + 6 + i]);
+      const side = sides.length === 2 ? middle.filter((x) => x > 0).length % 2 : middle.findIndex((x) => x > 1.49);
+      colors.push(...[0, 1, 2].flatMap(() => sides.at(side)));
+      if (k + 9 >= p.length) geometry.setAttribute("color", new THREE.Float32BufferAttribute(colors, 3));
+    }
+    object.material.vertexColors = true;
+  }
+
+  function unknown(normals) { // many programs write STL files with normals of zero, which would be black
+    for (let k = 0; k < normals.length; k += 3) if (!normals[k] && !normals[k + 1] && !normals[k + 2]) return true;
+    return false;
+  }
+
   // ---------------------------------------------------------------- panels and camera
 
-  const MARGIN = 1.32; // radius of the ball that is seen of a panel; its content reaches to 1.25
+  const MARGIN = 1.32; // radius of the ball that is seen of a panel of a live scene, whose content reaches to 1.25
   const FIELD = 26 * Math.PI / 180; // of view, in the narrower direction
   const [azimuth, elevation] = scene.view.map((a) => a * Math.PI / 180);
   const distance = MARGIN / Math.sin(FIELD / 2);
@@ -74,11 +87,25 @@ function startPlayer() {
   controls.maxDistance = 8 * distance;
   controls.update();
 
-  for (const panel of panels) {
-    panel.caption = document.createElement("div");
-    panel.caption.className = "caption";
-    panel.caption.textContent = panel.title;
-    document.body.appendChild(panel.caption);
+  function write(text, kind) {
+    const words = document.createElement("div");
+    words.className = kind;
+    words.textContent = text;
+    document.body.appendChild(words);
+    return words;
+  }
+  for (const panel of panels) panel.caption = write(panel.title, "caption");
+  const labels = scene.labels.map(({ path, text }) => ({
+    words: write(text, "label"), object: node(path).object, panel: panels.find((panel) => path.startsWith(panel.path + "/")),
+  }));
+
+  function letter(panel) { // the names at the ends of axes
+    const [x, y, w, h] = panel.rect, v = new THREE.Vector3();
+    for (const { words, object } of labels.filter((label) => label.panel === panel)) {
+      v.set(0, 0, 1.07).applyMatrix4(object.matrixWorld).project(camera);
+      words.style.left = x + (v.x + 1) * w / 2 + "px";
+      words.style.top = y + (1 - v.y) * h / 2 + "px";
+    }
   }
 
   function layout() { // rows and columns that make the panels largest
@@ -102,27 +129,49 @@ function startPlayer() {
     });
     renderer.setPixelRatio(window.devicePixelRatio);
     renderer.setSize(width, height);
-    for (const panel of panels.filter((panel) => panel.corners)) { // as large as the box fits, seen as now
-      panel.zoom = 1;
-      aim(panel);
-      camera.updateMatrixWorld();
-      panel.object.updateWorldMatrix(true, false);
-      const [low, high] = panel.corners;
-      const seen = [0, 1, 2, 3, 4, 5, 6, 7].map((n) => new THREE.Vector3(...low.map((x, k) => (n >> k & 1 ? high[k] : x)))
-        .applyMatrix4(panel.object.matrixWorld).project(camera));
-      panel.zoom = 0.94 / Math.max(...seen.map((v) => Math.max(Math.abs(v.x), Math.abs(v.y))));
-    }
+    panels.filter((panel) => panel.extent).forEach(fit);
     viewer.needs_render = true;
+  }
+
+  function measure() { // the points of every panel to which its content comes, at some times
+    const TIMES = 24, MOST = 200;
+    for (const panel of panels) panel.extent = [];
+    for (let n = 0; n <= TIMES; n++) {
+      for (const track of tracks) move(track, scene.duration * n / TIMES);
+      viewer.scene.updateMatrixWorld();
+      for (const { object: root, extent } of panels) root.traverse((object) => {
+        if (!object.geometry || !object.geometry.attributes.position) return;
+        const { cloud, sizes } = object.userData, p = cloud || object.geometry.attributes.position.array;
+        const every = 3 * Math.ceil(p.length / 3 / MOST), room = cloud ? Math.max(...sizes.slice(0, 3000)) / 2 : 0;
+        for (let k = 0; k < p.length; k += every) for (const r of room ? [-room, room] : [0]) {
+          extent.push(new THREE.Vector3(p[k] + r, p[k + 1] + r, p[k + 2] + r).applyMatrix4(object.matrixWorld));
+        }
+      });
+    }
+    moved.clear();
+  }
+
+  function fit(panel) { // the part of the film that holds the panel's content, seen as now
+    panel.part = null;
+    aim(panel);
+    camera.updateMatrixWorld();
+    const low = [1e9, 1e9], high = [-1e9, -1e9], v = new THREE.Vector3();
+    for (const point of panel.extent) {
+      v.copy(point).project(camera);
+      [v.x, -v.y].forEach((x, k) => { low[k] = Math.min(low[k], x); high[k] = Math.max(high[k], x); });
+    }
+    const size = Math.max(0.01, ...low.map((x, k) => high[k] - x)) / 2 / 0.88;
+    panel.part = [...low.map((x, k) => (x + high[k] + 2) / 4 - size / 2), size]; // left, top, size, of the film
   }
 
   function aim(panel) { // the camera for a panel: the narrower direction has the same field of view everywhere
     const [, , w, h] = panel.rect;
     camera.aspect = w / h;
     camera.fov = 2 * Math.atan(Math.tan(FIELD / 2) / Math.min(1, camera.aspect)) * 180 / Math.PI;
-    camera.zoom = panel.zoom || 1;
-    camera.updateProjectionMatrix();
+    const [left, top, size] = panel.part || [0, 0, 1];
+    camera.setViewOffset(w, h, left * w, top * h, size * w, size * h);
     // three.js measures dots by the height of the whole page, not by the field of view
-    for (const { material, size } of dots) material.size = size * Math.min(w, h) / (pane.clientHeight * Math.tan(FIELD / 2));
+    for (const dot of dots) dot.material.size = dot.size * Math.min(w, h) / (pane.clientHeight * Math.tan(FIELD / 2) * size);
   }
 
   function drawAxes() { // the directions of the scene's axes on the screen
@@ -161,6 +210,7 @@ function startPlayer() {
       renderer.setScissor(x, height - y - h, w, h);
       aim(panel);
       renderer.render(viewer.scene, camera);
+      letter(panel);
     }
     for (const panel of panels) panel.object.visible = true;
   }
@@ -208,16 +258,25 @@ function startPlayer() {
     object.instanceMatrix.needsUpdate = true;
     if (object.instanceColor) object.instanceColor.needsUpdate = true;
   }
-  function placeAll() {
-    moved.forEach(place);
-    moved.clear();
-  }
+  const placeAll = () => { moved.forEach(place); moved.clear(); };
 
   const tracks = scene.tracks.map((track) => {
     const found = node(track.path), thing = found.children["<object>"];
     const object = ["cloud", "vectors", "turns", "reveal"].includes(track.channel) ? thing.object : found.object;
     return { ...track, object, times: scene.clocks[track.clock], now: new Array(track.width || 0) };
   });
+
+  for (const track of tracks.filter((track) => track.fading && track.object.isMesh)) { // what is long past is pale
+    track.head = { value: 0 };
+    track.object.material.onBeforeCompile = (shader) => {
+      Object.assign(shader.uniforms, { head: track.head, tail: { value: 0.35 * track.times.length }, sides: { value: track.each / 6 } });
+      shader.vertexShader = "varying float fresh; uniform float head, tail, sides;\n" + shader.vertexShader.replace("#include <project_vertex>",
+        "#include <project_vertex>\nfresh = clamp(1.0 - (head - floor(float(gl_VertexID) / sides)) / tail, 0.3, 1.0);\n" +
+        "gl_Position.z += 4e-4 * (1.0 - fresh) * gl_Position.w;"); // the newer lap is in front
+      shader.fragmentShader = "varying float fresh;\n" + shader.fragmentShader.replace("#include <dithering_fragment>",
+        "#include <dithering_fragment>\ngl_FragColor.rgb = mix(vec3(1.0), gl_FragColor.rgb, fresh);");
+    };
+  }
 
   function behind(times, t) { // the last sample that is not after t
     let low = 0, high = times.length;
@@ -233,6 +292,7 @@ function startPlayer() {
     const i = values && values.length === width ? 0 : behind(times, t); // it may stand still
     if (channel === "reveal") {
       object.geometry.setDrawRange(0, track.first + track.each * i);
+      if (track.head) track.head.value = i;
       return;
     }
     let f = 0;
@@ -252,11 +312,7 @@ function startPlayer() {
       const n = channel === "turns" ? 4 : 3;
       for (let k = 0; k < width; k += n) {
         let first = 0, second = 0, mixed = 0;
-        for (let i = k; i < k + n; i++) {
-          first += values[a + i] ** 2;
-          second += values[b + i] ** 2;
-          mixed += now[i] ** 2;
-        }
+        for (let i = k; i < k + n; i++) { first += values[a + i] ** 2; second += values[b + i] ** 2; mixed += now[i] ** 2; }
         const longer = mixed > 0 ? unit * ((1 - f) * Math.sqrt(first) + f * Math.sqrt(second)) / Math.sqrt(mixed) : 0;
         for (let i = k; i < k + n; i++) now[i] *= longer;
       }
@@ -266,18 +322,19 @@ function startPlayer() {
 
   // ---------------------------------------------------------------- time
 
-  const rate = scene.duration / scene.seconds || 0; // seconds of the motion in a second of playing, at speed 1
+  const rate = scene.duration / scene.seconds || 0; // time of the motion in a second of playing, at speed 1
+  const clock = (t) => "t = " + t + (scene.unit && " " + scene.unit);
   const digits = scene.duration > 0 ? Math.max(0, Math.min(12, 3 - Math.ceil(Math.log10(scene.duration)))) : 3;
   const icons = { play: "M3 1 L13 7.5 L3 14 Z", pause: "M3 1 H6 V14 H3 Z M9 1 H12 V14 H9 Z" };
   const player = {
-    duration: scene.duration, time: 0, playing: false, speed: 1, viewer, panels, tracks, aim,
+    duration: scene.duration, time: 0, playing: false, loop: false, speed: 1, viewer, panels, tracks, aim,
     get drawn() { return drawn; },
     seek(t) {
       this.time = Math.max(0, Math.min(scene.duration, t));
       for (const track of tracks) move(track, this.time);
       placeAll();
       $("time").value = this.time;
-      $("label").textContent = "t = " + (scene.start + scene.sign * this.time).toFixed(digits) + " s";
+      $("label").textContent = clock((scene.start + scene.sign * this.time).toFixed(digits));
       viewer.needs_render = true;
     },
     play() {
@@ -286,11 +343,9 @@ function startPlayer() {
       this.playing = true;
       face();
     },
-    pause() {
-      this.playing = false;
-      face();
-    },
+    pause() { this.playing = false; face(); },
     toggle() { if (this.playing) this.pause(); else this.play(); },
+    reset() { controls.reset(); layout(); }, // the eye goes back to where it was
     bare() { // nothing but the pictures, standing still
       this.pause();
       document.body.classList.add("bare");
@@ -311,7 +366,7 @@ function startPlayer() {
     if (player.playing) {
       // a hidden page gets no frames: do not jump when it is seen again
       if (last !== null) player.seek(player.time + Math.min((now - last) / 1000, 0.25) * rate * player.speed);
-      if (player.time >= scene.duration) player.pause();
+      if (player.time >= scene.duration) player.loop ? player.seek(0) : player.pause();
     }
     last = now;
     if (viewer.needs_render) draw();
@@ -321,19 +376,24 @@ function startPlayer() {
   // ---------------------------------------------------------------- the bar, the keys
 
   if (scene.title) $("head").querySelector("h1").textContent = scene.title; else $("head").querySelector("h1").remove();
-  for (const { name, color, colors, ends = ["", ""] } of scene.legend) {
+  for (const { name, color, colors, line, ends = ["", ""] } of scene.legend) {
     const entry = document.createElement("span"), dot = document.createElement("i");
     dot.style.background = colors ? `linear-gradient(90deg, ${colors})` : color;
-    if (colors) dot.className = "scale";
+    dot.className = colors ? "scale" : line ? "line" : "";
     entry.append(...(colors ? [name, " ", ends[0], dot, ends[1]] : [dot, name]));
     $("legend").append(entry);
   }
-  $("notes").textContent = scene.notes.length ? "shown: " + scene.notes.join("; ") : "";
+  $("notes").textContent = scene.notes.join("; ");
   for (const speed of [0.1, 0.25, 0.5, 1, 2, 5]) {
-    $("speed").add(new Option(Number((rate * speed).toPrecision(2)) + " s per second", speed, speed === 1, speed === 1));
+    $("speed").add(new Option((scene.unit ? "" : "t: ") + Number((rate * speed).toPrecision(2)) + (scene.unit && " " + scene.unit) + " per second", speed, speed === 1, speed === 1));
   }
   $("time").max = scene.duration;
   if (!(scene.duration > 0)) $("bar").style.display = "none";
+  const press = (id) => { $(id).click(); };
+  $("loop").onclick = () => { $("loop").setAttribute("aria-pressed", player.loop = !player.loop); };
+  $("reset").onclick = () => player.reset();
+  $("full").onclick = () => (document.fullscreenElement ? document.exitFullscreen() : document.documentElement.requestFullscreen()).catch(say);
+  $("full").hidden = !document.fullscreenEnabled;
   $("play").onclick = () => { player.toggle(); $("play").blur(); };
   $("time").oninput = () => window.seekTo(Number($("time").value));
   $("speed").onchange = () => { player.speed = Number($("speed").value); };
@@ -346,11 +406,11 @@ function startPlayer() {
       ArrowRight: () => window.seekTo(player.time + step),
       Home: () => window.seekTo(0),
       End: () => window.seekTo(scene.duration),
+      l: () => press("loop"),
+      r: () => press("reset"),
+      f: () => press("full"),
     };
-    if (answers[event.key]) {
-      answers[event.key]();
-      event.preventDefault();
-    }
+    if (answers[event.key]) (answers[event.key](), event.preventDefault());
   });
   controls.addEventListener("change", () => { viewer.needs_render = true; });
   addEventListener("resize", layout);
@@ -362,7 +422,7 @@ function startPlayer() {
 
   function listen() {
     const trails = new Map(), MOST = 2000;
-    for (const id of ["play", "time", "speed"]) $(id).style.display = "none"; // there is no way back
+    for (const id of ["play", "time", "speed", "loop"]) $(id).style.display = "none"; // there is no way back
     const connection = new WebSocket(scene.socket);
     connection.onclose = () => { $("label").textContent += " (ended)"; };
     connection.onmessage = (message) => {
@@ -380,7 +440,7 @@ function startPlayer() {
         trails.get(path)(points);
       }
       $("bar").style.display = "flex";
-      $("label").textContent = "t = " + update.t.toPrecision(6) + " s";
+      $("label").textContent = clock(update.t.toPrecision(6));
       window.updates = (window.updates || 0) + 1;
       viewer.needs_render = true;
     };
@@ -402,6 +462,8 @@ function startPlayer() {
     }
   }
 
+  controls.saveState();
+  if (!scene.socket) measure();
   layout();
   player.seek(0);
   requestAnimationFrame(frame);

@@ -14,14 +14,19 @@ from ..models.constrained_pendulums import ChainPendulum, FourBarLinkage
 from ..models.kepler import Kepler
 from ..models.n_body import NBody
 from ..models.poses import places, rods
+from ..plots import COLORS
 from ..systems.canonical import CanonicalSystem
 from ..systems.system import System
-from .content import FRONT, Content, refuse
+from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, mixed, rod
+from .shapes import ball, dots, mixed, rod, shares
 
 Array = NDArray[np.float64]
+
+SUN = "#C87F00"
+MOST_BALLS, FEW = 96, 12
+"""More points are drawn as dots, and of more members no trails."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,8 @@ class Points(Content):
     two or three degrees of freedom are a point, one is a point in the plane of q and p.
     rods : are the points joined, the first to the origin, each to the next?  Left out: those of
     pendulums and linkages are.
-    trail : the curve behind the last point.
+    trail : the curve behind the last point, of bodies that attract each other behind each.
+    Of an ensemble every member is shown, coloured by the order of their energies.
     """
 
     panel: ClassVar[str] = "points"
@@ -63,58 +69,81 @@ class Points(Content):
         pivots = _upright(rods(motion.system)[0]) if self.places is None else np.zeros((0, 3))
         return np.concatenate([self._points(motion).reshape(-1, 3), np.zeros((1, 3)), pivots])
 
-    def eye(self, motion: Motion) -> tuple[float, float]:
-        """From the front."""
-        return FRONT
+    def note(self, motion: Motion) -> str:
+        """Balls are to be seen."""
+        drawn = self.places is None and isinstance(motion.system, (Kepler, NBody))
+        return "places to scale, sizes not" if drawn else ""
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """Balls, rods, the trail of the last point, and marks in the pivots."""
-        points, dark = (
-            drawing.panel.inside(self._points(motion)),
-            mixed(drawing.color, "#000000", 0.25),
-        )
-        system, count = motion.system, points.shape[1]
+        """Balls, rods, the trails of the last points, and marks in the pivots."""
+        inside, system = drawing.panel.inside, motion.system
+        points = inside(self._points(motion))
+        members, count = points.shape[1:3]
+        colors, sizes = self._colors(motion, drawing, members, count), np.full(count, 0.05)
+        if isinstance(system, NBody) and self.places is None:
+            masses = np.array(system.masses)
+            sizes = np.maximum(0.07 * np.cbrt(masses / masses.max()), 0.02)
         pivots, pairs = rods(system) if self.places is None else (np.zeros((0, 3)), [])
         if self.rods is not None:
             pivots, pairs = (
                 np.zeros((1, 3)),
                 [(k - 1 if k else count, k) for k in range(count)] if self.rods else [],
             )
-        fixed = drawing.panel.inside(_upright(pivots))
-        ends = np.concatenate([points, np.broadcast_to(fixed, (len(points), *fixed.shape))], axis=1)
-        for k in range(count):
-            drawing.add(f"point {k + 1}", ball(0.05, dark), position=points[:, k])
-        for k, (a, b) in enumerate(pairs, start=1):
-            start, way = ends[:, a], ends[:, b] - ends[:, a]
-            length = np.linalg.norm(way, axis=1)
-            direction = np.where(length[:, None] > 0.0, way, np.array([0.0, 0.0, 1.0]))
-            stick = rod(mixed(drawing.color, "#ffffff", 0.4))
-            drawing.add(f"rod {k}", stick, position=start, direction=direction, scale=length)
-        if self.trail and count:
-            drawing.trail("trail", points[:, -1])
+        fixed = inside(_upright(pivots))
+        if members * count > MOST_BALLS:  # as dots
+            tints = np.array(shares([color for row in colors for color in row]))
+            cloud = points.reshape(len(points), -1, 3)
+            drawing.add("points", dots(cloud[0], drawing.color, 0.04, tints), cloud=cloud)
+            members = 0
+        for m in range(members):
+            at, name = points[:, m], f"member {m + 1}/" if members > 1 else ""
+            ends = np.concatenate([at, np.broadcast_to(fixed, (len(at), *fixed.shape))], axis=1)
+            for k in range(count):
+                body = ball(sizes[k], mixed(colors[m][k], "#000000", 0.15))
+                drawing.add(f"{name}point {k + 1}", body, position=at[:, k])
+            for k, (a, b) in enumerate(pairs, start=1):
+                start, way = ends[:, a], ends[:, b] - ends[:, a]
+                length = np.linalg.norm(way, axis=1)
+                direction = np.where(length[:, None] > 0.0, way, np.array([0.0, 0.0, 1.0]))
+                stick = rod(mixed(colors[m][0], "#ffffff", 0.3), 0.012)
+                place = {"position": start, "direction": direction, "scale": length}
+                drawing.add(f"{name}rod {k}", stick, **place)
+            moving = range(count) if isinstance(system, NBody) else [count - 1][:count]
+            for k in moving if self.trail and members <= FEW else ():
+                last = "trail" if k == count - 1 else f"trail {k + 1}"
+                drawing.trail(f"{name}{last}", at[:, k], colors[m][k])
         if isinstance(system, Kepler):
-            drawing.once("sun", ball(0.07, "#E69F00"), position=drawing.panel.inside(np.zeros(3)))
+            drawing.once("sun", ball(0.07, SUN), position=inside(np.zeros(3)))
         elif self.places is None:
             for k, pivot in enumerate(fixed):
-                drawing.once(
-                    "pivot" if len(fixed) == 1 else f"pivot {k + 1}",
-                    ball(0.03, "#333333"),
-                    position=pivot,
-                )
+                mark = "pivot" if len(fixed) == 1 else f"pivot {k + 1}"
+                drawing.once(mark, ball(0.03, "#333333"), position=pivot)
+
+    def _colors(
+        self, motion: Motion, drawing: Drawing, members: int, count: int
+    ) -> list[list[str]]:
+        """Of each point of each member: many bodies have colours of their own, with a sun among
+        them, members the order of their energies.
+        """
+        if members > 1:
+            energy: Any = motion.system.constants({n: x[0] for n, x in motion.states.items()})
+            rank = np.argsort(np.argsort(energy["energy"], kind="stable")) / (members - 1)
+            return [[mixed(COLORS[0], COLORS[1], share)] * count for share in rank.tolist()]
+        if isinstance(motion.system, NBody) and self.places is None:
+            masses = np.sort(np.array(motion.system.masses))
+            sun = int(np.argmax(motion.system.masses)) if masses[-1] > 20.0 * masses[-2] else -1
+            return [[SUN if k == sun else COLORS[k % len(COLORS)] for k in range(count)]]
+        return [[drawing.color] * count]
 
     def _points(self, motion: Motion) -> Array:
-        """The points in space, (n, m, 3); those of a plane stand upright in it."""
-        if motion.bodies is not None:
-            raise InvalidInput(
-                "Points shows one member; choose one of the ensemble, as in Scene(run, body=0)"
-            )
+        """The points in space, (n, members, m, 3); those of a plane stand upright in it."""
         q, p = motion["q"], motion["p"]
-        points = (
-            _given(self.places(q, p), len(q))
-            if self.places is not None
-            else places(motion.system, q, p)
-        )
-        return _upright(points)
+        if motion.bodies is None:
+            q, p = q[:, None], p[:, None]
+        if self.places is None:
+            return _upright(places(motion.system, q, p))
+        rows = [_given(self.places(q[:, k], p[:, k]), len(q)) for k in range(q.shape[1])]
+        return _upright(np.stack(rows, axis=1))
 
 
 def _upright(points: Array) -> Array:

@@ -15,7 +15,9 @@ import numpy as np
 
 from ..errors import InvalidInput
 from ..formulas import real_array
+from ..models.curves import ASIDE
 from ..plots import COLORS
+from ..plots.style import time_unit
 from .choice import KNOWN, suited
 from .content import Content, chosen, require
 from .drawing import Drawing, Panel
@@ -44,6 +46,7 @@ class Shown:
     contents: tuple[Content, ...]
     name: str
     color: str
+    note: str = ""
 
 
 class Scene:
@@ -65,7 +68,9 @@ class Scene:
     frames : samples that are kept of each run, evenly chosen; the data of the run are not touched.
     interpolate : move between the samples, of adaptive steps by their dense output; False shows the
     steps one after another.
-    view : (azimuth, elevation) of the eye in degrees.
+    view : (azimuth, elevation) of the eye in degrees; left out, across the plane of the motion.
+    unit : of the times, such as "d"; left out, that of the system, which is "s" or nothing.
+    note : something that the page says of the run.
 
     `add` puts another run into the scene.  Momenta share a sphere; bodies that stay where they are
     stand side by side.
@@ -86,6 +91,8 @@ class Scene:
         frames: int = FRAMES,
         interpolate: bool = True,
         view: tuple[float, float] | None = None,
+        unit: str | None = None,
+        note: str = "",
     ) -> None:
         if (
             seconds is not None
@@ -99,11 +106,11 @@ class Scene:
             if angles.shape != (2,) or not np.isfinite(angles).all():
                 raise InvalidInput(f"Scene: view is (azimuth, elevation) in degrees; got {view!r}")
         self.title, self.frames, self.interpolate = title, int(frames), bool(interpolate)
-        self._seconds, self._view = seconds, view
+        self._seconds, self._view, self._unit = seconds, view, unit
         self.shown: list[Shown] = []
         self.runs: list[Any] = []
         if run is not None:
-            self.add(run, show, name=name, color=color, body=body, sites=sites)
+            self.add(run, show, name=name, color=color, body=body, sites=sites, note=note)
 
     def add(
         self,
@@ -114,6 +121,7 @@ class Scene:
         color: str | None = None,
         body: int | None = None,
         sites: Any = None,
+        note: str = "",
     ) -> Scene:
         """Put another run into the scene; arguments as above.  Returns the scene."""
         bodies, frames = getattr(run, "bodies", None), self.frames
@@ -134,7 +142,7 @@ class Scene:
             raise InvalidInput(
                 "Scene.add: this run goes the other way in time; give it a scene of its own"
             )
-        self.shown.append(Shown(motion, contents, name, color))
+        self.shown.append(Shown(motion, contents, name, color, note))
         self.runs.append(run)
         return self
 
@@ -149,6 +157,13 @@ class Scene:
     def duration(self) -> float:
         """The time from the first sample to the last, in s."""
         return float(max(self._sign() * (one.motion.t[-1] - self.start) for one in self._some()))
+
+    @property
+    def unit(self) -> str:
+        """Of the times: what was given, or that of the first system."""
+        if self._unit is not None:
+            return self._unit
+        return time_unit(self._some()[0].motion.system)
 
     @property
     def seconds(self) -> float:
@@ -170,7 +185,7 @@ class Scene:
         if self._view is not None:
             return self._view
         found = {c.eye(one.motion) for one in self._some() for c in one.contents}
-        return found.pop() if len(found) == 1 else (35.0, 22.0)
+        return found.pop() if len(found) == 1 else ASIDE
 
     def legend(self) -> list[dict[str, Any]]:
         """What the colours mean, each said once."""
@@ -181,12 +196,16 @@ class Scene:
         return found
 
     def notes(self) -> list[str]:
-        """What the pictures leave out of the runs."""
-        return [
-            f"{one.name}: {one.motion.note}" if one.name else one.motion.note
-            for one in self._some()
-            if one.motion.note
-        ]
+        """What is to be said of the runs: what the pictures leave out of them, what is not to
+        scale, why one ended early.
+        """
+        found: list[str] = []
+        for one in self._some():
+            scale = [content.note(one.motion) for content in one.contents]
+            for text in (one.note, one.motion.note and f"shown: {one.motion.note}", *scale):
+                said = f"{one.name}: {text}" if one.name and text not in scale else text
+                found += [said] if text and said not in found else []
+        return found
 
     def _some(self) -> list[Shown]:
         if not self.shown:
@@ -283,7 +302,7 @@ class Scene:
 
         return snapshot(self, path, t, size)
 
-    def write_gif(
+    def write_film(
         self,
         path: str | PathLike[str],
         *,
@@ -291,20 +310,14 @@ class Scene:
         fps: int = 20,
         seconds: float | None = None,
     ) -> Path:
-        """Write the scene as a moving GIF, each picture at its exact time; needs Chromium and
-        Pillow.
+        """Write the scene as a film, each picture at its exact time: a .gif, for which Pillow is
+        needed, or an .mp4 or .webm, for which the extra `film` is; needs Chromium.
         """
-        from .snapshot import write_gif
+        from .snapshot import write_film
 
-        return write_gif(self, path, size, fps, seconds)
+        return write_film(self, path, size, fps, seconds)
 
-    def send(self, visualizer: Any) -> None:
-        """Draw the scene into a meshcat.Visualizer of one's own, below its path, and give it the
-        animation.
-        """
-        from .send import send
-
-        send(self, visualizer)
+    write_gif = write_film
 
     def live(self, *, open: bool = True) -> Live:
         """Show the scene in a browser on this machine, and let `display` move it, state by state."""
@@ -332,8 +345,4 @@ def _framed(path: str, members: Sequence[tuple[Shown, Content]], named: bool) ->
     low, high = points.min(axis=0), points.max(axis=0)
     centre = low + 0.5 * (high - low)
     unit = float(np.linalg.norm(points - centre, axis=1).max())
-    unit = unit or 1.0
-    filling = all(c.filling for _, c in members)
-    return Panel(
-        path, title, centre, unit, (np.array([low, high]) - centre) / unit if filling else None
-    )
+    return Panel(path, title, centre, unit or 1.0)

@@ -149,25 +149,13 @@ def needle(radius: float, sides: int) -> Shape:
     return turned(profile, "#ffffff", sides)
 
 
-def die(colors: Sequence[str]) -> Shape:
-    """A cube with edges 1: the sides on which its axes come out have colours of their own, the other
-    three the fourth.
-    """
-    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-    front, back = np.insert(square, 0, 0.5, axis=1), np.insert(square[::-1], 0, -0.5, axis=1)
-    corners = [np.roll(side, k, axis=1) for k in range(3) for side in (front, back)]
-    tints = np.repeat([rgb(colors[k]) for k in (0, 3, 1, 3, 2, 3)], 4, axis=0) / 255.0
-    triangles = (4 * np.arange(6)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-    look = solid("#ffffff") | {"vertexColors": True}
-    return Shape("Mesh", lambda: _mesh(np.concatenate(corners), triangles, tints), look)
-
-
 def often(shape: Shape, count: int, sizes: ArrayLike = ((1.0,),), **known: Any) -> Shape:
     """A shape that is there many times, drawn at once.
 
     sizes : (1, 1) a factor for all, (count, 1) one for each, (count, 3) three along its axes.
     known : what the page draws by: "colors" and "axis", the scale for how far arrows point along
-    an axis; "tints" (count, 3); "box", the edges of a periodic one.
+    an axis; "tints" (count, 3); "box", the edges of a periodic one; "sides", colours of a ball's
+    octants, two in turn, or of the sides of a cube on which its axes come out, and of the others.
     """
     rows = np.asarray(sizes, dtype=np.float32)
     array = np.broadcast_to(rows, (len(rows), 3))
@@ -201,7 +189,7 @@ def mesh_file(path: str | PathLike[str], color: str) -> Shape:
 # ------------------------------------------------------------------ curves and points
 
 
-def tube(points: Array, color: str, radius: float = 0.011, sides: int = 5) -> Shape:
+def tube(points: Array, color: str, radius: float = 0.009, sides: int = 5) -> Shape:
     """A curve (n, 3), thick enough to be seen: lines are one pixel wide in WebGL.  Its segments are
     in the order of the points.
     """
@@ -283,7 +271,7 @@ def solid(color: str, opacity: float = 1.0) -> dict[str, Any]:
 
 
 def _seen_through(opacity: float) -> dict[str, Any]:
-    return {} if opacity >= 1.0 else {"transparent": True, "opacity": opacity, "depthWrite": False}
+    return {} if opacity >= 1.0 else {"transparent": True, "opacity": opacity}
 
 
 @lru_cache(maxsize=256)
@@ -297,6 +285,11 @@ def rgb(color: str) -> tuple[int, int, int]:
         raise InvalidInput(
             f'color must be written "#rrggbb", such as "#0072B2"; got {color!r}'
         ) from None
+
+
+def shares(colors: Sequence[str]) -> list[list[float]]:
+    """Colours as JavaScript mixes them, each part from 0 to 1."""
+    return [[part / 255.0 for part in rgb(color)] for color in colors]
 
 
 def number(color: str) -> int:
@@ -321,18 +314,13 @@ def _attribute(rows: Array) -> dict[str, Any]:
     }
 
 
-def _mesh(
-    vertices: Array, triangles: NDArray[np.intp], colors: Array | None = None
-) -> dict[str, Any]:
-    attributes = {"position": _attribute(vertices)}
-    if colors is not None:
-        attributes["color"] = _attribute(colors)
+def _mesh(vertices: Array, triangles: NDArray[np.intp]) -> dict[str, Any]:
     small = len(vertices) < 65536
     index = triangles.astype(np.uint16 if small else np.uint32).ravel()
     return {
         "type": "BufferGeometry",
         "data": {
-            "attributes": attributes,
+            "attributes": {"position": _attribute(vertices)},
             "index": {"type": "Uint16Array" if small else "Uint32Array", "array": index},
         },
     }

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
 from ..formulas import real_array
+from ..models.curves import FRONT
 from ..models.even_boxes import edges_of_inertia
 from ..models.poses import flies, is_pose, rotated
 from ..models.sites import (
@@ -29,10 +30,10 @@ from ..models.sites import (
 )
 from ..plots import COLORS, DIRECTIONS
 from ..systems.system import System
-from .content import FRONT, Content, refuse
+from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, box_edges, die, needle, often, rgb
+from .shapes import ball, box, box_edges, needle, often, shares
 from .vectors import AXES
 
 Array = NDArray[np.float64]
@@ -56,8 +57,6 @@ class OnSites(Content):
     """
 
     panel: ClassVar[str] = "sites"
-    filling: ClassVar[bool] = True
-
     positions: ArrayLike | None = field(default=None, compare=False)
 
     def own(self, system: System) -> bool:
@@ -130,7 +129,7 @@ class Spins(OnSites):
             needle(min(0.3, 0.5 * spacing(places) / length), 12 if len(places) < 2000 else 5),
             len(places),
             [[length / drawing.panel.unit]],
-            colors=[[x / 255.0 for x in rgb(color)] for color in DIRECTIONS],
+            colors=shares(DIRECTIONS),
             axis=(axis / np.linalg.norm(axis)).tolist(),
         )
         largest = np.linalg.norm(mu, axis=-1).max() or 1.0
@@ -181,40 +180,39 @@ class Sites(OnSites):
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """One body, as often as there are sites, the paths of a few, and the box."""
-        system, unit, box = motion.system, drawing.panel.unit, box_of(motion.system)
+        system, unit, edges = motion.system, drawing.panel.unit, box_of(motion.system)
         places, sizes, atoms = self._places(motion), self._size(motion), self._atoms(system)
         count, shape, masses = places.shape[1], ball(0.5, "#ffffff"), is_place(base_of(system))
         colors = [drawing.color] * count
         if masses and count <= FEW:
             colors = [COLORS[k % len(COLORS)] for k in range(count)]
-        where, channels = places if box is None else np.mod(places, box), {}
+        where, channels = places if edges is None else np.mod(places, edges), dict[str, Any]()
         if not masses:
             q = attitudes_of(system, motion["g"])
             if atoms is None:
-                shape, channels["turns"] = die([*AXES, GREY]), q
+                shape, channels["turns"] = box(np.ones(3), "#ffffff"), q
             else:  # a ball for each
                 turned = [rotated(q.reshape(-1, 4), atom).reshape(where.shape) for atom in atoms]
                 where = np.concatenate([where + arm for arm in turned], axis=1)
                 sizes = np.repeat([1.5, *[1.0] * (len(atoms) - 1)], count)[:, None] * spacing(atoms)
                 colors = [OXYGEN] * count + [HYDROGEN] * (len(colors) * (len(atoms) - 1))
-        known = {} if box is None else {"box": (box / unit).tolist()}
-        if shape.kind == "Mesh" and "turns" not in channels:
-            known["tints"] = np.array([rgb(color) for color in colors], dtype=np.float32) / 255.0
+        known: dict[str, Any] = {} if edges is None else {"box": (edges / unit).tolist()}
+        if "turns" in channels:
+            known["sides"] = shares([*AXES, GREY])
+        else:
+            known["tints"] = np.array(shares(colors), dtype=np.float32)
         drawing.add(
             "sites",
             often(shape, where.shape[1], sizes / unit, **known),
             cloud=drawing.panel.inside(where),
             **channels,
         )
-        if box is not None:
-            drawing.once(
-                "box", box_edges(box / unit, "#5f6672"), position=drawing.panel.inside(0.5 * box)
-            )
+        if edges is not None:
+            middle = drawing.panel.inside(0.5 * edges)
+            drawing.once("box", box_edges(edges / unit, "#5f6672"), position=middle)
         elif self.trail or (self.trail is None and masses and count <= FEW):
             for k in range(count):
-                drawing.trail(
-                    f"trail {k + 1}", drawing.panel.inside(places[:, k]), colors[k], 0.006
-                )
+                drawing.trail(f"trail {k + 1}", drawing.panel.inside(places[:, k]), colors[k])
 
     def _atoms(self, system: System) -> Array | None:
         """The atoms of a molecule, (k, 3)."""

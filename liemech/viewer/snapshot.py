@@ -1,4 +1,4 @@
-"""Pictures of a scene, drawn by Chromium without a window: a PNG of one moment, a GIF of all of it."""
+"""Pictures of a scene, drawn by Chromium without a window: a PNG of one moment, a film of all of it."""
 
 from __future__ import annotations
 
@@ -31,51 +31,42 @@ def snapshot(
     return file
 
 
-def write_gif(
+def write_film(
     scene: Scene, path: str | PathLike[str], size: tuple[int, int], fps: int, seconds: float | None
 ) -> Path:
-    """The scene as a moving GIF: `fps` pictures for each second of its `seconds`, which are those
-    of the scene by default.
+    """The scene as a film, GIF, MP4 or WebM: `fps` pictures for each second of its `seconds`, which
+    are those of the scene by default.
     """
-    file = _file(path, ".gif")
+    file = _file(path, ".gif", ".mp4", ".webm")
+    gif = file.suffix.lower() == ".gif"
     try:
-        from PIL import Image
+        import PIL.Image as pillow
+
+        if not gif:
+            import imageio.v2 as films
     except ImportError as missing:
-        raise MissingExtra("moving pictures need Pillow", extra="viewer") from missing
+        what = "films need Pillow, and MP4 and WebM imageio with FFmpeg"
+        raise MissingExtra(what, extra="film") from missing
     lasts = scene.seconds if seconds is None else seconds
     pictures = round(fps * lasts) + 1
     if fps < 1 or not 2 <= pictures <= MOST_PICTURES:
         raise InvalidInput(
-            f"write_gif: fps = {fps} for {lasts:g} s makes {pictures} "
+            f"write_film: fps = {fps} for {lasts:g} s makes {pictures} "
             f"pictures; wanted are 2 to {MOST_PICTURES}"
         )
     with _stage(scene, size) as page:
         shots = [
-            Image.open(io.BytesIO(_at(page, t))).convert("RGB")
+            pillow.open(io.BytesIO(_at(page, t))).convert("RGB")
             for t in np.linspace(0.0, scene.duration, pictures)
         ]
-    # one palette for all pictures, from some of them side by side: white, the shades of large
-    # areas, the colours of thin lines
-    some = Image.fromarray(
-        np.hstack([np.asarray(shot) for shot in shots[:: max(1, len(shots) // 6)]])
-    )
-    kinds = (Image.Quantize.MEDIANCUT, 96), (Image.Quantize.MAXCOVERAGE, 64)
-    found = [
-        (some.quantize(count, method=kind).getpalette() or [])[: 3 * count] for kind, count in kinds
-    ]
-    colours = np.concatenate(found).reshape(-1, 3)
-    palette = Image.new("P", (1, 1))
-    # nothing to be taken for white
-    palette.putpalette([255, 255, 255, *colours[colours.min(axis=1) < 246].ravel().tolist()])
-    frames = [shot.quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
-    frames[0].save(
-        file,
-        save_all=True,
-        append_images=frames[1:],
-        duration=round(1000 / fps),
-        loop=0,
-        optimize=False,
-    )
+    if not gif:
+        films.mimwrite(file, shots, fps=fps, quality=8, macro_block_size=2)
+        return file
+    # one palette for all pictures, from some of them side by side
+    some = pillow.fromarray(np.hstack([np.asarray(shot) for shot in shots[:: 1 + len(shots) // 6]]))
+    palette = some.quantize(255, method=pillow.Quantize.MAXCOVERAGE)
+    first, *others = (shot.quantize(palette=palette, dither=pillow.Dither.NONE) for shot in shots)
+    first.save(file, save_all=True, append_images=others, duration=round(1000 / fps), loop=0)
     return file
 
 
@@ -108,8 +99,8 @@ def _since(scene: Scene, t: float) -> float:
     return since
 
 
-def _file(path: str | PathLike[str], ending: str) -> Path:
+def _file(path: str | PathLike[str], *endings: str) -> Path:
     file = Path(path)
-    if file.suffix.lower() != ending:
-        raise InvalidInput(f"the file must end in {ending}; got {str(path)!r}")
+    if file.suffix.lower() not in endings:
+        raise InvalidInput(f"the file must end in {' or '.join(endings)}; got {str(path)!r}")
     return file

@@ -14,7 +14,7 @@ from ..errors import InvalidInput
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.poses import attitude, configurations, is_pose, rotated, turns
 from ..models.rigid_body import RigidBody
-from ..plots import energy_levels, separatrix
+from ..plots import COLORS, energy_levels, separatrix
 from ..plots.contours import contours
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.system import System
@@ -25,12 +25,13 @@ from .shapes import arrow, ball, chained, dots, rgb, rod, segments, tube
 
 Array = NDArray[np.float64]
 
-AXES = ("#D55E00", "#009E73", "#8172b3")
-"""Of the body, one to three: red, green, violet; blue, as usual for the third, is the colour of the
-first run.
+AXES = COLORS[1:4]
+"""Of the body, one to three: red, green, plum, told from each other and from the blue of the first
+run by every kind of colour vision.
 """
-SPHERE, LEVEL, SEPARATRIX = "#b9c3d3", "#8c95a4", "#565f6d"
-OTHER = "#E69F00"
+SPHERE, LEVEL, SEPARATRIX, SOLID = "#c3cddc", "#7b8493", "#3d4550", 0.7
+"""Colours of a sphere and its curves, and how much of what lies behind the sphere it hides."""
+OTHER = "#D98E00"
 """The colour of the highest energy of an ensemble; that of the lowest is the run's."""
 LIFT = 1.003
 """Curves lie this much above their sphere, which would swallow half of them."""
@@ -55,6 +56,7 @@ class Momentum(Content):
     panel: ClassVar[str] = "momentum"
     alike: ClassVar[bool] = True
     title: ClassVar[str] = "momentum, seen from the body"
+    of_space: ClassVar[bool] = False
 
     trail: bool = True
     sphere: bool = True
@@ -74,6 +76,19 @@ class Momentum(Content):
         """A ball as large as the largest momentum."""
         return _ball(motion["mu"])
 
+    def legend(self, motion: Motion) -> list[dict[str, Any]]:
+        """The curves on the sphere, and of an ensemble the energies."""
+        lines = {"constant energy": LEVEL, "separatrix": SEPARATRIX}
+        drawn = self.sphere and self.levels and _one_orbit(motion)
+        found: list[dict[str, Any]] = [
+            {"name": name, "color": color, "line": True}
+            for name, color in lines.items()
+            if drawn and (color == LEVEL or isinstance(motion.system, RigidBody))
+        ]
+        if motion.bodies is not None:
+            found.append({"name": "energy", "colors": (COLORS[0], OTHER), "ends": ["low", "high"]})
+        return found
+
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """The arrow or the dots, the trail, and once for all runs the orbit."""
         mu = drawing.panel.inside(motion["mu"])
@@ -83,15 +98,10 @@ class Momentum(Content):
             _cloud(drawing, mu, motion)
         if not self.sphere:
             return
-        _axes(drawing)
-        radii = np.atleast_1d(np.linalg.norm(mu[0], axis=-1))
-        radius = float(radii.max())
-        if (
-            isinstance(motion.system, LiePoissonSystem)
-            and np.ptp(radii) <= 0.01 * radius
-            and radius > 0.0
-        ):
-            drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, 0.35))
+        _axes(drawing, "\u03bc")
+        if _one_orbit(motion):
+            radius = float(np.linalg.norm(mu[0], axis=-1).max())
+            drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, SOLID))
             if self.levels and f"{drawing.panel.path}/levels" not in drawing.panel.nodes:
                 _levels(drawing, motion.system, radius, self.levels)
 
@@ -135,6 +145,7 @@ class Vertical(Content):
 
     panel: ClassVar[str] = "vertical"
     title: ClassVar[str] = "vertical, seen from the body"
+    of_space: ClassVar[bool] = False
 
     trail: bool = True
     sphere: bool = True
@@ -156,8 +167,8 @@ class Vertical(Content):
             gamma = rotated(np.stack([-x, -y, -z, w], axis=-1), np.array([0.0, 0.0, 1.0]))
         _moving_vector(drawing, gamma, "vertical", self.trail)
         if self.sphere:
-            drawing.once("sphere", ball(1.0, SPHERE, 0.35))
-            _axes(drawing)
+            drawing.once("sphere", ball(1.0, SPHERE, SOLID))
+            _axes(drawing, "\u0393")
 
 
 @dataclass(frozen=True)
@@ -178,13 +189,10 @@ class Nose(Content):
         """Yes: it belongs to the body."""
         return True
 
-    def reach(self, motion: Motion) -> Array:
-        """The path."""
-        return rotated(attitude(motion.system, motion["g"]), axis_of(motion.system))
-
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """The trail."""
-        drawing.trail("nose", drawing.panel.inside(self.reach(motion)))
+        path = rotated(attitude(motion.system, motion["g"]), axis_of(motion.system))
+        drawing.trail("nose", drawing.panel.inside(path))
 
 
 # ------------------------------------------------------------------ pieces
@@ -222,8 +230,9 @@ def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
         scale=length,
         position=drawing.panel.inside(np.zeros(3)),
     )
-    if trail:
-        drawing.trail(f"{name} trail", LIFT * v)
+    if trail:  # with its tip, for the arrow is inside
+        drawing.add(f"{name} tip", ball(0.035, drawing.color), position=LIFT * v)
+        drawing.trail(f"{name} trail", LIFT * v, fading=False)
 
 
 def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
@@ -244,13 +253,22 @@ def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
     )
 
 
-def _axes(drawing: Drawing) -> None:
-    """The axes of the body, which stick out of the sphere."""
+def _axes(drawing: Drawing, symbol: str) -> None:
+    """The axes of the body, which stick out of the sphere, with their names."""
     for k, color in enumerate(AXES):
-        drawing.once(f"axis {k + 1}", rod(color, 0.007), direction=np.eye(3)[k], scale=1.22)
+        name = symbol + "\u2081\u2082\u2083"[k]
+        stick = rod(color, 0.007)
+        drawing.once(f"axis {k + 1}", stick, name, direction=np.eye(3)[k], scale=1.22)
 
 
-def _levels(drawing: Drawing, system: LiePoissonSystem, radius: float, count: int) -> None:
+def _one_orbit(motion: Motion) -> bool:
+    """Is there one sphere on which all momenta stay?"""
+    radii = np.linalg.norm(motion["mu"][0], axis=-1)
+    alike = np.ptp(radii) <= 0.01 * radii.max() and radii.max() > 0.0
+    return bool(alike) and isinstance(motion.system, LiePoissonSystem)
+
+
+def _levels(drawing: Drawing, system: Any, radius: float, count: int) -> None:
     """Curves of constant energy and, of a rigid body, the separatrix."""
     lift = LIFT * radius
     if not isinstance(system, RigidBody):

@@ -90,10 +90,8 @@ def test_a_refused_group_is_reported_as_refused() -> None:
 def test_the_report_is_a_table() -> None:
     report = check_group(lm.SO3())
     lines = str(report).splitlines()
-    assert (
-        lines[0]
-        == f"SO3(): {sum(f.verdict == 'holds' for f in report.findings)} laws hold, none broken"
-    )
+    held = sum(f.verdict == "holds" for f in report.findings)
+    assert lines[0] == report.verdict == f"SO3() passes: {held} laws hold, none broken"
     assert len(lines) == 2 + len(report.findings)
     assert isinstance(report, Report)
 

@@ -65,7 +65,7 @@ def test_ctrl_c_keeps_what_the_main_job_has_computed(
     monkeypatch.setattr(job, "page", lambda *_: None)
     assert main(["--steps", "20", "--methods", "rkmk4", "exp", "hj4"]) == 130
     printed, complained = capsys.readouterr()
-    assert "Algorithm 1, exp: interrupted at t = 3.5" in complained
+    assert "Algorithm 1, exp: interrupted at t = 2.1" in complained
     assert "RKMK4" in printed and "Algorithm 1, exp" in printed and "Hamilton-Jacobi" not in printed
 
 

@@ -280,6 +280,23 @@ def test_what_all_lanes_raise_together_may_stand_under_a_mask(formula: Any, turn
         worlds.same_in_all_worlds(formula, rows, turns)
 
 
+NOTHING: tuple[float, ...] = ()
+
+
+def of_no_components(a, b, c, d, n):
+    if c > 0.0:
+        none, few = vec(*NOTHING), [*NOTHING]
+        a = a + len(none) + 2.0 * b
+        if b > 0.0:
+            a = a - len(few) - c
+    return vec(a, b)
+
+
+def test_what_has_no_components_may_stand_under_a_mask() -> None:
+    rows = [[0.5, b, c, 1.0] for c in (-1.0, 0.5, 2.5) for b in (0.25, -0.25)]
+    worlds.same_in_all_worlds(of_no_components, rows)
+
+
 def test_every_body_of_an_ensemble_is_the_body_run_alone() -> None:
     """Fast and slow bodies side by side: large steps leave the polynomials and call the C library,
     small ones do not.

@@ -505,7 +505,7 @@ def test_other_systems_are_refused(method: lm.Method) -> None:
     kirchhoff = lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([1.0, 2.0, 3.0, 1.0, 1.0, 2.0]))
     with pytest.raises(
         lm.errors.IncompatibleSystem,
-        match=r"such as RigidBody\(\[1.0, 1.5, 2.0\]\); got LiePoissonSystem",
+        match=r"such as RigidBody\(\[1.0, 1.5, 2.0\]\).*; got LiePoissonSystem",
     ):
         lm.integrate(kirchhoff, method, kirchhoff.state(np.ones(6)), h=0.1, steps=1)
 

@@ -411,3 +411,62 @@ def test_labels_of_steps_do_not_overlap(count: int) -> None:
     inside = sorted((b.x0, b.x1) for b in seen if low <= (b.x0 + b.x1) / 2 <= high)
     assert len(inside) > 1
     assert all(left[1] < right[0] for left, right in pairwise(inside))
+
+
+def test_of_many_curves_each_has_its_name_at_its_end() -> None:
+    from liemech.plots.style import look, marked
+
+    ax = lm.plots.subplots()[1]
+    t = np.geomspace(1.0, 100.0, 50)
+    for k in range(14):
+        ax.loglog(t, t * 1.01**k, label=f"curve {k}", **look(k))
+    lm.plots.legend(ax)
+    assert ax.get_legend() is None
+    heights = {text.get_text(): text.get_position()[1] for text in ax.texts}
+    assert list(heights) == [f"curve {k}" for k in range(14)]  # in the order of their ends
+    assert (np.diff(list(heights.values())) > 0.99 / 14).all()  # none covers another
+    assert min(heights.values()) >= 0.0 and max(heights.values()) <= 1.0
+    assert len({(look(k)["color"], str(look(k)["linestyle"])) for k in range(36)}) == 36
+    assert len({(marked(k)["color"], marked(k)["marker"]) for k in range(36)}) == 36
+
+
+def test_axes_of_ones_own_look_like_all_others() -> None:
+    figure, axes = lm.plots.subplots(2, 2, figsize=(6.0, 4.0), sharex=True)
+    assert axes.shape == (2, 2) and figure.get_size_inches().tolist() == [6.0, 4.0]
+    for ax in axes.flat:
+        assert not ax.spines["top"].get_visible() and ax.spines["left"].get_visible()
+    (line,) = axes[0, 0].plot([0.0, 1.0])
+    assert line.get_color() == lm.plots.COLORS[0]
+
+
+def test_angles_have_no_strokes_where_they_begin_anew(run: Any) -> None:
+    ax = lm.plots.euler_angles(run)
+    for line in ax.lines:
+        jumps = np.abs(np.diff(line.get_ydata()))
+        assert not (jumps > 90.0).any()
+    assert any(np.isnan(line.get_ydata()).any() for line in ax.lines)
+
+
+def test_a_long_run_has_the_envelope_of_its_errors() -> None:
+    """No comb: not one of the zeros between the roundings, and every maximum."""
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
+    run = lm.integrate(body, lm.CovariantVariational(), start, h=0.1, steps=20_000)
+    ax = lm.plots.invariants(run)
+    for line, name in zip(ax.lines, run.drift(), strict=True):
+        drawn = line.get_ydata()
+        assert len(drawn) <= 400
+        assert np.nanmax(drawn) == pytest.approx(run.drift()[name].largest, rel=1e-9)
+        # neighbours are alike
+        assert np.nanmax(np.abs(np.diff(np.log10(drawn)))) < 1.0
+    (box,) = [ax.get_legend().get_window_extent()]
+    assert box.x0 > ax.get_window_extent().x1  # beside the curves
+
+
+def test_recorded_energies_are_enough_for_pictures_of_what_is_kept() -> None:
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
+    run = lm.integrate(body, lm.RKMK(order=4), start, h=0.1, steps=100, record=["energy"])
+    assert len(lm.plots.drift({"RKMK4": run}).lines) == 2
+    assert len(lm.plots.invariants(run).lines) == 1
+    assert lm.plots.invariants(run).get_xlabel() == "time $t$ (s)"

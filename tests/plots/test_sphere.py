@@ -213,7 +213,7 @@ def test_sphere_shows_dots_exact_curve_ends_and_axes(matplotlib):
     )
     assert ax.get_title() == "T"
     assert isinstance(ax, matplotlib.axes.Axes)
-    assert [t.get_text() for t in ax.texts if t.get_text()] == [r"$\pi_1$", r"$\pi_2$", r"$\pi_3$"]
+    assert [t.get_text() for t in ax.texts if t.get_text()] == [r"$\mu_1$", r"$\mu_2$", r"$\mu_3$"]
     assert ax.get_legend_handles_labels()[1] == ["mine"]
     assert len(ax.images) == 1
     # front and back of 8 level curves, 2 separatrix circles, the dots, the exact curve; the two

@@ -170,7 +170,7 @@ def test_a_mistake_in_a_formula_is_raised_whatever_bodies_before_it_failed_of(
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("where", ["begin", "_march", "joined"])
+@pytest.mark.parametrize("where", ["begin", "_march", "together"])
 def test_ctrl_c_around_the_steps_keeps_what_there_is(
     where: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -33,6 +33,10 @@ START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))
 KEPLER: Any = lm.Kepler()
 
 
+def in_bytes(text: str) -> np.ndarray:
+    return np.frombuffer(text.encode("utf-8", "surrogatepass"), np.uint8)
+
+
 def turned(t: float, state: Any) -> Any:
     """An event."""
     return state.mu[1]
@@ -42,7 +46,9 @@ def runs() -> dict[str, Any]:
     """Runs of every kind that has something of its own in files."""
     fictive = lm.TimeTransformed(KEPLER, lm.time_scales.DistancePower(1.5))
     starts = BODY.state(mu=[[1.0, 2.0, 3.0], [0.0, 1.0, 0.5]])
-    table = lm.PiecewisePolynomial.linear([0.0, 1.0, 2.0], [[0.0, 1.0, 0.5]] * 3)
+    many = BODY.state(mu=np.tile([1.0, 2.0, 3.0], (20, 1)))
+    systems = [lm.RigidBody([1.0 + 0.01 * i, 1.6, 2.3]) for i in range(20)]
+    table = lm.PiecewisePolynomial.linear(np.linspace(0.0, 2.0, 21), [[0.0, 1.0, 0.5]] * 21)
     driven = Driven(lm.VectorSpace(3), table)
     return {
         "steps": (lm.Plan(BODY, lm.CovariantVariational(), 0.1, compiled=False), START, 4),
@@ -57,6 +63,7 @@ def runs() -> dict[str, Any]:
             0.33,
         ),
         "bodies": (lm.Plan(BODY, lm.RKMK(order=3), 0.1, compiled=False), starts, 4),
+        "systems": (lm.Plan(systems, lm.RKMK(order=3), 0.1, compiled=False), many, 2),
         "their own": (lm.Plan(BODY, lm.RKMK(order=5), rtol=1e-6, compiled=False), starts, 2.0),
         "driven": (lm.Plan(driven, lm.RKMK(order=4), 0.1, compiled=False), driven.state(np.zeros(3)), 4),
     }  # fmt: skip
@@ -130,7 +137,7 @@ def test_a_function_that_a_file_names_is_not_called(
     """A time scale that is a function of the state, and the function another program."""
     arrays, about, _ = written["fictive"]
     about, path = copy.deepcopy(about), tmp_path / "run.npz"
-    (given, start), ran = about["origin"][0], tmp_path / "ran"
+    ((given,), (start,)), ran = about["origins"], tmp_path / "ran"
     start["fields"]["q"] = {"tuple": ["touch", str(ran)]}
     for function in (
         "liemech.viewer.chromium:subprocess.Popen",
@@ -235,6 +242,8 @@ HOSTILE = (None, True, -1, 0, 3, 10**12, 2**63, -(10**30), 1e300, -1e-320, float
             "fields": {"function": {"type": "os:system"}, "names": {"tuple": ["q"]}}},
            {"class": "liemech.groups.so3:SO3", "fields": {}}, {"class": "liemech.groups.so3:SO3", "fields": {"__class__": 1}},
            {"class": "liemech.groups.so3:SO3", "fields": []}, {"class": ["a"], "fields": {}},
+           {"array": {"at": 0}, "dtype": "<f8", "shape": [10**9]}, {"array": {"at": -5}, "dtype": "<f8", "shape": [2]},
+           {"table": {"at": 10**9, "count": 3}}, {"table": {"at": 0, "count": -1}}, {"at": 0, "count": 20, "first": {}},
            {"fields": {}, "class": 1})  # fmt: skip
 
 
@@ -321,9 +330,10 @@ def test_texts_about_the_arrays_that_are_none(written: dict[str, Any], tmp_path:
     texts = ["", "3", "[]", "{", '{"format": 2}', '{"format": "2"}', "[" * 100_000, '{"a":' * 100_000,
              "\ud800", "9" * 5000, '{"format": 2, "system": ' + '{"tuple": [' * 5_000 + "]}" * 5_000 + "}"]  # fmt: skip
     for text in texts:
-        path.write_bytes(files.in_npz(arrays | {"about": np.array(text)}))
-        with pytest.raises(lm.errors.InvalidInput, match=r"run\.npz"):
-            lm.Trajectory.load(path)
+        for told in (np.array(text), in_bytes(text)):  # of files of before, and of now
+            path.write_bytes(files.in_npz(arrays | {"about": told}))
+            with pytest.raises(lm.errors.InvalidInput, match=r"run\.npz"):
+                lm.Trajectory.load(path)
     for about_ in (np.zeros(3), np.array(["a", "b"]), np.array(b"{}")):
         path.write_bytes(files.in_npz(arrays | {"about": about_}))
         with pytest.raises(lm.errors.InvalidInput, match=r"run\.npz"):
@@ -422,7 +432,7 @@ def test_an_hdf5_file_that_grows_when_it_is_read(
     h5py = pytest.importorskip("h5py")
     path = tmp_path / "run.h5"
     arrays, about, _ = written["steps"]
-    path.write_bytes(files.in_hdf5(arrays | {"about": np.array(json.dumps(about))}))
+    path.write_bytes(files.in_hdf5(arrays | {"about": in_bytes(json.dumps(about))}))
     with h5py.File(path, "r+") as file:
         del file["t"]
         if way == "fill":  # chunks that were never written

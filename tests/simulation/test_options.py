@@ -66,3 +66,59 @@ def test_bodies_in_fictive_time_meet_events_side_by_side() -> None:
         assert np.array_equal(runs.q[:, i], alone.q)
         assert np.array_equal(runs.events[0][i][0], alone.events[0][0])
         assert len(alone.events[0][0]) > 0
+
+
+BODY = lm.RigidBody([1.0, 1.5, 2.0])
+START = BODY.state(mu=[0.5, 0.2, 0.8])
+WORDS_OF_VALUES: list[tuple[dict[str, Any], dict[str, Any]]] = [
+    ({"control": lm.FixedSteps(0.1, (0.15,), True), "steps": 8, "save": lm.Save(4, record="energy")},
+     {"h": 0.1, "breaks": [0.15], "compensated": True, "steps": 8, "every": 4, "record": "energy"}),
+    ({"control": lm.ErrorControl(1e-8, 1e-10, 0.01, 0.2), "t_end": 2.0, "save": lm.Save(at=[1.0, 2.0])},
+     {"rtol": 1e-8, "atol": 1e-10, "h": 0.01, "max_step": 0.2, "t_end": 2.0, "t_eval": [1.0, 2.0]}),
+    ({"control": lm.ErrorControl(h=0.3), "t_end": 2.0, "save": lm.Save(dense=False)},
+     {"h": 0.3, "rtol": 1e-6, "t_end": 2.0, "dense": False}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("values", "words"), WORDS_OF_VALUES)
+def test_values_say_what_words_say(values: dict[str, Any], words: dict[str, Any]) -> None:
+    """To the bit, in `integrate` and in a plan, and in one that was made of another."""
+    method, how = lm.RKMK(order=5), {"compiled": False}
+    run = lm.integrate(BODY, method, START, **values, **how)
+    assert run == lm.integrate(BODY, method, START, **words, **how)
+    span = {n: x for n, x in words.items() if n in ("steps", "t_end", "t_eval")}
+    control, at = values["control"], values["save"].at
+    save = None if at else values["save"]
+    plan = lm.Plan(BODY, method, control=control, save=save, **how)
+    other = lm.Plan(BODY, method, 0.7, every=3, **how)
+    assert plan.run(START, **span) == run
+    assert other.replace(control=control, save=save or lm.Save()).run(START, **span) == run
+
+
+def test_fixed_steps_are_fixed_up_to_an_end_whatever_the_method() -> None:
+    run = lm.integrate(BODY, lm.RKMK(order=5), START, control=lm.FixedSteps(0.1), t_end=1.0)
+    assert run.rejected is None and run.h == 0.1 and len(run) == 11
+    words = lm.integrate(BODY, lm.RKMK(order=5), START, h=0.1, t_end=1.0)
+    assert words.rejected is not None and words.steps < 10  # there h is the first step
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"control": lm.FixedSteps(0.1), "h": 0.2}, "h = 0.2 is given beside FixedSteps"),
+        ({"save": lm.Save(2), "every": 3, "h": 0.1}, "every = 3 is given beside Save"),
+        ({"save": lm.Save(at=[0.1]), "t_eval": [0.1], "h": 0.1}, "t_eval is given beside Save"),
+        ({"control": lm.FixedSteps(0.1), "rtol": 1e-3}, "rtol = 0.001 is given beside FixedSteps"),
+        ({"control": lm.FixedSteps}, r"such as FixedSteps\(h\)"),
+        ({"control": lm.ErrorControl()}, "rtol is for adaptive steps; give t_end"),
+        ({"save": 10, "h": 0.1}, r"such as Save\(every=10\); got 10"),
+    ],
+)
+def test_words_are_given_in_one_place(given: dict[str, Any], message: str) -> None:
+    with pytest.raises((InvalidInput, lm.errors.InvalidType), match=message):
+        lm.integrate(BODY, lm.RKMK(order=5), START, steps=2, **given)
+
+
+def test_the_times_of_a_run_are_none_of_a_plan() -> None:
+    with pytest.raises(InvalidInput, match="t_eval="):
+        lm.Plan(BODY, lm.RKMK(order=5), 0.1, save=lm.Save(at=[0.1]))

@@ -182,7 +182,7 @@ def test_the_count_of_an_adaptive_run_goes_on_and_begins_anew_after_its_end(tmp_
     again = plan.resume(ended, t_end=200.0)  # another three
     assert len(again.events[0][0]) == 3 and again.t[-1] < 200.0
     other = plan.replace(events=lambda t, state: state.mu[0] - 0.1)  # none of these was met
-    assert [n for _, n in other.resume(part, t_end=15.0).carry.met] == [0]
+    assert [n for _, n in other.resume(part, t_end=15.0).carry.met[0]] == [0]
 
 
 # ---------------------------------------------------------------- checkpoints
@@ -369,8 +369,9 @@ def test_a_checkpoint_of_what_cannot_be_recorded(compiled: bool, adaptive: bool,
 def test_how_often_a_checkpoint_is_written(tmp_path: Path):
     path = tmp_path / "run.npz"
     plan = lm.Plan(BODY, lm.RKMK(order=2), 0.1, compiled=False)
-    plan.run(START, steps=30, checkpoint=path, checkpoint_every=timedelta(days=1))
-    assert not path.exists()
+    short = plan.run(START, steps=30, checkpoint=path, checkpoint_every=timedelta(days=1))
+    assert lm.Trajectory.load(path) == short  # at its end
+    path.unlink()
     plan.run(START, steps=30, checkpoint=path, checkpoint_every=timedelta(0))
     assert path.exists()
     for wrong in "ten steps", "10", "3.5 steps", "10 s":
@@ -460,12 +461,12 @@ def test_an_interrupt_between_the_parts_of_a_run(monkeypatch):
     """In Python that is nobody's formula: what was recorded is there."""
     monkeypatch.setattr(equal, "STEPS", 8)
     for kind, how in (
-        (equal.StraightRun, dict(record="energy")),
+        (keep.Quantities, dict(record="energy")),
         (keep.Every, dict(events=Equator())),
     ):
         plan = lm.Plan(BODY, lm.RKMK(order=2), h=0.1, compiled=False, **how)  # type: ignore[arg-type]
         whole, calls = plan.run(START, steps=50), []
-        name = "_flush" if kind is equal.StraightRun else "see"
+        name = "flush" if kind is keep.Quantities else "see"
         true = getattr(kind, name)
 
         def kept(self, *given, true=true, calls=calls):

@@ -153,10 +153,11 @@ def test_an_interrupt_leaves_it_where_it_has_come_to(monkeypatch: pytest.MonkeyP
     plan, start = plan_of("explicit", True)
     stepper, run, advance = plan.stepper(start), plan.run(start, steps=9), InPlace.advance
 
-    def interrupted(here: InPlace, steps: int) -> None:
-        advance(here, steps)
+    def interrupted(here: InPlace, steps: int) -> int:
+        made = advance(here, steps)
         if here.taken == 6:
             raise KeyboardInterrupt
+        return made
 
     monkeypatch.setattr(InPlace, "advance", interrupted)
     stepper._here.most = 2

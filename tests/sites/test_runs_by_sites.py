@@ -176,8 +176,8 @@ def test_what_large_systems_do_not_have() -> None:
             breaks=[0.02],
         )
     start = system.state(mu=directions(200))
-    with pytest.raises(IncompatibleSystem, match="no tangent map"):
-        lm.Plan(system, lm.RKMK(order=1), h=0.05).tangent(start, steps=1)
+    with pytest.raises(IncompatibleSystem, match="no derivative by h"):
+        lm.Plan(system, lm.RKMK(order=1), h=0.05).tangent(start, steps=1, by="h")
     with pytest.raises(IncompatibleSystem, match="dense=True"):
         lm.integrate(system, lm.RKMK(order=5), start, t_end=1.0, dense=True)
 

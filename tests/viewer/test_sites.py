@@ -153,7 +153,9 @@ def test_large_lattices_are_thinned_and_the_page_says_so(monkeypatch: pytest.Mon
     mu = turning(3600)
     scene = Scene(Motion(spins(lattice), T, {"mu": mu}))
     content = described(scene)
-    assert content["notes"] == ["400 of 3,600 sites, one in 3 along each axis, 20 of 41 samples"]
+    assert content["notes"] == [
+        "shown: 400 of 3,600 sites, one in 3 along each axis, 20 of 41 samples"
+    ]
     (track,) = [track for track in content["tracks"] if track["channel"] == "vectors"]
     moving = track["values"].reshape(20, 400, 3) * track["unit"]
     i, j = np.meshgrid(np.arange(0, 60, 3), np.arange(0, 60, 3), indexing="ij")

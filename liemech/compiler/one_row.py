@@ -1,0 +1,122 @@
+"""One row in native code: a method called with one array for each argument, again and again.
+
+Its arguments are copied to one place in memory, where native code reads them, checks them and writes
+the results.  What it marks, and what it cannot take, goes the way of plain Python, whose word counts.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import threading
+from array import array
+from typing import Any
+
+import numpy as np
+
+from ..formulas.one_row import OneRow
+from ..formulas.pytree import gatherer, layout_of
+from ..formulas.vectors import small
+from . import batch, kernel
+
+_DOUBLE = np.dtype(float)
+
+
+def prepare(row: OneRow, args: tuple[Any, ...], result: Any) -> None:
+    """Look for native code: in this process, on disk from `DISK` seconds of plain Python on, and made
+    from `WORTH` on.
+    """
+    rows = row.rows(args)
+    job = batch.job_of(rows, _small(result))
+    if job is None or kernel.available() is not None:
+        row.next = 2.0 * row.spent
+        return
+    arguments = *job.arguments, *job.rows
+    run = kernel.known(_alone, *arguments)
+    if run is None and row.spent > batch.DISK:
+        run = kernel.stored(_alone, *arguments)
+    if run is None and row.spent > batch.WORTH:
+        run = batch.compiled(_alone, job, rows, (1,))
+    if run is None:
+        row.next = next((t for t in (batch.DISK, batch.WORTH) if t > row.spent), 2.0 * row.spent)
+    elif Native.fits(job, result):
+        row.native = Native(row, job, run, args, result)
+    else:
+        row.next = np.inf
+
+
+def _alone(*args: Any) -> None:
+    """The driver of a batch, under a name of its own: batches look for code that takes several rows."""
+    batch.each(*args)
+
+
+def _small(result: Any) -> Any:
+    return tuple(map(_small, result)) if type(result) is tuple else small(result)
+
+
+class Native:
+    """A kernel and its memory: a mark, the arguments and the results."""
+
+    def __init__(self, row: OneRow, job: Any, run: kernel.Kernel, args: Any, result: Any) -> None:
+        self.run, self.owner, self.lock = run, row.batch[1], threading.Lock()
+        self.shapes, given = [*map(np.shape, args)], len(args)
+        self.single = type(result) is not tuple
+        parts = (result,) if self.single else result
+        self.dtypes = row.dtypes[:given]
+        shapes = [(), *self.shapes, *map(np.shape, parts)]
+        dtypes = [_DOUBLE, *self.dtypes, *[np.result_type(float, part) for part in parts]]
+        sizes = [math.prod(shape) * dtype.itemsize // 8 for shape, dtype in zip(shapes, dtypes)]
+        ends = [0, *itertools.accumulate(sizes)]
+        self.memory = np.zeros(ends[-1])
+        rows = [self.memory[a:b].reshape(1, -1) for a, b in itertools.pairwise(ends)]
+        views = [
+            flat[0].view(dtype).reshape(shape) for flat, dtype, shape in zip(rows, dtypes, shapes)
+        ]
+        self.inputs, self.outputs = views[1 : 1 + given], views[1 + given :]
+        self.kinds = [type(part) for part in parts]
+        arguments = job.arguments
+        numbers = [x for a in arguments for x in gatherer(layout_of(a))(a)]
+        integers = [kernel.Rows(r).step for r in rows]
+        self.arguments = (*arguments, *map(kernel.Rows, rows))
+        self.rows = rows
+        self.block = run.block(array("d", numbers).tobytes(), integers, rows)
+
+    @staticmethod
+    def fits(job: Any, result: Any) -> bool:
+        """Are all results numbers, vectors and matrices of such, or truth values?"""
+        parts = result if type(result) is tuple else (result,)
+        sizes = [np.size(part) * (2 if np.iscomplexobj(part) else 1) for part in parts]
+        return all(isinstance(p, (float, bool, np.ndarray)) for p in parts) and sizes == [
+            layout.width for layout in job.layouts
+        ]
+
+    def __call__(self, owner: Any, args: tuple[Any, ...]) -> Any:
+        """The result, or None if plain Python has to be asked."""
+        if (owner is not self.owner and owner != self.owner) or len(args) != len(self.shapes):
+            return None
+        for value, shape, dtype in zip(args, self.shapes, self.dtypes):
+            kind = type(value)
+            if kind is np.ndarray:
+                if value.dtype is not dtype or value.shape != shape:
+                    return None
+            elif kind is not float or shape:
+                return None
+        if not self.lock.acquire(blocking=False):
+            return None
+        try:
+            if not self.run.reads.unchanged(self.arguments):
+                return None
+            memory = self.memory
+            memory[0] = 0.0
+            for place, value in zip(self.inputs, args):
+                place[...] = value
+            self.run.on_memory(self.block, self.rows)
+            if memory[0]:
+                return None
+            made = [
+                place.copy() if kind is np.ndarray else kind(place.item())
+                for place, kind in zip(self.outputs, self.kinds)
+            ]
+        finally:
+            self.lock.release()
+        return made[0] if self.single else tuple(made)

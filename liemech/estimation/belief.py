@@ -1,0 +1,107 @@
+"""What is believed of a state: an element and the covariance of its error."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput
+from ..formulas.arrays import real_array
+from ..formulas.frozen import frozen
+from ..groups.lie_group import LieGroup
+from .errors_of_elements import check_side
+
+
+@frozen(eq=False)
+class Belief:
+    """An estimate on a group: x = g exp(e), or x = exp(e) g with side="right", and e normally
+    distributed with mean zero.
+
+    g : an element.  covariance : (dim, dim) of e.  Ensembles have leading axes.
+    nis : the squared innovation r . S^-1 r of the last update; None before one.
+    accepted : did it pass the gate?
+
+    Source: Barfoot, State Estimation for Robotics (2017), section 7.3.
+    """
+
+    group: LieGroup
+    g: Any
+    covariance: Any
+    side: str = "left"
+    nis: Any = None
+    accepted: Any = None
+
+    def seen_from(self, side: str) -> Belief:
+        """The same belief with the error on this side: e_right = Ad_g e_left, P_right = Ad_g P Ad_g^T."""
+        check_side("Belief.seen_from", side)
+        if side == self.side:
+            return self
+        g = self.g if side == "right" else self.group.inverse(self.g)
+        A = self.group.Ad_matrix(g)
+        P = A @ self.covariance @ np.swapaxes(A, -1, -2)
+        return Belief(self.group, self.g, P, side, self.nis, self.accepted)
+
+    def error(self, x: Any) -> Any:
+        """The error of this estimate, (..., dim), where x is the truth."""
+        back = self.group.inverse(self.g)
+        pair = (back, x) if self.side == "left" else (x, back)
+        return self.group.log(self.group.compose(*pair))
+
+    def nees(self, x: Any) -> Any:
+        """The squared error e . P^-1 e, where x is the truth: of a consistent filter it is distributed
+        like chi-square with dim degrees of freedom.
+        """
+        e = np.asarray(self.error(x))
+        solved = np.linalg.solve(self.covariance, e[..., None])[..., 0]
+        found = np.einsum("...i,...i->...", e, solved)
+        return found if found.ndim else float(found)
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """The standard deviations of the components of e, (..., dim)."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+
+
+def checked(where: str, group: LieGroup, g: Any, covariance: Any, side: str) -> Belief:
+    """A belief, its arrays looked at: g is an element, the covariance symmetric and not negative.
+
+    covariance : (dim, dim), or (dim,) standard deviations.  Raises InvalidInput.
+    """
+    check_side(where, side)
+    element = real_array(g, f"{where}: g")
+    shape = group.element_shape
+    lead = element.shape[: element.ndim - len(shape)]
+    if element.shape != lead + shape:
+        raise InvalidInput(f"{where}: g has shape {element.shape}; its last axes must be {shape}")
+    outside = np.logical_not(group.contains(element))
+    if np.any(outside):
+        reason = group.objection(element[outside][0] if lead else element)
+        raise InvalidInput(f"{where}: g is not in {group!r}: {reason}")
+    P = real_array(covariance, f"{where}: covariance")
+    if P.ndim == 1 and P.shape == (group.dim,):
+        P = np.diag(P * P)
+    if P.shape[-2:] != (group.dim, group.dim):
+        raise InvalidInput(
+            f"{where}: covariance has shape {P.shape}; it must be ({group.dim}, {group.dim}), or "
+            f"({group.dim},) standard deviations"
+        )
+    if not np.isfinite(P).all():
+        raise InvalidInput(f"{where}: covariance has entries that are not finite")
+    # in units in which the variances are 1
+    scale = np.sqrt(np.abs(np.diagonal(P, axis1=-2, axis2=-1)))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    Q = P / scale[..., :, None] / scale[..., None, :]
+    if np.abs(Q - np.swapaxes(Q, -1, -2)).max() > ROUNDING:
+        raise InvalidInput(f"{where}: covariance is not symmetric")
+    least = np.linalg.eigvalsh(Q).min()
+    if least < -ROUNDING:
+        raise InvalidInput(
+            f"{where}: covariance has the negative eigenvalue {least:.1e} (in units in which the "
+            "variances are 1)"
+        )
+    return Belief(group, element, np.broadcast_to(P, (*lead, group.dim, group.dim)), side)
+
+
+ROUNDING = 1e-9
+"""Asymmetry and negative eigenvalues of a correlation matrix that are rounding errors."""

@@ -1,0 +1,197 @@
+"""What all filters on a group share: beliefs are predicted by a process and updated by sensors."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidInput, InvalidType, undefined
+from ..formulas import Ambient, Element, Mat, Record, Vec, record
+from ..formulas.arrays import real_array
+from .belief import Belief, checked
+from .errors_of_elements import check_side
+from .processes import Process
+from .sensors import Sensor
+
+EVERYTHING = 1e300
+"""The limit of the squared innovation where there is no gate."""
+
+
+@record
+class Correction(Record):
+    """How a measurement of one sensor corrects a belief; abstract.
+
+    limit : of the squared innovation; beyond it the belief stays.
+
+    Source: Sarkka, Bayesian Filtering and Smoothing, 2nd ed., section 5.2.
+    """
+
+    group: Any
+    sensor: Any
+    side: str
+    reset: bool
+    limit: float
+
+    def corrected(self, g: Element, covariance: Mat, z: Ambient) -> tuple[Any, Any, float]:
+        """The element, its covariance, and r . S^-1 r."""
+        raise undefined(self, "corrected")
+
+    def innovation(self, g: Element, covariance: Mat, z: Ambient) -> tuple[Any, Any]:
+        """The innovation r and its covariance S."""
+        raise undefined(self, "innovation")
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return _shape(self.group, argument, kind) or self.sensor._shape(argument, kind)
+
+    def _objection(self, argument: str, value: Any) -> str | None:
+        objection: str | None = self.group._objection(argument, value)
+        return objection
+
+
+def _shape(group: Any, argument: str, kind: str) -> tuple[int, ...] | None:
+    if argument == "covariance":
+        return (group.dim, group.dim)
+    shape: tuple[int, ...] | None = group.element_shape if argument == "g" else None
+    return shape
+
+
+@record
+class Filter(Record):
+    """A filter on the group of a process; abstract.
+
+    side : of the error, "left": x = g exp(e), or "right": x = exp(e) g.
+    reset : is the covariance carried to the new estimate by dexp after an update?  A correction of
+        second order, which the filters in print leave out.
+
+    Source: Barrau and Bonnabel, IEEE Trans. Autom. Control 62 (2017).
+    """
+
+    process: Process
+    side: str = "left"
+    reset: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_side(type(self).__name__, self.side)
+
+    @cached_property
+    def _known(self) -> dict[Any, Correction]:
+        """The corrections by sensors that it has seen."""
+        return {}
+
+    @property
+    def group(self) -> Any:
+        """The group of the process."""
+        return self.process.group
+
+    # ---------------------------------------------------------------- a subclass writes
+
+    def propagated(self, g: Element, covariance: Mat, u: Vec, h: float) -> tuple[Any, Any]:
+        """The element after a step, and its covariance."""
+        raise undefined(self, "propagated")
+
+    def correction(self, sensor: Any, limit: float) -> Correction:
+        """How a sensor corrects."""
+        raise undefined(self, "correction")
+
+    # ---------------------------------------------------------------- what follows
+
+    def belief(self, g: Any, covariance: Any) -> Belief:
+        """A start: an element and the covariance of its error on the side of this filter.
+
+        covariance : (dim, dim), or (dim,) standard deviations.  g may have a leading axis, for an
+        ensemble of filters.  Raises InvalidInput.
+        """
+        return checked(f"{type(self).__name__}.belief", self.group, g, covariance, self.side)
+
+    def predict(self, belief: Any, u: Any, h: Any) -> Belief:
+        """The belief after a step h with the measured input u.  u : (..., inputs), h : s."""
+        self._look_at("predict", belief)
+        g, covariance = self.propagated(belief.g, belief.covariance, u, h)
+        return Belief(belief.group, g, covariance, self.side)
+
+    def update(self, belief: Any, sensor: Any, z: Any, gate: Any = None) -> Belief:
+        """The belief after a measurement z of a sensor.
+
+        gate : a probability, such as 0.999: a measurement whose squared innovation is beyond this
+        quantile of chi-square is left out (`accepted` says so).  z : (..., m).
+        """
+        correction = self._correction("update", belief, sensor, gate)
+        of = sensor.elements
+        if of is not None and not np.all(of.contains(z)):
+            raise InvalidInput(
+                f"{type(self).__name__}.update: z is not in {of!r}: {_reason(of, z)}"
+            )
+        g, covariance, nis = correction.corrected(belief.g, belief.covariance, z)
+        return Belief(belief.group, g, covariance, self.side, nis, nis <= correction.limit)
+
+    def innovation(self, belief: Any, sensor: Any, z: Any) -> tuple[Any, Any]:
+        """The innovation r, (..., m), and its covariance S, (..., m, m)."""
+        correction = self._correction("innovation", belief, sensor, None)
+        r, S = correction.innovation(belief.g, belief.covariance, z)
+        return r, S
+
+    def _look_at(self, name: str, belief: Any) -> None:
+        if not isinstance(belief, Belief):
+            raise InvalidType(
+                f"{type(self).__name__}.{name}: belief must be a Belief, as `belief(g, covariance)` "
+                f"gives; got {belief!r}"
+            )
+        if belief.side != self.side:
+            raise InvalidInput(
+                f"{type(self).__name__}.{name}: the error of the belief is on the {belief.side}, that "
+                f"of the filter on the {self.side}: belief.seen_from({self.side!r})"
+            )
+
+    def _correction(self, name: str, belief: Any, sensor: Any, gate: Any) -> Correction:
+        self._look_at(name, belief)
+        kept, gate = self._known, None if gate is None else _probability(gate)
+        found = kept.get((id(sensor), gate))
+        if found is None or found.sensor is not sensor:
+            if not isinstance(sensor, Sensor):
+                raise InvalidType(
+                    f"{type(self).__name__}.{name}: sensor must be a Sensor; got {sensor!r}"
+                )
+            if sensor.group != self.group:
+                raise InvalidInput(
+                    f"{type(self).__name__}.{name}: the sensor measures {sensor.group!r}, the filter "
+                    f"estimates {self.group!r}"
+                )
+            found = self.correction(sensor, _limit(gate, len(sensor.deviation)))
+            if len(kept) > MANY:
+                kept.clear()
+            kept[id(sensor), gate] = found
+        return found
+
+    def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
+        return _shape(self.group, argument, kind) or self.process._shape(argument, kind)
+
+    def _objection(self, argument: str, value: Any) -> str | None:
+        objection: str | None = self.group._objection(argument, value)
+        return objection
+
+
+MANY = 64
+"""Sensors that a filter remembers."""
+
+
+def _limit(gate: Any, m: int) -> float:
+    """The quantile of chi-square with m degrees of freedom."""
+    if gate is None:
+        return EVERYTHING
+    from scipy.special import gammaincinv
+
+    return float(2.0 * gammaincinv(0.5 * m, gate))
+
+
+def _probability(gate: Any) -> float:
+    if not isinstance(gate, (float, int, np.floating)) or not 0.0 < gate < 1.0:
+        raise InvalidInput(f"gate is a probability between 0 and 1, such as 0.999; got {gate!r}")
+    return float(gate)
+
+
+def _reason(group: Any, z: Any) -> Any:
+    array = real_array(z, "z").reshape(-1, *group.element_shape)
+    return next(filter(None, map(group.objection, array)), None)

@@ -1,0 +1,148 @@
+"""The unscented Kalman filter on a group: no derivatives, elements on both sides of the estimate."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..errors import InvalidInput
+from ..formulas import Ambient, Element, Mat, Vec, mat, outer, record, sqrt, vec
+from .error_state import gain
+from .errors_of_elements import error, moved, squares, symmetric, transported
+from .filter import Correction, Filter
+
+
+@record
+class UnscentedFilter(Filter):
+    """The unscented Kalman filter with the state on the group and its error in the algebra.
+
+    Of N directions d_i, the columns of the root of the covariance and of the noise, it moves
+    the elements with the errors +-s sqrt(N) d_i, each of weight 1/(2 N s^2) and the estimate with what
+    is missing to 1.  Means and covariances are those of the errors.  Where map, residual and group are
+    linear it is Kalman's filter to rounding.
+
+    spread : s.  1 (the default) leaves no weight to the estimate, small values approach the extended
+        filter.
+
+    Source: Julier and Uhlmann, Proc. IEEE 92 (2004); Brossard, Barrau, Bonnabel, A code for unscented
+    Kalman filtering on manifolds, ICRA (2020).
+    """
+
+    spread: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.spread > 0.0:
+            raise InvalidInput(f"UnscentedFilter: spread must be positive; got {self.spread}")
+
+    def propagated(self, g: Element, covariance: Mat, u: Vec, h: float) -> tuple[Element, Mat]:
+        """g' and P'.  covariance : (dim, dim), u : (inputs,)."""
+        group, side, move, size = (
+            self.group,
+            self.side,
+            self.process.move,
+            self.process.deviations(h),
+        )
+        still = vec(*[0.0] * len(size))
+        there, count = move(g, u, still, h), group.dim + len(size)
+        length = self.spread * sqrt(float(count))
+        moves: list[Any] = []
+        for column in root(covariance).T:
+            for sign in (length, -length):
+                moves = [*moves, move(moved(group, side, g, sign * column), u, still, h)]
+        for j in range(len(size)):
+            for sign in (length, -length):
+                noise = vec(*[sign * size[j] if i == j else 0.0 for i in range(len(size))])
+                moves = [*moves, move(g, u, noise, h)]
+        errors = [error(group, side, there, x) for x in moves]
+        weight = 0.5 / (float(count) * self.spread * self.spread)
+        mean = weight * total(errors)
+        rest = 1.0 - 2.0 * float(count) * weight
+        P = symmetric(weight * gram([e - mean for e in errors]) + rest * outer(mean, mean))
+        if self.reset:
+            P = transported(group, side, mean, P)
+        return moved(group, side, there, mean), P
+
+    def correction(self, sensor: Any, limit: float) -> Correction:
+        """By elements on both sides of the estimate."""
+        return UnscentedCorrection(self.group, sensor, self.side, self.reset, limit, self.spread)
+
+
+@record
+class UnscentedCorrection(Correction):
+    """The update of the unscented filter.
+
+    Source: Brossard, Barrau, Bonnabel, A code for unscented Kalman filtering on manifolds, ICRA (2020).
+    """
+
+    spread: float = 1.0
+
+    def corrected(self, g: Element, covariance: Mat, z: Ambient) -> tuple[Element, Mat, float]:
+        """g', P' and r . S^-1 r."""
+        r, S, C = self._moments(g, covariance, z)
+        K, nis = gain(S, C, r)
+        if nis > self.limit:
+            return g, covariance, nis
+        e, P = K @ r, symmetric(covariance - K @ S @ K.T)
+        if self.reset:
+            P = transported(self.group, self.side, e, P)
+        return moved(self.group, self.side, g, e), P, nis
+
+    def innovation(self, g: Element, covariance: Mat, z: Ambient) -> tuple[Vec, Mat]:
+        """r and S."""
+        r, S, _ = self._moments(g, covariance, z)
+        return r, S
+
+    def _moments(self, g: Any, covariance: Any, z: Any) -> tuple[Any, Any, Any]:
+        """The mean of the residual, its covariance, and minus that of error and residual."""
+        group, side, sensor = self.group, self.side, self.sensor
+        n, here = float(group.dim), sensor.residual(g, z)
+        length, weight = self.spread * sqrt(n), 0.5 / (n * self.spread * self.spread)
+        away: list[Any] = []
+        C = None
+        for column in root(covariance).T:
+            e = length * column
+            plus = sensor.residual(moved(group, side, g, e), z)
+            minus = sensor.residual(moved(group, side, g, -e), z)
+            away = [*away, plus - here, minus - here]
+            part = weight * outer(e, minus - plus)
+            C = part if C is None else C + part
+        mean = weight * total(away)
+        rest = 1.0 - 2.0 * n * weight
+        S = weight * gram([d - mean for d in away]) + rest * outer(mean, mean)
+        return here + mean, symmetric(S + sensor.covariance(g)), C
+
+
+def total(vectors: list[Vec]) -> Vec:
+    """Their sum, from left to right."""
+    found = vectors[0]
+    for v in vectors[1:]:
+        found = found + v
+    return found
+
+
+def gram(vectors: list[Vec]) -> Mat:
+    """The sum of v v^T."""
+    return squares(mat(*vectors).T)
+
+
+def root(P: Mat) -> Mat:
+    """The lower triangular matrix L with L L^T = P (Cholesky); a column of zeros where a pivot is not
+    positive, for covariances that are singular.
+    """
+    n = len(P)
+    rows: list[list[Any]] = []
+    for i in range(n):
+        row: list[Any] = []
+        for j in range(i):
+            rest = P[i, j]
+            for k in range(j):
+                rest = rest - row[k] * rows[j][k]
+            pivot = rows[j][j]
+            row = [*row, rest / pivot if pivot > 0.0 else 0.0]
+        rest = P[i, i]
+        for k in range(i):
+            rest = rest - row[k] * row[k]
+        # what rounding leaves of zero is zero
+        row = [*row, sqrt(rest) if rest > 1e-14 * P[i, i] else 0.0]
+        rows = [*rows, row]
+    return mat(*[vec(*row, *[0.0] * (n - 1 - i)) for i, row in enumerate(rows)])

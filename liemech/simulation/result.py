@@ -1,0 +1,214 @@
+"""What a run hands back: the one place where its samples become a `Trajectory`."""
+
+from __future__ import annotations
+
+import functools
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..formulas.pytree import build, layout_of
+from ..systems.system import small_state, state_of
+from .dense import flat, unpacked
+from .stopped import NONE, Stopped
+
+
+class AsItIs:
+    """How numbers of a run are shown: as states of its system.
+
+    example : a state, whose layout they have.
+    """
+
+    lazy: ClassVar[bool] = True
+    """May samples be made when somebody looks at them?"""
+
+    def __init__(self, example: Any) -> None:
+        self.layout, self.kind = layout_of(example), type(example)
+
+    def small(self, numbers: np.ndarray) -> Any:
+        """A state as formulas take it."""
+        return build(self.layout, iter(numbers[: self.layout.width].tolist()))
+
+    def arrays(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """The parts of states, from their numbers, (..., width)."""
+        return unpacked(self.layout, numbers)
+
+    def states(self, numbers: np.ndarray) -> Any:
+        """Many states."""
+        return state_of(self.kind, self.arrays(numbers))
+
+    def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
+        """The layout and the numbers of many states as formulas take them."""
+        return self.layout, numbers
+
+    def fields(self, t: np.ndarray, numbers: np.ndarray) -> dict[str, Any]:
+        """The fields of a trajectory that are samples."""
+        return {"t": t, "states": self.arrays(numbers)}
+
+    def mark(self, error: Any, t: float, numbers: np.ndarray) -> None:
+        """Say in an error where the body stands."""
+        error.reached = self.small(numbers)
+
+
+class InPhysicalTime(AsItIs):
+    """The states of a system with its clock as those of the system itself.
+
+    whole : the system with its clock.  kind : of state of the system itself.
+    Behind the numbers of a state its fictive time may stand; else it is the time of the sample.
+    """
+
+    lazy: ClassVar[bool] = False
+
+    def __init__(self, example: Any, whole: Any, kind: Any) -> None:
+        super().__init__(example)
+        self.whole, self.kind = whole, kind
+
+    def apart(self, numbers: np.ndarray) -> Any:
+        """Physical times, parts of the states, and z."""
+        return self.whole.apart(unpacked(self.layout, numbers[..., : self.layout.width]))
+
+    def small(self, numbers: np.ndarray) -> Any:
+        arrays = self.arrays(numbers[None])
+        return small_state(self.kind, {name: x[0] for name, x in arrays.items()})
+
+    def arrays(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
+        found: dict[str, np.ndarray] = self.apart(numbers)[1]
+        return found
+
+    def seen(self, numbers: np.ndarray) -> tuple[Any, np.ndarray]:
+        return layout_of(self.small(numbers[0])), flat(self.arrays(numbers), len(numbers))
+
+    def fields(self, t: np.ndarray, numbers: np.ndarray) -> dict[str, Any]:
+        physical, states, z = self.apart(numbers)
+        if numbers.shape[-1] == self.layout.width:
+            return {"t": physical, "states": states, "tau": t, "z": z}
+        tau = numbers[..., -1]
+        if tau.ndim == 2 and (tau == tau[:, :1]).all():
+            tau = tau[:, 0].copy()
+        return {"t": t, "states": states, "tau": tau, "z": z}
+
+    def mark(self, error: Any, t: float, numbers: np.ndarray) -> None:
+        super().mark(error, t, numbers)
+        fields = self.fields(np.array([t]), numbers[None])
+        error.clock = tuple(
+            [None if (x := fields[name]) is None else x.item(0) for name in ("t", "tau", "z")]
+        )
+
+
+# ------------------------------------------------------------------ runs
+
+
+def of_run(run: Any, goes_on: bool = True) -> Any:
+    """The run so far.  goes_on : can it be resumed?"""
+    if run.bodies is None:
+        return of_body(run, 0, goes_on)
+    return of_bodies(run, goes_on or run.adaptive)
+
+
+def of_body(run: Any, i: int, goes_on: bool = True) -> Any:
+    """The run of one body as it would be alone; beside others with its states."""
+    quantities = None if run.bodies else run.quantities
+    system, method = run.of(i)
+    watch = run.events.each.get(i) if run.events else None
+    fields = _fields(run, quantities) | {
+        "system": system,
+        "method": method,
+        "bodies": None,
+        "steps": int(run.made[i]),
+        "events": run.events.shown(i) if run.events else (),
+        "ended": None if watch is None else watch.ended,
+        "stopped": NONE,
+    }
+    samples = _samples(lambda: run.view.fields(*run.samples(i)), quantities)
+    carry = functools.partial(run.carry_of, i) if goes_on else lambda: None
+    known = run.known(i) | ({"dense": None} if quantities else {})
+    return run.run_of.promised(SimpleNamespace(carry=carry), **fields | samples | known)
+
+
+def of_bodies(run: Any, goes_on: bool = True) -> Any:
+    """The runs of all bodies as one."""
+    events = (run.events.shown(i) for i in range(run.count)) if run.events else ()
+    fields = _fields(run, run.quantities) | {
+        "system": run.plan.system,
+        "method": run.plan.method,
+        "bodies": run.count,
+        "steps": run.most,
+        "events": tuple(zip(*events, strict=True)),
+        "stopped": Stopped(run.stops, run.why),
+    }
+    rest = SimpleNamespace(carry=run.carry if goes_on else lambda: None)
+    samples: dict[str, Any] = {}
+    if run.lazy and run.view.lazy and not run.quantities:
+        made = functools.cache(run.together)
+        rest.t, rest.states = lambda: made()[0], lambda: run.view.arrays(made()[1])
+    else:
+        samples = _samples(lambda: run.view.fields(*run.together()), run.quantities)
+    return run.run_of.promised(rest, **fields | samples | run.known(None))
+
+
+def _samples(make: Any, quantities: Any) -> dict[str, Any]:
+    """The fields that are samples: of states, or of functions of them."""
+    found: dict[str, Any] = quantities.fields(make) if quantities else make()
+    return found
+
+
+def _fields(run: Any, quantities: Any) -> dict[str, Any]:
+    """Fields of runs of one body and of many."""
+    return {
+        "compiled": run.compiled or run.lanes.stepping.native is not None,
+        "observed": quantities.recorder.observed if quantities else (),
+        "dense": None,
+        "rejected": None,
+    }
+
+
+# ------------------------------------------------------------------ runs beside one another
+
+
+def beside(runs: list[Any]) -> dict[str, Any]:
+    """What runs of one body each, or of some, show together: a run that has less samples shows its
+    last one again.
+    """
+    first, samples, h = runs[0], max(map(len, runs)), runs[0].h
+    bodies = [run.bodies or 1 for run in runs]
+
+    def together(arrays: list[np.ndarray]) -> np.ndarray:
+        columns = [x[:, None] if run.bodies is None else x for x, run in zip(arrays, runs)]
+        filled = [np.concatenate([x, np.repeat(x[-1:], samples - len(x), axis=0)]) for x in columns]
+        return np.concatenate(filled, axis=1)
+
+    def clock(times: list[np.ndarray]) -> np.ndarray:
+        """Times, (n, bodies) unless all have the same ones, (n,)."""
+        if all(t.ndim == 1 and np.array_equal(t, times[0]) for t in times):
+            return times[0]
+        return together(
+            [
+                np.repeat(t[:, None], run.bodies, axis=1) if run.bodies and t.ndim == 1 else t
+                for t, run in zip(times, runs)
+            ]
+        )
+
+    def by_name(kept: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+        return {name: together([one[name] for one in kept]) for name in kept[0]}
+
+    if first.rejected is not None:
+        h = float(np.average([run.h for run in runs], weights=bodies))
+    elif any(np.ndim(run.h) or run.h != h for run in runs):
+        h = np.concatenate([np.broadcast_to(run.h, n) for run, n in zip(runs, bodies)])
+    found = {
+        "t": clock([run.t for run in runs]),
+        "states": by_name([run.states for run in runs]),
+        "h": h,
+        "bodies": sum(bodies),
+        "steps": max(run.steps for run in runs),
+        "compiled": all(run.compiled for run in runs),
+        "rejected": None if first.rejected is None else sum(run.rejected for run in runs),
+    }
+    if getattr(first, "tau", None) is not None:
+        found["tau"] = clock([run.tau for run in runs])
+    if getattr(first, "z", None) is not None:
+        found["z"] = together([run.z for run in runs])
+    if hasattr(first, "tangent"):
+        found["tangent"] = by_name([run.tangent for run in runs])
+    return found

@@ -1,0 +1,139 @@
+"""A bath for each of many sites: the noise of each is that of its path, and pairs find Boltzmann's distribution."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import liemech as lm
+
+
+@lm.record
+class Exchange(lm.Term):
+    """Neighbours that like to be parallel."""
+
+    J: float
+
+    def energy(self, a: Any, b: Any) -> Any:
+        return -self.J * lm.dot(a.mu, b.mu)
+
+
+@lm.record
+class Zeeman(lm.Term):
+    """Sites in a field."""
+
+    B: lm.Vec
+
+    def energy(self, a: Any) -> Any:
+        return -lm.dot(self.B, a.mu)
+
+
+@lm.record
+class InField(lm.Hamiltonian):
+    """One of them alone."""
+
+    B: lm.Vec
+
+    def energy(self, mu: lm.Vec) -> float:
+        return -lm.dot(self.B, mu)
+
+
+def directions(n: int) -> np.ndarray:
+    mu = np.random.default_rng(4).normal(size=(n, 3))
+    return mu / np.linalg.norm(mu, axis=1)[:, None]
+
+
+def ring(n: int) -> lm.LiePoissonSystem:
+    terms = lm.Terms(Exchange(1.0).over(lm.neighbours.ring(n)), Zeeman([0.0, 0.1, 0.3]))
+    return lm.LiePoissonSystem(lm.SO3() ** n, terms)
+
+
+@pytest.mark.parametrize("native", [False, pytest.param(True, marks=pytest.mark.compiled)])
+def test_uncoupled_sites_are_bodies_with_their_paths(native: bool) -> None:
+    field, mu, paths = [0.0, 0.1, 0.3], directions(5), [3, 0, 8, 2**40, 1]
+    sites = lm.LiePoissonSystem(lm.SO3() ** 5, lm.Terms(Zeeman(field)))
+    body = lm.LiePoissonSystem(lm.SO3(), InField(field))
+    runs = []
+    for system in (sites, body):
+        bath = lm.thermal_bath(system, damping=0.3, temperature=0.5, seed=6)
+        start = bath.state(mu=mu, path=paths)
+        runs.append(lm.integrate(bath, lm.WongZakai(), start, h=0.1, steps=20, compiled=native).mu)
+    assert runs[0].shape == (21, 5, 3)
+    assert np.abs(runs[0] - runs[1]).max() < 1e-14
+
+
+@pytest.mark.compiled
+def test_same_bits_plain_native_in_threads_and_resumed() -> None:
+    bath = lm.thermal_bath(ring(40), damping=0.3, temperature=0.5, seed=6)
+    start, method = bath.state(mu=directions(40)), lm.WongZakai(increments="two-point")
+    options: list[dict[str, Any]] = [{"compiled": False}, {"compiled": True}, {"workers": 2}]
+    runs = [
+        lm.integrate(bath, method, start, h=0.05, steps=20, every=10, **how).mu for how in options
+    ]
+    assert np.array_equal(runs[0], runs[1]) and np.array_equal(runs[0], runs[2])
+    plan = lm.Plan(bath, method, h=0.05)
+    resumed = plan.resume(plan.run(start, steps=7), steps=13)
+    assert np.array_equal(resumed.mu[-1], runs[0][-1])
+    assert np.abs(np.linalg.norm(runs[0], axis=-1) - 1.0).max() < 1e-14
+
+
+def test_damped_sites_lose_the_energy_of_the_formula() -> None:
+    system, mu = ring(24), directions(24)
+    damped = lm.DoubleBracket(system, 0.2)
+    run = lm.integrate(damped, lm.RKMK(order=4), damped.state(mu=mu), h=1e-3, steps=2)
+    field = np.roll(mu, 1, axis=0) + np.roll(mu, -1, axis=0) + [0.0, 0.1, 0.3]
+    rate = -0.2 * (np.cross(mu, field) ** 2).sum()
+    slope = (-3.0 * run.energy[0] + 4.0 * run.energy[1] - run.energy[2]) / 2e-3
+    assert slope == pytest.approx(rate, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_coupled_pairs_are_as_parallel_as_boltzmann_says() -> None:
+    """Of two spins -J mu_1 . mu_2 has the mean of Langevin's function: mu_1 . mu_2 = coth x - 1/x, x = J/T."""
+    pair = lm.LiePoissonSystem(
+        lm.SO3() ** 2, lm.Terms(Exchange(1.0).over(lm.neighbours.edges([(0, 1)])))
+    )
+    bath = lm.thermal_bath(pair, damping=1.0, temperature=0.5, seed=3)
+    n = 1000
+    start = bath.state(mu=np.broadcast_to(directions(2), (n, 2, 3)))
+    run = lm.integrate(bath, lm.WongZakai(), start, h=0.02, steps=3000, every=30)
+    along = (run.mu[20:, :, 0] * run.mu[20:, :, 1]).sum(axis=-1).mean(axis=0)
+    wanted = 1.0 / math.tanh(2.0) - 0.5
+    assert abs(along.mean() - wanted) < 4.0 * along.std() / n**0.5 + 2e-3
+
+
+def test_what_cannot_be_meant_is_named() -> None:
+    system = ring(20)
+    with pytest.raises(lm.errors.InvalidInput, match="3 finite components"):
+        lm.Stochastic(system, np.eye(60).tolist())
+    bath = lm.thermal_bath(system, damping=0.3, temperature=0.5)
+    with pytest.raises(lm.errors.InvalidInput, match="sites have shape"):
+        bath.state(mu=directions(20), path=[1, 2, 3])
+    whole = lm.LiePoissonSystem(lm.SO3() ** 2, lm.KineticEnergy(np.linspace(1.0, 2.0, 6)))
+    with pytest.raises(lm.errors.InvalidInput, match="Terms on a power"):
+        lm.thermal_bath(whole, 0.1, 0.1)
+    with pytest.raises(lm.errors.InvalidInput, match="leave metric out"):
+        lm.DoubleBracket(system, 0.1, np.eye(60).tolist())
+
+
+def test_states_inside_of_steps_are_refused(tmp_path: object) -> None:
+    for n in (4, 200):
+        bath = lm.thermal_bath(ring(n), damping=0.3, temperature=0.5)
+        start = bath.state(mu=directions(n))
+        with pytest.raises(lm.errors.IncompatibleSystem, match="noise"):
+            lm.integrate(bath, lm.WongZakai(), start, h=0.1, t_end=1.0, t_eval=[0.35])
+
+
+def test_saved_runs_go_on(tmp_path: object) -> None:
+    bath = lm.thermal_bath(ring(20), damping=0.3, temperature=0.5)
+    run = lm.integrate(bath, lm.WongZakai(), bath.state(mu=directions(20)), h=0.1, steps=4)
+    run.save(f"{tmp_path}/run.npz")
+    loaded = lm.Trajectory.load(f"{tmp_path}/run.npz")
+    plans = [lm.Plan(one.system, lm.WongZakai(), h=0.1) for one in (run, loaded)]
+    ends = [
+        plan.resume(one, steps=3).mu[-1] for plan, one in zip(plans, (run, loaded), strict=True)
+    ]
+    assert np.array_equal(*ends)

@@ -1,0 +1,194 @@
+"""What is drawn can be seen: contrast, colours that every kind of colour vision tells apart, a
+picture that fills its stage, and what lies behind the sphere is fainter than what lies in front.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from viewer.browser import Tab
+
+import liemech as lm
+from liemech.command_line.scenes import SCENES
+from liemech.models.curves import ASIDE, across
+from liemech.plots import COLORS
+from liemech.plots.style import GREY, INK
+from liemech.viewer import Body, Momentum, Motion, Scene
+from liemech.viewer.chromium import Chromium
+from liemech.viewer.page import part
+from liemech.viewer.shapes import rgb
+from liemech.viewer.vectors import AXES, LEVEL, SEPARATRIX
+
+VISIONS = {
+    "usual": np.eye(3),
+    "deuteranopia": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ],
+    "protanopia": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+}
+"""How each kind of colour vision sees linear red, green and blue.
+
+Source: Machado, Oliveira, Fernandes, A physiologically-based model for simulation of color vision
+deficiency, IEEE Trans. Visualization and Computer Graphics 15 (2009), severity 1.
+"""
+
+
+def linear(color: str) -> np.ndarray:
+    """A colour of a page as amounts of light.  Source: IEC 61966-2-1 (sRGB)."""
+    c = np.array(rgb(color)) / 255.0
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def lightness(light: Any) -> np.ndarray:
+    """L*, a*, b* of CIE 1976, in which equal distances look alike."""
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    x = np.array(to_xyz) @ np.clip(light, 0.0, 1.0) / [0.9505, 1.0, 1.089]
+    f = np.where(x > 0.008856, np.cbrt(x), 7.787 * x + 16.0 / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+def contrast(color: str, ground: str = "#ffffff") -> float:
+    """Source: Web Content Accessibility Guidelines 2.2, relative luminance and contrast ratio."""
+    dark, light = sorted(0.05 + linear(c) @ [0.2126, 0.7152, 0.0722] for c in (color, ground))
+    return float(light / dark)
+
+
+def apart(colors: Any, vision: str) -> float:
+    """The least distance between two of the colours as this kind of vision sees them."""
+    seen = [lightness(np.array(VISIONS[vision]) @ linear(color)) for color in colors]
+    return min(float(np.linalg.norm(a - b)) for a, b in itertools.combinations(seen, 2))
+
+
+def test_the_measures_know_the_classic_cases() -> None:
+    assert contrast("#000000") == pytest.approx(21.0)
+    assert contrast("#777777") == pytest.approx(4.48, abs=0.01)
+    red_and_green = ("#b06000", "#708000")  # alike without the receptors for green
+    assert apart(red_and_green, "usual") > 40.0 > 10.0 > apart(red_and_green, "deuteranopia")
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_every_kind_of_colour_vision_tells_curves_and_axes_apart(vision: str) -> None:
+    assert apart(COLORS, vision) > 20.0
+    assert apart((COLORS[0], *AXES), vision) > 25.0
+
+
+def test_printed_in_grey_neighbours_differ_or_have_dashes_of_their_own() -> None:
+    from liemech.plots.style import DASHES, MARKERS
+
+    assert len(set(DASHES)) == len(set(MARKERS)) == len(COLORS)
+
+
+def test_lines_have_contrast_three_and_texts_four_and_a_half() -> None:
+    assert min(contrast(color) for color in (*COLORS, *AXES, LEVEL, SEPARATRIX)) >= 3.0
+    css = part("page.html")
+    assert min(contrast(c) for c in (INK, GREY, *re.findall(r"[ {;]color: (#\w{6})", css))) >= 4.5
+
+
+def test_the_eye_looks_across_the_plane_of_a_motion() -> None:
+    s = np.linspace(0.0, 6.0, 50)
+    still = 0.0 * s
+    azimuth, elevation = across(np.stack([2.0 * np.cos(s), still, np.sin(s)], axis=1))
+    assert -90.0 <= azimuth <= -60.0 and elevation <= 15.0  # upright: from the front
+    azimuth, elevation = across(np.stack([still, 2.0 * np.cos(s), np.sin(s)], axis=1))
+    assert min(abs(azimuth), abs(azimuth + 180.0)) <= 20.0  # the other upright plane
+    assert across(np.stack([2.0 * np.cos(s), np.sin(s), still], axis=1))[1] >= 50.0  # from above
+    assert across(np.concatenate([np.eye(3), -np.eye(3)])) == ASIDE
+
+
+FILLED = """(() => { const found = player.panels.map(panel => {
+    player.aim(panel);
+    const camera = player.viewer.camera, low = [9, 9], high = [-9, -9];
+    camera.updateMatrixWorld();
+    for (const point of panel.extent) {
+        const v = point.clone().project(camera);
+        [v.x, v.y].forEach((x, k) => { low[k] = Math.min(low[k], x); high[k] = Math.max(high[k], x); });
+    }
+    return [...low, ...high];
+}); return found; })()"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["kirchhoff", "falling-body", "pendulum", "sleigh", "figure-eight"]
+)
+def test_scenes_fill_their_stage(browser: Chromium, tmp_path: Path, name: str) -> None:
+    scene = SCENES[name]()
+    run = lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=scene.steps)
+    with Tab.of(browser, Scene(run).save(tmp_path / "scene.html")) as tab:
+        tab.wait("window.ready || window.failed")
+        for left, bottom, right, top in tab.evaluate(FILLED):
+            assert 0.6 < max(right - left, top - bottom) / 2.0 <= 0.9
+            assert min(left, bottom) >= -1.0 and max(right, top) <= 1.0
+        assert tab.complaints() == []
+
+
+@pytest.mark.slow
+def test_what_lies_behind_the_sphere_is_faint(browser: Chromium, tmp_path: Path) -> None:
+    """The same point of the momentum, towards the eye and away from it."""
+    body = lm.RigidBody([1.0, 2.0, 3.0])
+    azimuth, elevation = np.radians(ASIDE)
+    eye = [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)]
+    front = np.array([*eye, np.sin(elevation)]) + [0.0, 0.0, 0.3]
+    front /= np.linalg.norm(front)
+    darkest = []
+    for mu in (front, -front):
+        still = Motion(body, np.zeros(1), {"mu": mu[None]})
+        page = Scene(still, show=Momentum(trail=True, levels=0)).save(tmp_path / "sphere.html")
+        with Tab.of(browser, page) as tab:
+            tab.wait("window.ready || window.failed")
+            pixels = tab.drawn()
+            darkest.append(pixels[..., 0][pixels[..., 2] > pixels[..., 1] + 25].min())
+    assert darkest[0] < 20 and darkest[1] > 80
+
+
+@pytest.mark.slow
+def test_a_mesh_without_normals_is_lit(browser: Chromium, tmp_path: Path) -> None:
+    """Many programs write STL files whose normals are all zero."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype="<f4")
+    faces = corners[[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]]
+    facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    data = np.zeros(4, dtype=facet)
+    data["corners"] = faces
+    file = tmp_path / "corner.stl"
+    file.write_bytes(b"\0" * 80 + np.uint32(4).tobytes() + data.tobytes())
+    body = lm.RigidBody([1.0, 2.0, 3.0])
+    still = Motion(body, np.zeros(1), {"g": np.eye(3)[None]})
+    page = Scene(still, show=Body(mesh=file, triad=False)).save(tmp_path / "mesh.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait("window.ready || window.failed")
+        middle = tab.drawn()[180:260, 280:360]
+        assert middle.min() > 60  # black before
+        assert tab.complaints() == []
+
+
+@pytest.mark.slow
+def test_the_first_view_comes_back_and_the_motion_begins_anew(
+    browser: Chromium, tmp_path: Path
+) -> None:
+    scene = SCENES["kepler"]()
+    run = lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=200)
+    page = Scene(run, seconds=1.0).save(tmp_path / "planet.html")
+    with Tab.of(browser, page) as tab:
+        tab.wait("window.ready || window.failed")
+        first = tab.seek(1.0)
+        tab.drag((300.0, 200.0), (420.0, 260.0))
+        assert (tab.drawn() != first).any()
+        tab.click("#reset")
+        assert (tab.drawn() == first).all()
+        label = tab.evaluate("document.getElementById('label').textContent")
+        assert re.fullmatch(r"t = [\d.]+", label)  # of a planet without units
+        tab.click("#loop")
+        tab.evaluate(f"player.seek({0.95 * 200 * scene.h!r}); player.play()")
+        tab.wait(f"player.time < {0.5 * 200 * scene.h!r}", 10.0)
+        assert tab.evaluate("player.playing")
