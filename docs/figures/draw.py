@@ -50,6 +50,7 @@ SECTIONS = {
         "heavy_top",
         "gyrostat",
         "rotations_in_four_dimensions",
+        "body_in_ten_dimensions",
         "heisenberg",
         "magnetic_moment",
     ),
@@ -61,13 +62,13 @@ SECTIONS = {
         "energy_exchange",
         "magnons",
     ),
-    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm"),
+    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm", "net"),
     "Poisson systems, and steps that follow the motion": (
         "lotka_volterra",
         "banana_orbit",
         "eccentric_orbit",
     ),
-    "Many bodies": ("binary_asteroid", "drop_of_water"),
+    "Many bodies": ("binary_asteroid", "drop_of_water", "mixing_vorticity"),
     "At work": ("attitude_control", "rocket", "flight_code"),
     "Damping and noise": ("paramagnet", "relaxing_body"),
     "From measurements": ("fit_inertia", "attitude_filter"),
@@ -183,6 +184,14 @@ def photograph(page: Path, picture: Path) -> None:
         picture.write_bytes(tab.picture())
 
 
+def board(folder: str) -> None:
+    """The ratios of the leader board, as they were measured last."""
+    benchmarks = ROOT / "tests" / "benchmarks"
+    sys.path[:0] = [str(ROOT), str(benchmarks)]
+    numbers = json.loads((benchmarks / "leader_board.json").read_text(encoding="utf-8"))
+    importlib.import_module("board_page").figure(numbers, Path(folder) / "leader_board.png")
+
+
 def film(folder: str) -> None:
     """The first moving picture that a reader sees, in the documentation's first page."""
     program = runpy.run_path(str(ROOT / "examples" / "flip_in_the_browser.py"))
@@ -211,6 +220,7 @@ def main() -> None:
     }
     makers |= {name: measured(name) for name in MEASURED}
     makers["film"] = film
+    makers["leader_board"] = board
     makers["diagrams"] = program(str(HERE / "diagrams.py"))
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"of {', '.join(makers)}; all of them if left out"

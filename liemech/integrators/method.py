@@ -9,7 +9,7 @@ from ..formulas import Record, Vec, record, sqrt, vec
 from ..formulas.pytree import fields_of
 from ..formulas.sites import mean
 from ..retractions import Retraction
-from ..systems.system import State, System
+from ..systems.system import State, System, lies_in_memory
 
 
 @record
@@ -28,6 +28,8 @@ class Method(Record):
 
     symmetric: ClassVar[bool] = False
     symplectic: ClassVar[bool] = False
+    # if symplectic: on coadjoint orbits alone, and not on T*G, where the elements move too?
+    of_momenta: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
     # are its steps those of a fictive time, and is physical time carried along?
     fictive: ClassVar[bool] = False
@@ -35,6 +37,8 @@ class Method(Record):
     shortens: ClassVar[bool] = False
     # is a step a power series in time, so that it sees an input from where it begins only?
     analytic: ClassVar[bool] = False
+    # does it need every number written out, for derivatives or Jacobians?
+    writes_out: ClassVar[bool] = False
     # does a step draw random numbers, which are known at its ends only?
     noisy: ClassVar[bool] = False
     # does a step add to the state, so that it is worth to remember what rounding takes from the sum?
@@ -66,6 +70,8 @@ class Method(Record):
     def name(self) -> str:
         """A short name for tables and pictures."""
         return repr(self)
+
+    together: ClassVar[bool] = False  # does it step all sites of a system at once, not one by one?
 
     def step(self, system: Any, t: float, state: Any, h: float) -> Any:
         """The state after one step of length h from time t: a formula, without side effects."""
@@ -117,6 +123,12 @@ class Method(Record):
         if not isinstance(system, System):
             raise IncompatibleSystem(
                 f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}"
+            )
+        if self.writes_out and lies_in_memory(system.group):
+            raise IncompatibleSystem(
+                f"{self!r} needs derivatives by every component, and {system.group!r} has "
+                f"{system.group.dim}, in memory. Isospectral(order=2), RKMK(order=4) and "
+                "CommutatorFree(order=4) go by products of matrices"
             )
         if system.noisy and not self.noisy:
             raise IncompatibleSystem(
@@ -170,6 +182,11 @@ class Wrapping(Method):
     def symplectic(self) -> bool:  # type: ignore[override]
         """Is the method symplectic?"""
         return self.method.symplectic
+
+    @property
+    def of_momenta(self) -> bool:  # type: ignore[override]
+        """Is the method symplectic for momenta alone?"""
+        return self.method.of_momenta
 
     @property
     def noisy(self) -> bool:  # type: ignore[override]

@@ -16,6 +16,7 @@ from ..formulas import Record
 from ..formulas.frozen import frozen
 from ..formulas.pytree import fields_of
 from ..integrators.ending_at_jumps import ending_at_jumps
+from ..systems.site_state import StateOfSites
 from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
@@ -324,6 +325,11 @@ class Trajectory:
             )
         system: Any = self.system
         example = system.state(**{name: x[0] for name, x in self.states.items()})
+        if isinstance(example, StateOfSites):
+            raise InvalidInput(
+                "Trajectory.at is not there for many sites: give the run t_eval, the times at which "
+                "states are wanted"
+            )
         method = ending_at_jumps(self.method, self.system, self.breaks)
         states = {name: self.states[name] for name in example.arrays}  # as in the state
         rows = np.column_stack([self.t, flat(states, len(self.t))])
