@@ -122,8 +122,9 @@ def integrate(
         h, rtol, atol, max_step, breaks, every, record, events, dense, compensated, precision,
         compiled, progress, workers,
     )  # fmt: skip
-    fixed = isinstance(control, FixedSteps)
+    fixed = False
     if control is not None or save is not None:
+        fixed = isinstance(control, FixedSteps)
         options, t_eval = options.with_values(control, save), times_of(save, t_eval)
     key: Any = None
     if isinstance(system, System) and isinstance(method, Method):
