@@ -764,7 +764,7 @@ def loads_here(system: Any, t: float, old: Any, work: Any, state: Layout) -> Non
     rows, n = system.rows, system.freedoms
     g, k = poses_of(system, old, work, state)
     rates = load(below(work, rows.rate), 0, vector(n))
-    efforts = system.of_kind(work, lambda one: one.efforts(t, g, k, rates, n))
+    efforts = system.of_kind(work, lambda one: one.efforts(t, one.seen(t, g, k), rates, n))
     save_push(system, work, efforts)
 
 
@@ -780,15 +780,18 @@ def efforts_there(system: Any, t: float, h: float, old: Any, work: Any, state: L
     rows, n = system.rows, system.freedoms
     g, k = poses_of(system, old, work, state)
     rates = load(below(work, rows.rate), 0, vector(n))
-    kicks, gain = system.of_kind(
-        work,
-        lambda one: (
-            h * one.efforts(t, g, k, rates, n),
-            jacobian(lambda y: h * one.efforts(t, g, k, y, n), rates),
-        ),
-    )
+    kicks, gain = system.of_kind(work, lambda one: kick_of(one, t, h, one.seen(t, g, k), rates))
     save(below(work, rows.gain), 0, gain, matrix(n, n))
     save_push(system, work, kicks)
+
+
+def kick_of(one: Any, t: float, h: float, seen: Any, rates: Vec) -> tuple[Vec, Mat]:
+    """The kick of the loads at a joint along its motions, and its derivative by the rates."""
+
+    def kick(y: Vec) -> Vec:
+        return h * one.efforts(t, seen, y, len(rates))
+
+    return kick(rates), jacobian(kick, rates)
 
 
 def excess_of_rates(system: Any, work: Any) -> None:

@@ -252,7 +252,11 @@ class AtJoint(Record):
 
     def effort(self, force: Any, t: float, g: Vec, rates: Vec) -> Vec:
         """Those of one force."""
-        q, some = self.coordinates(force, t, g), acting(force, self.joint)
+        return self.effort_at(force, t, self.coordinates(force, t, g), rates)
+
+    def effort_at(self, force: Any, t: float, q: Vec, rates: Vec) -> Vec:
+        """Those of one force at the coordinates that it sees."""
+        some = acting(force, self.joint)
         found = vec(
             *[
                 force.effort(t, q[i], rates[i]) if i in some else 0.0

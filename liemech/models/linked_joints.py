@@ -61,13 +61,19 @@ class LinkedJoint(Record):
             first, second = first + effort * one, second + effort * two
         return vec(*first, *second)
 
-    def efforts(self, t: float, g: Mat, k: Mat, rates: Vec, freedoms: int) -> Vec:
+    def seen(self, t: float, g: Mat, k: Mat) -> list[Vec]:
+        """The coordinates of the joint, as each of the loads sees them."""
+        at, poses = AtJoint(self.joint, self.loads), both(g, k)
+        return [at.coordinates(load, t, poses) for load in self.loads]
+
+    def efforts(self, t: float, seen: list[Vec], rates: Vec, freedoms: int) -> Vec:
         """The torques of loads at these rates, (freedoms,), and zeros."""
-        if len(self.loads) == 0:
-            return vec(*[0.0] * freedoms)
-        own = rates[: self.joint.freedoms]
-        found = AtJoint(self.joint, self.loads).efforts(t, both(g, k), own)
-        return vec(*filled([*found], freedoms, 0.0))
+        at, own = AtJoint(self.joint, self.loads), rates[: self.joint.freedoms]
+        total = vec(*[0.0] * freedoms)
+        for load, q in zip(self.loads, seen):
+            found = at.effort_at(load, t, q, own)
+            total = total + vec(*filled([*found], freedoms, 0.0))
+        return total
 
 
 def filled(some: list[Any], count: int, blank: Any) -> list[Any]:

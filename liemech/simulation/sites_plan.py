@@ -195,6 +195,8 @@ class SitesOfPlan:
                 run = self.kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
                 return run.trajectory()
             except NotCompilable as error:
+                if isinstance(self.site, Links) and self.plan._steps.compiled:
+                    raise
                 why = f"{self.plan.method!r} for sites one by one ({error})"
         if self.of_sites is not None:
             raise IncompatibleSystem(
