@@ -22,6 +22,7 @@ extensions = [
         "reference",
         "examples",
         "breaks",
+        "typeset",
         "contact_sheet",
     ),
 ]

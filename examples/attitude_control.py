@@ -2,7 +2,6 @@
 command: in time, and with commands that arrive late.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -20,7 +19,7 @@ inertia, period, rest = np.array([10.0, 15.0, 20.0]), 1e-3, np.zeros(3)
 body = lm.MechanicalSystem(lm.RigidBody(inertia), lm.NoPotential(), load=Wheels(rest))
 start = body.state(xi=[0.1, -0.05, 0.2], g=lm.SO3().exp([1.0, 1.2, -0.8]))
 loop = lm.Plan(body, lm.RKMK(order=4), h=period / 4).stepper(start)
-figure, (upper, lower) = plt.subplots(2, sharex=True)
+figure, (upper, lower) = lm.plots.subplots(2, figsize=(5.2, 4.6), sharex=True)
 for late in 0, 400, 800:  # looks
     loop.reset()
     latency, limit = lm.loops.Latency(late, rest), lm.loops.RateLimit(5.0, period, rest)
@@ -34,6 +33,6 @@ for late in 0, 400, 800:  # looks
     upper.semilogy(t, np.linalg.norm(away, axis=1), label=f"{late * period:g} s late")
     lower.plot(t, torque[:, 0])
     print(f"{late * period:g} s late: {np.linalg.norm(away[-1]):.0e} rad away after {loop.t:.0f} s")
-upper.set(ylabel="away from the target, rad"), upper.legend()
-lower.set(xlabel="t, s", ylabel="torque, N m")
+upper.set(ylabel="away from the target (rad)"), lm.plots.legend(upper)
+lower.set(xlabel="time t (s)", ylabel="torque (N m)")
 lm.plots.save(figure, "attitude_control.png", dpi=90)

@@ -5,7 +5,6 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -30,6 +29,7 @@ with tempfile.TemporaryDirectory() as folder:
         same = np.array_equal(rows[:, 1:4], run.mu) and np.array_equal(rows[:, 0], run.t)
         print(f"C and Python agree to the bit after {len(rows) - 1} steps: {same}")
         axis = rows[:, 4:].reshape(-1, 3, 3)[:, :, 2]
-plt.plot(axis[:, 0], axis[:, 1])
-plt.axis("equal"), plt.xlabel("axis of the top, x"), plt.ylabel("y")
-plt.savefig("flight_code.png", dpi=90)
+figure, ax = lm.plots.subplots()
+ax.plot(axis[:, 0], axis[:, 1])
+ax.set(aspect="equal", xlabel="axis of the top, $x$", ylabel="$y$")
+lm.plots.save(figure, "flight_code.png", dpi=110)

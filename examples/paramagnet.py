@@ -1,6 +1,5 @@
 """Spins in a field and a heat bath, on their spheres: their mean is Langevin's function of B/T."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -29,9 +28,9 @@ exact = 1.0 / np.tanh(fields / 0.1) - 0.1 / fields
 off = np.abs(np.array(up) - exact) / error
 print(f"mean of mu_z beside Langevin's function: off by at most {off.max():.1f} standard errors")
 x = np.linspace(0.01, 9.0, 200)
-figure, ax = plt.subplots(figsize=(6.4, 4.0), layout="constrained")
+figure, ax = lm.plots.subplots(figsize=(6.4, 4.0))
 ax.plot(x, 1.0 / np.tanh(x) - 1.0 / x, color="0.4", label=r"$\coth x - 1/x$")
 ax.errorbar(fields / 0.1, up, 3.0 * np.array(error), fmt="o", label=f"{spins} spins, 3 errors")
 ax.set(xlabel="$x = B/T$", ylabel=r"mean of $\mu_z$", title="a paramagnet")
-ax.legend(loc="lower right")
+lm.plots.legend(ax, loc="lower right")
 lm.plots.save(figure, "paramagnet.png", dpi=110)

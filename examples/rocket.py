@@ -2,7 +2,6 @@
 and then its speed is Tsiolkovsky's.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -28,11 +27,13 @@ class Thrust(lm.Force):
 
 body = lm.DrivenLiePoissonSystem(lm.SE3(), Fuel(150.0))
 rocket = lm.MechanicalSystem(body, lm.NoPotential(), load=Thrust())
+figure, ax = lm.plots.subplots()
 for spin in 0.0, 0.5, 2.0:  # rad/s
     start = rocket.state(mu=[0.0, 0.0, 150.0 * K2[2] * spin, 0.0, 0.0, 0.0], g=np.eye(4))
     run = lm.integrate(rocket, lm.KickDrift(), start, h=0.01, steps=5000, every=10)
-    plt.plot(run.g[:, 0, 3] / 1e3, run.g[:, 2, 3] / 1e3, label=f"spin {spin:g} rad/s")
+    ax.plot(run.g[:, 0, 3] / 1e3, run.g[:, 2, 3] / 1e3, label=f"spin {spin:g} rad/s")
     speed = np.linalg.norm(rocket.velocity(run.mu, run.t)[-1, 3:])
     print(f"spin {spin:g}: {speed:.1f} m/s of Tsiolkovsky's {SPEED * np.log(3.0):.1f}")
-plt.axis("equal"), plt.legend(), plt.xlabel("x, km"), plt.ylabel("z, km")
-plt.savefig("rocket.png", dpi=90)
+ax.set(aspect="equal", adjustable="datalim", xlabel="$x$ (km)", ylabel="$z$ (km)")
+lm.plots.legend(ax)
+lm.plots.save(figure, "rocket.png", dpi=110)

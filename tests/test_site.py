@@ -7,6 +7,7 @@ from __future__ import annotations
 import importlib.util
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -78,3 +79,42 @@ def test_no_picture_of_the_gallery_is_shown_twice() -> None:
         r"\]\((figures/\w+\.png)\)", (DOCS / "gallery.md").read_text(encoding="utf-8")
     )
     assert len(pictures) == len(set(pictures))
+
+
+def _typeset() -> Any:
+    spec = importlib.util.spec_from_file_location("typeset", DOCS / "site" / "typeset.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("typed", "set_"),
+    [
+        ("mu' = ad*_xi mu", r"\mu ' = \operatorname{ad}^{*}_{\xi }\, \mu"),
+        ("mu_n+1 = Ad*_tau(x) mu_n", r"\mu _{n+1} = \operatorname{Ad}^{*}_{\tau (x)}\, \mu _{n}"),
+        ("mu_n + 1", r"\mu _{n} + 1"),
+        ("Ad*_g^-1 f", r"\operatorname{Ad}^{*}_{g^{-1}}\, f"),
+        ("mu' = mu x w", r"\mu ' = \mu \, \times \, w"),
+        ("x = h xi", r"x = h\, \xi"),
+        ("(dtau^-1_xi)* dS/dxi", r"(\mathrm{d}\tau ^{-1}_{\xi })^{*}\, \mathrm{d}S/\mathrm{d}\xi"),
+        ("E_i+1,i+1 - E_ij", "E_{i+1,i+1} - E_{ij}"),
+        ("R^2n", "R^{2n}"),
+        ("<mu, xi> = mu . xi", r"\langle \mu , \xi \rangle = \mu \cdot \xi"),
+        ("|mu| <= sqrt(J_1 J_2)", r"|\mu | \le \sqrt{J_{1}\, J_{2}}"),
+    ],
+)
+def test_formulas_are_set_as_they_are_meant(typed: str, set_: str) -> None:
+    assert _typeset().read(typed) == set_
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        *("t_end", "dexp_inv", "run.mu[-1]", "h=0.1", "steps == 3", "lm.SE3()", "m[0]", "A @ B"),
+        *("g = [[R, p], [0, 1]]", "exp_Ad_star", "t0 + n*h", "print(x)", "a ** b", "python -m x"),
+    ],
+)
+def test_programs_are_no_formulas(code: str) -> None:
+    assert _typeset().read(code) is None

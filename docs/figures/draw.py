@@ -62,7 +62,7 @@ SECTIONS = {
         "energy_exchange",
         "magnons",
     ),
-    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm"),
+    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm", "net"),
     "Poisson systems, and steps that follow the motion": (
         "lotka_volterra",
         "banana_orbit",
@@ -184,6 +184,14 @@ def photograph(page: Path, picture: Path) -> None:
         picture.write_bytes(tab.picture())
 
 
+def board(folder: str) -> None:
+    """The ratios of the leader board, as they were measured last."""
+    benchmarks = ROOT / "tests" / "benchmarks"
+    sys.path[:0] = [str(ROOT), str(benchmarks)]
+    numbers = json.loads((benchmarks / "leader_board.json").read_text(encoding="utf-8"))
+    importlib.import_module("board_page").figure(numbers, Path(folder) / "leader_board.png")
+
+
 def film(folder: str) -> None:
     """The first moving picture that a reader sees, in the documentation's first page."""
     program = runpy.run_path(str(ROOT / "examples" / "flip_in_the_browser.py"))
@@ -212,6 +220,7 @@ def main() -> None:
     }
     makers |= {name: measured(name) for name in MEASURED}
     makers["film"] = film
+    makers["leader_board"] = board
     makers["diagrams"] = program(str(HERE / "diagrams.py"))
     parser.add_argument(
         "names", nargs="*", metavar="NAME", help=f"of {', '.join(makers)}; all of them if left out"

@@ -16,6 +16,7 @@ import itertools
 import re
 from typing import Any
 
+import typeset
 from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
@@ -141,7 +142,12 @@ def readable(lines: list[str], owner: type | None) -> list[str]:
             zip(formulas(block), block, strict=True), lambda pair: pair[0]
         ):
             if formula:  # the empty comment parts it from a formula before it
-                out += ["..", "", "::", "", *[line for _, line in part], ""]
+                shown = [line for _, line in part]
+                if set_ := typeset.lines(shown):
+                    for line in set_:
+                        out += [".. math::", "", f"    {line}", ""]
+                else:
+                    out += ["..", "", "::", "", *shown, ""]
             else:
                 for paragraph in paragraphs([line for _, line in part]):
                     out += rendered(paragraph, owner)

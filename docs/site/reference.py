@@ -30,6 +30,7 @@ PARTS = {
     "models": ("Models", "Systems that are ready: bodies, tops, pendulums, planets, lattices."),
     "integrators": ("Methods", "One step each; `integrate` owns the loop."),
     "tableaus": ("Tableaus", "Coefficients with names, sources and checks of their own."),
+    "estimation": ("Estimation", "States, inertias and biases from measurements."),
     "checks": ("Checks", "Every law and every claim, on the classes you write."),
     "plots": ("Pictures", "Matplotlib axes; every function draws one thing."),
     "viewer": ("Viewer", "Moving pictures in the browser."),
@@ -39,7 +40,7 @@ PARTS = {
     ),
     "errors": ("Errors", "All errors and warnings, in one tree."),
 }
-MODULES = ("tableaus", "plots", "viewer", "errors")
+MODULES = ("estimation", "tableaus", "plots", "viewer", "errors")
 """Parts that are modules of their own: their names are `lm.plots.drift` and so on."""
 
 

@@ -20,6 +20,7 @@ from ..groups.lie_group import LieGroup
 from ..integrators.method import Method
 from ..integrators.stochastic_steps import NoisySteps
 from ..retractions import Cayley, Exponential, Retraction
+from ..simulation.arguments import matching
 from ..systems.sums_of_terms import released
 from ..systems.system import State, System
 from .action_laws import ACTION, arguments, named
@@ -221,7 +222,7 @@ def check_method(
         noisy = noisy_claims(method, system, start, h, compiled)  # type: ignore[arg-type]
         return finished(f"{method!r} on {system!r}", noisy, raises)
     place = Place("the start", method, system, start, 0.0, compiled)
-    method.require(place.whole)
+    matching(place.whole, method)
     base = place.base
     place = dataclasses.replace(place, t0=at_times("", base, start, (0.0,))[0].t)
     speed = pace(base, place.t0, start)

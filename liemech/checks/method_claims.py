@@ -31,7 +31,7 @@ from .phase_space_charts import FREE_OF_CONSTRAINTS, BoundCharts, Charts, Constr
 from .reference import CLEAR, settled
 from .report import ROUNDING, Observation
 from .sample_points import STEP, Units, size
-from .sample_states import CENTRAL
+from .sample_states import CENTRAL, as_accepted
 
 COUNTS = 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256
 """Numbers of steps over the same time."""
@@ -96,14 +96,16 @@ class Trial:
         """The trajectory of some steps; raises what `integrate` raises."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            method, begin = method or self.method, self.start if start is None else start
+            begin, compiled = as_accepted(method, self.system, begin, self.compiled)
             return integrate(
                 self.system,
-                method or self.method,
-                self.start if start is None else start,
+                method,
+                begin,
                 h=h,
                 steps=steps,
                 t0=self.t0 + elapsed,
-                compiled=self.compiled,
+                compiled=compiled,
                 compensated=compensated,
                 progress=False,
             )

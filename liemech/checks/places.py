@@ -36,7 +36,7 @@ from ..systems.vector_field import VectorField
 from .reference import settled
 from .report import ROUNDING, shown
 from .sample_points import flat, size
-from .sample_states import knows_time, members, pace
+from .sample_states import as_accepted, knows_time, members, pace
 
 SOME = 3
 """Steps of a run: what is wrong from the second step on shows too."""
@@ -129,19 +129,25 @@ class Place:
         """The parts of the last state, or states, of a run in physical time."""
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
+            begin, compiled = as_accepted(
+                method, self.base, self.base.vouched(state), self.compiled
+            )
             run = integrate(
                 self.base,
                 method,
-                self.base.vouched(state),
+                begin,
                 h=h,
                 steps=steps,
                 every=steps,
                 t0=self.t0 + elapsed,
-                compiled=self.compiled,
+                compiled=compiled,
                 compensated=False,
                 progress=False,
             )
-        return {name: np.asarray(array[-1]) for name, array in run.states.items()}
+        return {
+            name: self.base._in_rows(np.asarray(array[-1]), "Element" if name == "g" else "Vec")
+            for name, array in run.states.items()
+        }
 
     def exact(self, time: float) -> Any:
         """The state to which the motion leads in a physical time."""

@@ -9,7 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InconsistentState, InvalidInput, LiemechError, NoConvergence
+from ..compiler import kernel
+from ..errors import (
+    IncompatibleSystem,
+    InconsistentState,
+    InvalidInput,
+    LiemechError,
+    NoConvergence,
+)
 from ..formulas.vectors import small
 from ..retractions import Exponential
 from ..systems.canonical import CanonicalState, CanonicalSystem, PhaseSpace
@@ -123,6 +130,21 @@ def pace(system: Any, t: float, state: Any) -> float:
     )
     change, large = (flat(x) for x in system.variation(state, rate))
     return max(float(found), float(np.linalg.norm(change)) / (float(np.linalg.norm(large)) or 1.0))
+
+
+def as_accepted(
+    method: Any, system: Any, start: Any, compiled: bool | None
+) -> tuple[Any, bool | None]:
+    """The start and whether runs are native: if the method takes no system of all sites as one body,
+    with an axis of sites, and natively where they can be, because plain Python sweeps over all sites.
+    """
+    try:
+        method.require(system)
+    except IncompatibleSystem:
+        given = {name: np.asarray(x) for name, x in start.arrays.items()}
+        native = compiled is None and kernel.available() is None
+        return system.state(**given), True if native else compiled
+    return start, compiled
 
 
 def knows_time(system: Any) -> bool:

@@ -104,7 +104,8 @@ class Fission:
         """Forget instructions whose values nobody needs."""
         alive: set[ir.Value] = set()
         within = {block for p in self.passes for block in p.blocks}
-        others = (block for block in self.passes[0].function.blocks if block not in within)
+        behind = self.passes[0].function.blocks[self.passes[0].start :]
+        others = (block for block in behind if block not in within)
         between = (x for block in others for i in block.instructions for x in used(i))
         todo = [*(i for i in self.at if _acts(i)), *(x for x in between if x in self.at)]
         while todo:

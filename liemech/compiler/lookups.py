@@ -99,6 +99,11 @@ def entry(e: Emitter, table: Table, i: Any) -> Any:
     return _loaded(e, None, place, i, "f")
 
 
+def whole(e: Emitter, table: Table, i: Any) -> Any:
+    """A whole number of a table in memory."""
+    return _loaded(e, None, table.place, i, "i")
+
+
 def _loaded(e: Emitter, first: ir.Value | None, place: Any, i: Any, kind: str) -> Num:
     """The number that comes i after the first, for every lane.  The first is the same for all
     lanes, or (None) lies at a place, in words of eight bytes.

@@ -58,3 +58,21 @@ def save(planes: Planes, k: int, value: Any, layout: Layout) -> None:
     numbers = np.empty(layout.width)
     write(numbers, 0, value, layout)
     planes.array[k * layout.width : (k + 1) * layout.width, present_site()] = numbers
+
+
+def below(planes: Planes, row: int) -> Planes:
+    """The planes from this row on."""
+    return Planes(planes.array[row:], planes.count)
+
+
+def at(planes: Planes, i: int, k: int, layout: Layout) -> Any:
+    """Value number k of site i.  In a loop over sites it is one that the loop does not save."""
+    rows = slice(k * layout.width, (k + 1) * layout.width)
+    return read(np.ascontiguousarray(planes.array[rows, i]), 0, layout)
+
+
+def put(planes: Planes, i: int, k: int, value: Any, layout: Layout) -> None:
+    """Set value number k of site i, outside of loops over sites."""
+    numbers = np.empty(layout.width)
+    write(numbers, 0, value, layout)
+    planes.array[k * layout.width : (k + 1) * layout.width, i] = numbers

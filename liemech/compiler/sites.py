@@ -142,6 +142,9 @@ class SiteLoops:
             driver.some: self.some,
             driver.load: self.load,
             driver.save: self.save,
+            driver.below: self.below,
+            driver.at: self.value_at,
+            driver.put: self.put,
             words.meet: self.meet,
             words.own: self.own,
             words.total: self.total,
@@ -175,6 +178,7 @@ class SiteLoops:
             raise NotCompilable("a loop over sites inside of another one")
         if b.function is not self.kernel:  # which has the sites that are asked for
             raise NotCompilable("a loop over sites inside of a native function")
+        t.outliner.divide()
         outer = vars(state).copy()
         with e.side_by_side(self.lanes, self.width):
             state.over = over = Over(sites, state.region, len(state.escapes) + 1, range_)
@@ -293,6 +297,41 @@ class SiteLoops:
         over = self._over("save")
         over.saved, sites.body = True, over.passes[-1].index
         sites.write(k, value, layout)
+
+    def below(self, sites: SiteRows, row: Any) -> SiteRows:
+        """The rows from this one on."""
+        found = copy.copy(sites)
+        found.pointer = sites.at(row)
+        return found
+
+    def value_at(self, sites: SiteRows, i: Any, k: Any, layout: Layout) -> Any:
+        """Value number k of site i, gathered lane by lane if the lanes ask for several."""
+        b, start, over = (
+            self.b,
+            self.e.cast(sites.start(k, layout), "i", False)[0],
+            self.t.state.over,
+        )
+        rows = [(sites, self.e.num([b.add(start, I64(j))])) for j in range(layout.width)]
+        if over is not None and isinstance(i, Num) and i.varying:
+            numbers = self._gathered(rows, i)
+        else:
+            place = b.gep(sites.at(rows[0][1]), [self.e.cast(i, "i", False)[0]], source_etype=F64)
+            step = [b.mul(sites.step, I64(j)) for j in range(layout.width)]
+            numbers = [self.e.num([b.load(sites.after(place, x), align=8, typ=F64)]) for x in step]
+        found = (sites._found(x, kind) for x, kind in zip(numbers, layout.kinds, strict=True))
+        return build(layout, found)
+
+    def put(self, sites: SiteRows, i: Any, k: Any, value: Any, layout: Layout) -> None:
+        """Set value number k of site i."""
+        if self.t.state.over is not None:
+            raise NotCompilable("`put` inside of a loop over sites")
+        unchanged(value, layout)
+        b, e = self.b, self.e
+        start = e.cast(sites.start(k, layout), "i", False)[0]
+        place = b.gep(sites.at(e.num([start])), [e.cast(i, "i", False)[0]], source_etype=F64)
+        for j, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
+            where = sites.after(place, b.mul(sites.step, I64(j)))
+            b.store(e.cast(sites._kept(x, kind), "f", False)[0], where, align=8)
 
     # -------------------------------------------------------------- the words of formulas
 

@@ -106,6 +106,7 @@ class Interpreter(Statements):
                 emitter, sums.antisymmetric_map, *x
             ),
             tables.entry: lambda *x: lookups.entry(emitter, *x),
+            tables.whole: lambda *x: lookups.whole(emitter, *x),
             philox.uniforms: emitter.uniforms,
             driver.numbers: lambda x: Vec(*leaves(x, layout_of(x, is_any_number))),
         }

@@ -74,10 +74,11 @@ def checked(where: str, group: LieGroup, g: Any, covariance: Any, side: str) -> 
     lead = element.shape[: element.ndim - len(shape)]
     if element.shape != lead + shape:
         raise InvalidInput(f"{where}: g has shape {element.shape}; its last axes must be {shape}")
-    outside = np.logical_not(group.contains(element))
-    if np.any(outside):
-        reason = group.objection(element[outside][0] if lead else element)
-        raise InvalidInput(f"{where}: g is not in {group!r}: {reason}")
+    outside = np.argwhere(np.logical_not(group.contains(element)))
+    if len(outside):
+        at = tuple(outside[0].tolist()) if lead else ()
+        reason = group.objection(element[at])
+        raise InvalidInput(f"{where}: g{[*at] or ''} is not in {group!r}: {reason}")
     P = real_array(covariance, f"{where}: covariance")
     if P.ndim == 1 and P.shape == (group.dim,):
         P = np.diag(P * P)

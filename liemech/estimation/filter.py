@@ -75,6 +75,10 @@ class Filter(Record):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_side(type(self).__name__, self.side)
+        if not isinstance(self.process, Process):
+            raise InvalidType(
+                f"{type(self).__name__}: process must be a Process; got {self.process!r}"
+            )
 
     @cached_property
     def _known(self) -> dict[Any, Correction]:
@@ -109,6 +113,8 @@ class Filter(Record):
     def predict(self, belief: Any, u: Any, h: Any) -> Belief:
         """The belief after a step h with the measured input u.  u : (..., inputs), h : s."""
         self._look_at("predict", belief)
+        if not (h > 0.0 if type(h) is float else np.all(real_array(h, "h") > 0.0)):
+            raise InvalidInput(f"{type(self).__name__}.predict: h must be positive; got {h!r}")
         g, covariance = self.propagated(belief.g, belief.covariance, u, h)
         return Belief(belief.group, g, covariance, self.side)
 
@@ -138,6 +144,11 @@ class Filter(Record):
             raise InvalidType(
                 f"{type(self).__name__}.{name}: belief must be a Belief, as `belief(g, covariance)` "
                 f"gives; got {belief!r}"
+            )
+        if belief.group is not self.group and belief.group != self.group:
+            raise InvalidInput(
+                f"{type(self).__name__}.{name}: the belief is of {belief.group!r}, the filter of "
+                f"{self.group!r}"
             )
         if belief.side != self.side:
             raise InvalidInput(

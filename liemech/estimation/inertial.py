@@ -11,6 +11,7 @@ from ..groups.se23 import SE23, extended, parts
 from ..groups.sgal3 import SGal3
 from ..groups.so3 import SO3
 from ..groups.vector_space import VectorSpace
+from .noise import check_noise
 from .processes import Process
 
 
@@ -55,6 +56,10 @@ class Imu(Process):
     accelerometer: Vec
     gravity: Vec = (0.0, 0.0, -9.80665)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_noise(self, gyroscope=3, accelerometer=3)
+
     @cached_property
     def group(self) -> SE23:
         """SE_2(3)."""
@@ -90,6 +95,10 @@ class BiasedImu(Process):
     wander: Vec
     gravity: Vec = (0.0, 0.0, -9.80665)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_noise(self, gyroscope=3, accelerometer=3, wander=6)
+
     @cached_property
     def group(self) -> ProductGroup:
         """SE_2(3) x R^6."""
@@ -124,6 +133,10 @@ class BiasedGyroscope(Process):
 
     density: Vec
     wander: Vec
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_noise(self, density=3, wander=3)
 
     @cached_property
     def group(self) -> ProductGroup:

@@ -11,6 +11,7 @@ from ..formulas import Element, Record, Vec, record, sqrt
 from ..groups.lie_group import LieGroup
 from ..integrators.method import Method
 from ..systems.group_equation import GroupEquation, Position
+from .noise import check_noise
 
 
 @record
@@ -69,6 +70,10 @@ class Turning(Process):
 
     group: LieGroup
     density: Vec
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_noise(self, density=self.group.dim)
 
     def move(self, g: Element, u: Vec, w: Vec, h: float) -> Element:
         """g exp(h (u + w))."""

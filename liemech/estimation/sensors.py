@@ -8,7 +8,8 @@ from ..errors import InvalidInput, undefined
 from ..formulas import Ambient, Element, Mat, Record, Vec, mat, record, vec
 from ..groups.lie_group import LieGroup
 from ..groups.product import ProductGroup
-from .errors_of_elements import error
+from .errors_of_elements import check_side, error
+from .noise import INFINITY, TINY, check_noise
 
 
 @record
@@ -83,6 +84,11 @@ class Place(Sensor):
     deviation: Vec
     side: str = "left"
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_side("Place", self.side)
+        check_noise(self, TINY, deviation=self.group.dim)
+
     def value(self, g: Element) -> Element:
         """g."""
         return g
@@ -117,6 +123,11 @@ class Direction(Sensor):
     known: Vec
     deviation: Vec
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_noise(self, -INFINITY, known=3)
+        check_noise(self, TINY, deviation=3)
+
     def value(self, g: Element) -> Vec:
         """R^T d."""
         d = self.known
@@ -140,6 +151,8 @@ class Position(Sensor):
     def __post_init__(self) -> None:
         super().__post_init__()
         _of_motions(self)
+        check_noise(self, TINY, deviation=3)
+        check_noise(self, -INFINITY, lever=3)
 
     def value(self, g: Element) -> Vec:
         """p + R lever."""
@@ -164,6 +177,8 @@ class Landmark(Sensor):
     def __post_init__(self) -> None:
         super().__post_init__()
         _of_motions(self)
+        check_noise(self, TINY, deviation=3)
+        check_noise(self, -INFINITY, point=3)
 
     def value(self, g: Element) -> Vec:
         """R^T (point - p)."""

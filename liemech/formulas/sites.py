@@ -44,7 +44,9 @@ def rows_of(values: np.ndarray) -> np.ndarray:
     site filled by it.
     """
     count = values.shape[-1]
-    return np.ascontiguousarray(values[..., np.minimum(np.arange(padded(count)), count - 1)])
+    rows = np.empty((*values.shape[:-1], padded(count)), dtype=values.dtype)
+    rows[..., :count], rows[..., count:] = values, values[..., -1:]
+    return rows
 
 
 # ------------------------------------------------------------------ parameters of sites

@@ -72,3 +72,13 @@ def entry(table: Table, i: Any) -> Any:
     infinite times too.
     """
     return table.array.item(i)
+
+
+def whole(table: Table, i: Any) -> int:
+    """Entry number i of a table of whole numbers, as `of_whole` makes it."""
+    return int(table.array.view(np.int64)[i])
+
+
+def of_whole(numbers: Any) -> Table:
+    """A table of whole numbers."""
+    return Table(np.ascontiguousarray(numbers, dtype=np.int64).view(np.float64))

@@ -88,6 +88,11 @@ class Composition(Remembering):
         return self.base.symplectic
 
     @property
+    def of_momenta(self) -> bool:  # type: ignore[override]
+        """Is the base symplectic for momenta alone?"""
+        return self.base.of_momenta
+
+    @property
     def fictive(self) -> bool:  # type: ignore[override]
         """A composition steps in a fictive time if its base does."""
         return self.base.fictive

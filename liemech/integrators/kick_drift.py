@@ -266,8 +266,8 @@ class KickDrift(FieldSplitting):
 
     @property
     def symplectic(self) -> bool:  # type: ignore[override]
-        """Is the method for the free motion symplectic?"""
-        return self.free.symplectic
+        """Is the method for the free motion symplectic, with the elements?"""
+        return self.free.symplectic and not self.free.of_momenta
 
     def require(self, system: Any) -> None:
         """A body in a field that the free motion accepts, with an energy that the tableau accepts."""

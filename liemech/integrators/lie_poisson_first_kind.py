@@ -55,6 +55,7 @@ class FirstKindHamiltonJacobi(Implicit):
 
     writes_out: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
+    of_momenta: ClassVar[bool] = True
     analytic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("hamiltonian",)
 

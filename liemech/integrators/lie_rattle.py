@@ -327,18 +327,25 @@ class LieRATTLE(Remembering):
 
     def _ended(self, system: Any, h: float, end: float, g: Element, x: Vec) -> NoConvergence:
         """The error of a step without a solution of its own."""
-        weakest = system.independence(g)
-        where = (
-            f"Near here {system.weakest(g)} depend on each other (the least singular value of G "
-            f"is {weakest:.1e} of what it is for unrelated conditions): the mechanism is close to a "
-            "dead point, where it may go on in several ways, or in none"
-            if weakest < 0.1
-            else f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+        why = near_a_dead_point(system, g) or (
+            f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
         )
         return NoConvergence(
             f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, |h xi| = "
-            f"{norm(x):.2g}, in a fold or at the chart's edge. {where}"
+            f"{norm(x):.2g}, in a fold or at the chart's edge. {why}"
         )
+
+
+def near_a_dead_point(system: Any, g: Element) -> str | None:
+    """Which conditions nearly depend on each other here; None if none do."""
+    weakest = system.independence(g)
+    if not weakest < 0.1:
+        return None
+    return (
+        f"Near here {system.weakest(g)} depend on each other (the least singular value of G "
+        f"is {weakest:.1e} of what it is for unrelated conditions): the mechanism is close to a "
+        "dead point, where it may go on in several ways, or in none"
+    )
 
 
 # ------------------------------------------------------------------ block by block

@@ -28,6 +28,8 @@ class Method(Record):
 
     symmetric: ClassVar[bool] = False
     symplectic: ClassVar[bool] = False
+    # if symplectic: on coadjoint orbits alone, and not on T*G, where the elements move too?
+    of_momenta: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
     # are its steps those of a fictive time, and is physical time carried along?
     fictive: ClassVar[bool] = False
@@ -68,6 +70,8 @@ class Method(Record):
     def name(self) -> str:
         """A short name for tables and pictures."""
         return repr(self)
+
+    together: ClassVar[bool] = False  # does it step all sites of a system at once, not one by one?
 
     def step(self, system: Any, t: float, state: Any, h: float) -> Any:
         """The state after one step of length h from time t: a formula, without side effects."""
@@ -178,6 +182,11 @@ class Wrapping(Method):
     def symplectic(self) -> bool:  # type: ignore[override]
         """Is the method symplectic?"""
         return self.method.symplectic
+
+    @property
+    def of_momenta(self) -> bool:  # type: ignore[override]
+        """Is the method symplectic for momenta alone?"""
+        return self.method.of_momenta
 
     @property
     def noisy(self) -> bool:  # type: ignore[override]

@@ -146,6 +146,7 @@ class SphericalMidpoint(ImplicitMidpoint):
     """
 
     symplectic: ClassVar[bool] = True
+    of_momenta: ClassVar[bool] = True
     serves: ClassVar[tuple[type, ...]] = (LiePoissonSystem,)
 
     @property

@@ -19,16 +19,24 @@ class Flight(Record):
     attitude : R from body to space, (3, 3).  rate : the angular velocity in body axes, (3,), in
     rad/s.  speeds : of the wheels beside the body, (n,), in rad/s; None without wheels.
     mass : in kg.  inertia : of the whole about the centre of mass, (3,) or (3, 3), in kg m^2.
-
-    An energy knows position, attitude, mass and inertia only.
     """
 
-    t: Any
+    t: float
     position: Vec
-    velocity: Any
+    velocity: Vec
     attitude: Mat
-    rate: Any
-    speeds: Any
+    rate: Vec
+    speeds: Vec | None
+    mass: float
+    inertia: Vec | Mat
+
+
+@record
+class Place(Record):
+    """Where a spacecraft is, which an energy may ask for, with mass and inertia as in a Flight."""
+
+    position: Vec
+    attitude: Mat
     mass: float
     inertia: Vec | Mat
 
@@ -72,20 +80,18 @@ class ConservativeEffector(Record):
     axial: ClassVar[bool] = False
 
     def energy(self, here: Any) -> float:
-        """V, in J.  here : the flight, of which `position`, `attitude`, `mass` and `inertia` are
-        known.
-        """
+        """V, in J.  here : the place, with `position`, `attitude`, `mass` and `inertia`."""
         raise undefined(self, "energy")
 
     @derived
     def force(self, here: Any) -> Vec:
-        """The force in space, -dV/dx, (3,), in N.  here : the flight."""
+        """The force in space, -dV/dx, (3,), in N.  here : the place."""
         return -gradient(lambda x: self.energy(with_fields(here, position=x)), here.position)
 
     @derived
     def torque(self, here: Any) -> Vec:
         """The torque in body axes, <torque, eta> = -d/ds V(x, R exp(s eta)), (3,), in N m.
-        here : the flight.
+        here : the place.
         """
         return -gradient(
             lambda eta: self.energy(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..groups.product import ProductGroup
 from ..groups.se3 import SE3
+from ..integrators.rattle_of_links import Links
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -29,6 +31,7 @@ from .joint_forces import (
 )
 from .joint_motion import JointMotion
 from .joints import BallJoint, Joint, Joints, RevoluteJoint
+from .linked_joints import LinkedForm, linked
 from .mounting import (
     closed,
     hung_from_each_other,
@@ -121,6 +124,8 @@ class Linkage(ConstrainedBody):
     Lee, Leok and McClamroch, Global Formulations of Lagrangian and Hamiltonian Dynamics on
     Manifolds (2018), chapter 9.
     """
+
+    small: ClassVar[int] = 12  # of two bodies: more step by loops over bodies and joints
 
     _cure: ClassVar[str] = ", as `linkage.independent(poses)` does"
 
@@ -229,6 +234,44 @@ class Linkage(ConstrainedBody):
         """A joint, in messages: by its name if it has one."""
         name = self.joints[joint].name
         return f"joint {joint}" if name is None else f"joint {name!r}"
+
+    # ---------------------------------------------------------------- many bodies
+
+    @cached_property
+    def linked(self) -> LinkedForm | None:
+        """The form in which any number of bodies steps, joint by joint; None if there are forces that
+        are not at joints.
+        """
+        return linked(self)
+
+    @property
+    def site_form(self) -> Links | None:
+        """That of many bodies."""
+        many = 6 * len(self.links) > self.small
+        return self.linked.links if many and self.linked is not None else None
+
+    def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """Parts of states with an axis of places, of which some have no body."""
+        if self.site_form is None or arrays["mu"].shape[-1] == 6:
+            return arrays
+        places, count = self.linked.places, len(self.links)  # type: ignore[union-attr]
+        lead = np.shape(arrays["mu"])[:-1]
+        mu, g = np.zeros((*lead, places, 6)), np.zeros((*lead, places, 4, 4))
+        g[:] = np.eye(4)
+        mu[..., :count, :] = np.reshape(arrays["mu"], (*lead, count, 6))
+        g[..., :count, :, :] = np.reshape(arrays["g"], (*lead, count, 4, 4))
+        return {"mu": mu, "g": g}
+
+    def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """The inverse of `by_site`."""
+        found, count = {}, len(self.links)
+        for name, x in arrays.items():
+            if name == "mu" and x.shape[-1:] == (6,) and x.ndim > 1:
+                x = x[..., :count, :].reshape(*x.shape[:-2], 6 * count)
+            elif name == "g" and x.shape[-2:] == (4, 4):
+                x = x[..., :count, :, :].reshape(*x.shape[:-3], 16 * count)
+            found[name] = x
+        return found
 
     # ---------------------------------------------------------------- poses
 

@@ -18,7 +18,8 @@ from ..groups.vector_space import VectorSpace
 from ..systems.bound_terms import BoundTerm
 from ..systems.graphs import Lattice, Within
 from ..systems.sums_of_terms import OfTerms
-from .poses import attitude, configurations, flies, is_pose, place, turns
+from .linkage import Linkage
+from .poses import attitude, configurations, flies, is_pose, place, places, quaternions, turns
 
 Array = NDArray[np.float64]
 
@@ -173,8 +174,9 @@ def spacing(places: Array) -> float:
 
 
 def turn(system: Any, states: dict[str, Array], later: dict[str, Array]) -> float:
-    """By how many degrees attitudes and momenta turn from some samples to later ones; one in fifty
-    may turn by more.
+    """By how many degrees attitudes and momenta turn from some samples to later ones, and by how
+    many positions and momenta do in their phase space, each about its mean in units of its spread;
+    one in fifty may turn by more.
     """
     group, angles = base_of(system) or configurations(system), [np.zeros(1)]
     if "g" in states and group is not None and is_pose(group):
@@ -182,9 +184,29 @@ def turn(system: Any, states: dict[str, Array], later: dict[str, Array]) -> floa
             attitude(group, one["g"].reshape(-1, *group.element_shape)) for one in (states, later)
         )
         angles.append(2.0 * np.minimum(_angles(q, p), _angles(q, -p)))
+    if isinstance(system, Linkage) and "g" in states:
+        q, p = (
+            quaternions(system.poses(one["g"])[..., :3, :3].reshape(-1, 3, 3))
+            for one in (states, later)
+        )
+        angles.append(2.0 * np.minimum(_angles(q, p), _angles(q, -p)))
+    if {"q", "p"} <= states.keys() or (is_place(group) and {"g", "mu"} <= states.keys()):
+        points = [_points(system, one) for one in (states, later)]
+        mean, spread = points[0].mean(axis=0), points[0].std(axis=0)
+        units = [(one - mean) / np.where(spread > 0.0, spread, 1.0) for one in points]
+        angles.append(_angles(*units).ravel())
     if "mu" in states and is_spin(group) and states["mu"].shape[-1] == 3:
         angles.append(_angles(states["mu"], later["mu"]))
     return float(np.degrees(max(np.quantile(one, 0.98) if one.size else 0.0 for one in angles)))
+
+
+def _points(system: Any, states: dict[str, Array]) -> Array:
+    """Where things are, and their momenta, the points of phase space that a picture shows."""
+    if "q" not in states:
+        return np.concatenate([states["g"], states["mu"]], axis=-1)
+    q, p = states["q"], states["p"]
+    found = places(system, q, p)
+    return np.concatenate([found.reshape(*q.shape[:-1], -1), p], axis=-1)
 
 
 def _angles(u: Array, v: Array) -> Array:

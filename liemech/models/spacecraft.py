@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.potential import Force, NoPotential, Potential
 from ..systems.system import points
-from .effectors import ConservativeEffector, Effector, Flight
+from .effectors import ConservativeEffector, Effector, Flight, Place
 from .pendulums import check_positive
 from .reaction_wheels import GyrostatEnergy, ReactionWheels
 from .rigid_body import RigidBody
@@ -51,9 +51,9 @@ class EffectorFields(Potential):
             torque, force = torque + effector.torque(here), force + effector.force(here)
         return vec(*torque, *force, *[0.0 for _ in range(self.wheels)])
 
-    def _at(self, g: Vec) -> Flight:
+    def _at(self, g: Vec) -> Place:
         x, R = vec(g[9], g[10], g[11]), mat(g[0:3], g[3:6], g[6:9])
-        return Flight(None, x, None, R, None, None, self.mass, self.inertia)
+        return Place(x, R, self.mass, self.inertia)
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...]:
         return (12 + self.wheels,)
@@ -116,6 +116,8 @@ class Spacecraft(MechanicalSystem):
     Source: Hughes, Spacecraft Attitude Dynamics, sections 3.5, 8.1; Schaub and Junkins, Analytical
     Mechanics of Space Systems, 4th ed., chapter 4.
     """
+
+    in_space: ClassVar[bool] = True
 
     body: LiePoissonSystem = field(init=False, repr=False)
     potential: Any = field(init=False, repr=False)

@@ -1,24 +1,36 @@
-"""From a system, a method and a start to a trajectory: the loops over steps, their native code,
-samples and diagnostics.
+"""From a system, a method and a start to a trajectory.
 
-The way of a run, for who reads this for the first time:
+A run, read in the order in which it happens:
 
-integrate    finds or makes a `Plan`, and calls its `run`.
-plan         checks system, method and `Options` once, and keeps `Steps` (prepared.py) or
-             `AdaptiveSteps` (tolerance.py), which have h or the tolerances.  A run begins with a state,
-             or with the carry of another run, and is one of five: `StraightRun` (all bodies make the
-             same steps) and `EqualRun` (each its own) of equal.py, the same two in fictive time of
-             fictive_run.py, and `ToleranceRun`.  Short ones are one native call (short.py).
-run          `Run` is the loop.  `aim` sets the goals of all bodies and their h, `begin` makes their
-             columns: what the method carries along, `Clock` (with h), `Goal`.  `_march` takes them
-             forwards in pieces, `result` makes the trajectory.
-driver       `advance`, which is compiled: `turns` turns of a `Control` (control.py), which knows how
-             long a step is and when it is the last one.  `Lanes` (lanes.py) has its layouts and its
-             native code, `Execution` (execution.py) decides between that and plain Python.
-keep         observers, which look at the steps of a piece: `Every`, `At`, `Dense`; `Events` (events.py).
-             Inside of steps they ask `Between` (dense.py), and so does `Trajectory.at`.
-carry        where a run stands, with which another one goes on.
+1. `integrate` (integrate.py) looks for a plan that it has made before, or makes one, and calls its `run`.
+2. `Plan` (plan.py) checks the system, the method and the `Options` (options.py, arguments.py) once.  It
+   keeps h or the tolerances, and what is compiled, as `Steps` (prepared.py) or `AdaptiveSteps`
+   (tolerance.py).  `Plan.run` checks the start, and chooses the kind of run:
 
-Systems of many sites have drivers and runs of their own, sites_*.py; derivatives go through the same
-steps in dual numbers, tangent.py.
+                                    all bodies make the same steps    each body its own steps
+       fixed steps (equal.py)       StraightRun                       EqualRun
+       in fictive time              StraightFictiveRun                FictiveRun (both: fictive_run.py)
+       adaptive (tolerance.py)                                        ToleranceRun
+
+   A run that is so short that one native call makes it takes a shorter way (short.py), to the same bits.
+3. `Run` (run.py) is the loop.  A body is a column of numbers: what the method carries along, its `Clock`
+   (time, step h, number of steps, marks) and its `Goal` (last time, last step, tolerances); one body is
+   an ensemble of one.  `aim` sets the goals and h of all bodies, `begin` writes the columns: the
+   start goes through `Method.start`, or comes from the `Carry` of a former run.  Then `_march` makes
+   pieces of some steps, until every body is at its goal.  A body that fails stays, and the others go on.
+4. `advance` (driver.py) is what is compiled: it makes steps of one column, or of several side by side.  A
+   `Control` (control.py) knows how long a step is and when it is the last: `Equal`, `Tolerance`,
+   `Fictive`.  `Lanes` (lanes.py) calls it on columns; `Execution` (execution.py) decides whether native
+   code or plain Python does it.  Both give the same bits.
+5. After each piece observers (keep.py) look at its steps: `Every` n-th state, states `At` given times,
+   `Straight` samples that native code writes where they stay, `Dense` rows for the motion between steps,
+   `Quantities` for functions of states; `Events` (events.py) for zeros.  States inside of steps come
+   from a `Between` (dense.py, arrival.py): by a polynomial, or by a shorter step.
+6. result.py makes the `Trajectory` (trajectory.py) of what the observers have, and joins those of
+   chunks.  Its `carry` (carry.py; fictive.py in fictive time) says where every body stands, and
+   going_on.py whether a plan may go on from there.
+
+The same parts serve other ways to run: stepper.py by hand, spread.py on an executor, tangent.py in numbers
+that carry derivatives, archive.py from a file, checkpoint.py into one; export.py makes C code of a plan.
+One system of many sites has columns of sites instead, and its own drivers: sites_*.py.
 """

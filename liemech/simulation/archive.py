@@ -1,4 +1,4 @@
-"""Runs in files: the arrays as they are, and beside them in JSON what they are.  Nothing is pickled."""
+"""Save and load runs: arrays as they are, everything else as JSON.  Nothing is pickled."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def _of_each(thing: Any, pool: Pool) -> Any:
 
 
 def _carried(carry: Any, arrays: dict[str, Any], pool: Pool) -> dict[str, Any]:
-    """What is told of a carry; its arrays go to the others."""
+    """The JSON part of a carry; its arrays are added to `arrays`."""
     if isinstance(carry, SiteCarry):
         parts = {f"carry.state.{part}": x for part, x in carry.state.arrays.items()}
         arrays |= {"carry.numbers": carry.numbers} | parts
@@ -152,7 +152,7 @@ def _carried(carry: Any, arrays: dict[str, Any], pool: Pool) -> dict[str, Any]:
 def _carry_of(
     kept: Any, arrays: dict[str, Any], bodies: int | None, origin: Any, decode: Decoder
 ) -> Any:
-    """The carry of which that was told.  origin : of a run in fictive time."""
+    """The carry that `_carried` wrote.  origin : of a run in fictive time."""
     if "sites" in kept:
         parts = {part: arrays[f"carry.state.{part}"] for part in kept["sites"]}
         kinds: Any = {"mu": BodyState, "y": PoissonState, "q": CanonicalState}
@@ -240,7 +240,7 @@ def load(
 
 
 def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> dict[str, Any]:
-    """The fields of a Trajectory from what a file holds."""
+    """The fields of a Trajectory from the content of a file."""
     made, method = (
         decode.record(told, kind)
         if isinstance(told, dict) and "class" in told
@@ -366,7 +366,7 @@ def _listed(told: Any) -> Any:
 
 
 def _require_shape(where: str, array: np.ndarray, shape: tuple[int, ...]) -> None:
-    """Of numbers that native code reads."""
+    """Refuse an array of another shape or type, which native code would read beyond its end."""
     if array.shape != shape or array.dtype != np.dtype(float):
         raise InvalidInput(
             f"{where}: wanted is an array of {shape} floats; got {array.shape} of {array.dtype}"

@@ -1,6 +1,4 @@
-"""What may be asked of a run: every argument is checked before anything moves, and named when it is
-refused.
-"""
+"""Checks of the arguments of a run, before anything moves; a refusal names the argument and its value."""
 
 from __future__ import annotations
 
@@ -313,7 +311,7 @@ def columns(t_eval: Any, bodies: int) -> list[Any]:
 
 
 def first(values: Any, name: str) -> Any:
-    """What was given for the first body of an ensemble."""
+    """The value for the first body of an ensemble."""
     if np.ndim(values) != 1 or not len(values):
         raise InvalidInput(
             f"integrate: {name} has shape {np.shape(values)}; it is one "
@@ -364,7 +362,7 @@ def events(events: Any) -> tuple[Any, ...]:
 
 
 def axes(value: Any, name: str) -> int:
-    """How many axes there are in what may be a number or an array."""
+    """Number of axes of a number or an array."""
     try:
         return np.ndim(value)
     except ValueError:

@@ -11,7 +11,7 @@ from ..compiler.driver import attempt, read
 from ..formulas.frozen import frozen
 from ..formulas.pytree import NUMBER, layout_of, rounded
 from .control import landed
-from .dense import Between, evaluated, told, unpacked
+from .dense import Between, evaluated, report, unpacked
 
 
 def arrive(
@@ -25,7 +25,7 @@ def arrive(
     """
     sample = read(given, 0, reached.parts[0])
     target = read(given, reached.parts[0].width, NUMBER)
-    told(attempt(arrived, method, system, sample, h, target), reached, out, failures)
+    report(attempt(arrived, method, system, sample, h, target), reached, out, failures)
 
 
 def arrived(method: Any, system: Any, sample: Any, h: float, target: float) -> tuple[Any, float]:

@@ -1,4 +1,4 @@
-"""Long runs in safety: what there is so far, written to a file from time to time."""
+"""Checkpoints: a run so far, written to a file from time to time."""
 
 from __future__ import annotations
 
@@ -54,18 +54,18 @@ class Checkpoint:
         return run
 
     def within(self, steps: int) -> int:
-        """So many steps, or those that are left until it is written."""
+        """The smaller of `steps` and the number of steps until the next checkpoint."""
         return steps if self.steps is None else min(steps, self.steps - self.taken)
 
     def due(self, steps: int = 0) -> bool:
-        """Is it time, now that so many steps more were taken?"""
+        """Count the steps taken since the last call; is a checkpoint due?"""
         if self.steps is None:
             return time.perf_counter() >= self.next
         self.taken += steps
         return self.taken >= self.steps
 
     def save(self, run: Any) -> None:
-        """Write the run as far as it came."""
+        """Write the run so far."""
         begun, self.taken = time.perf_counter(), 0
         try:
             run.save(self.path)

@@ -269,7 +269,7 @@ class Equal(Control):
 
 
 STRAIGHT = Equal(False)
-"""Of bodies that make the same steps: rows without time."""
+"""Fixed steps whose rows have no time: that of all bodies is known."""
 
 
 @record

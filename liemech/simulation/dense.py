@@ -29,7 +29,7 @@ def along(retraction: Any, system: Any, row: Any, given: Any, out: Any, failures
     """
     state, coefficients, theta = read(given, 0, row)
     moved = attempt(on_the_way, retraction, system, state, coefficients, theta)
-    told(moved, row.parts[0], out, failures)
+    report(moved, row.parts[0], out, failures)
 
 
 def on_the_way(retraction: Any, system: Any, state: Any, coefficients: Any, theta: float) -> Any:
@@ -44,10 +44,10 @@ def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failu
     state = read(given, 0, point)
     t, h = read(given, point.width, NUMBER), read(given, point.width + 1, NUMBER)
     moved = attempt(_stepped, method, system, t, state, h)
-    told(moved, point, out, failures)
+    report(moved, point, out, failures)
 
 
-def told(moved: Any, point: Any, out: Any, failures: Any) -> None:
+def report(moved: Any, point: Any, out: Any, failures: Any) -> None:
     """The end of a driver: the state that came of an attempt, and behind it whether it went
     through.
     """
@@ -100,7 +100,7 @@ class Between:
         return self.rows[:, 1 : 1 + self.width]
 
     def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
-        """What `moved` takes, of rows where steps begin and end, and times inside of them, (m, ...)."""
+        """The input of `moved`, (m, ...), from the rows where steps begin and end and times inside of them."""
         raise NotImplementedError
 
     def moved(
@@ -216,7 +216,7 @@ class ShortSteps(Between):
 
     @property
     def order(self) -> int:
-        """That of the method."""
+        """Order of the method."""
         return int(self.method.order)
 
     def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -301,7 +301,7 @@ def natively(
 def observe(function: Any, point: Any, result: Any, given: Any, out: Any, failures: Any) -> None:
     """The driver: a function of a state and, behind it, a time."""
     state, t = read(given, 0, point), read(given, point.width, NUMBER)
-    told(attempt(function, t, state), result, out, failures)
+    report(attempt(function, t, state), result, out, failures)
 
 
 _executions: dict[Any, tuple[Execution, bytes]] = {}
@@ -312,9 +312,7 @@ FEW = 64
 def execution_of(
     driver: Any, arguments: tuple[Any, ...], wanted: bool | None, silent: bool = False
 ) -> tuple[Execution, bytes]:
-    """Who runs such a driver for these very arguments, perhaps not for the first time, and their
-    numbers.
-    """
+    """The cached Execution of a driver for these arguments, and their numbers, packed."""
     native = wanted is not False and kernel.available() is None
     key = driver, native, silent, *map(id, arguments)
     known = _executions.get(key)
@@ -371,9 +369,7 @@ def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
 
 @functools.lru_cache(256)
 def _parts(layout: Any) -> list[tuple[str, int, int, tuple[int, ...], bool]]:
-    """Of each part of a state its name, where its numbers begin and end, the shape of its array,
-    and whether that is complex.
-    """
+    """For each part of a state: name, first and last number, shape of its array, and is it complex?"""
     parts, at = [], 0
     for name, inner in zip(layout.detail[1], layout.parts, strict=True):
         if inner.width:

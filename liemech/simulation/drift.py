@@ -128,7 +128,7 @@ class Drift:
     def recorded(
         cls, series: dict[str, np.ndarray], t: np.ndarray, bodies: int | None = None
     ) -> Drift:
-        """The same of quantities whose values were recorded, (n, ...), without the state."""
+        """Drift of quantities whose values were recorded, (n, ...), without the state."""
         if len(t) < 2:
             raise InvalidInput("Trajectory.drift needs at least two samples")
         axes = 1 + (bodies is not None)

@@ -143,7 +143,7 @@ def encoded(value: Any, pool: Pool | None = None) -> Any:
 
 @frozen
 class Decoder:
-    """What was encoded.
+    """The value that was encoded.
 
     where : the file, for messages.  modules : which the user has named, and which are imported.
     trusted : are modules that the file names imported?  pool : the arrays that numbers are in.

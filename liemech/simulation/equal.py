@@ -125,7 +125,7 @@ class EqualRun(Run):
         return self.start if self.before is None else self.before.state
 
     def _member(self, i: int) -> Any:
-        """That of one body."""
+        """The state in which the steps of one body begin."""
         return member(self.stepped, i)
 
     def _shape(self) -> Shape:
@@ -172,8 +172,8 @@ class EqualRun(Run):
 
     def _nobody(self) -> Any:
         """The error of a run in which no body can begin: a mistake in a formula, or a failure."""
-        told: list[Any] = [one[-1] for one in self.failures.values() if one]
-        error: Any = next((e for e in told if is_mistake(e)), told[0] if told else None)
+        raised: list[Any] = [one[-1] for one in self.failures.values() if one]
+        error: Any = next((e for e in raised if is_mistake(e)), raised[0] if raised else None)
         none = f"none of the {self.count} bodies can begin; body 0: " if self.bodies else ""
         if not is_mistake(error):
             what = none + repr(self.plan.method)
@@ -218,15 +218,15 @@ class EqualRun(Run):
         arrays = starts, clocks, numbers, heads
 
         def plainly(i: int) -> None:
-            own, told = [np.ascontiguousarray(x[:, i]) for x in arrays], []  # type: Any, list[Any]
+            own, raised = [np.ascontiguousarray(x[:, i]) for x in arrays], []  # type: Any, list[Any]
             own[1][MARK] = 0.0
             with execution.plain():
                 driver: Any = begin
-                driver(*shape.beginner(lanes.of_body(i)), *own, told)
+                driver(*shape.beginner(lanes.of_body(i)), *own, raised)
             for mine, x in zip(arrays, own, strict=True):
                 mine[:, i] = x
-            if told:
-                self.failures[i] = told
+            if raised:
+                self.failures[i] = raised
 
         column, side = 0, execution.lanes
         in_memory = shape.layout.in_memory and bool(self.bodies)
@@ -245,7 +245,7 @@ class EqualRun(Run):
                 plainly(i)
         stuck = clocks[MARK, :count] == STUCK
         self.unbegun = {*np.flatnonzero(stuck).tolist()}
-        mistaken = any(is_mistake(e) for told in self.failures.values() for e in told)
+        mistaken = any(is_mistake(e) for raised in self.failures.values() for e in raised)
         if stuck.all() or mistaken:
             raise self._nobody()
         numbers[:, :count][:, stuck] = 0.0
@@ -280,7 +280,7 @@ class EqualRun(Run):
     # ---------------------------------------------------------------- what came of it
 
     def _stand_here(self) -> None:
-        """Find where every body stands."""
+        """Update `here`, where every body stands."""
 
     def known(self, i: int | None) -> dict[str, Any]:
         h = shown_step(self.way.h) if i is None else self.h.item(i)
@@ -382,7 +382,7 @@ class StraightRun(EqualRun):
 
     def _march(self, bar: Bar) -> None:
         """Sweeps of all bodies, as long as there is something to show and somebody to interrupt."""
-        samples, stepping, kept = self.observers[0], self.lanes.stepping, self.kept
+        samples, stepping, checkpoint = self.observers[0], self.lanes.stepping, self.checkpoint
         settled, pace, columns = False, PLAIN, self.shape.whole(self.count)
         end, looked = self.done + self.steps, self.done
         if self.quantities:
@@ -395,19 +395,19 @@ class StraightRun(EqualRun):
             sweep = max(1, pace // columns)
             if native:  # whole lanes in turn, each through the whole sweep
                 sweep = max(sweep, min(SWEEP // columns, pace // self.shape.side))
-            if kept is not None:
-                sweep = kept.within(sweep)
+            if checkpoint is not None:
+                sweep = checkpoint.within(sweep)
             turns, every = samples.ahead(self.reached, sweep)
             calls = self._sweep(turns, every, pace)
             bar.advance(turns * every * self.count)
             used = (time.perf_counter() - begun) / calls
             look = samples.full or (self.reached - looked) * columns >= STEPS
-            due = kept is not None and kept.due(turns * every)
+            due = checkpoint is not None and checkpoint.due(turns * every)
             if self.quantities and (look or due):
                 looked = self.reached
                 self.quantities.flush()
             if due:
-                kept.save(of_run(self))
+                checkpoint.save(of_run(self))
             if used < (PATIENCE if settled else LOOK) / 2:
                 pace *= 2
             elif used > 2 * PATIENCE:
@@ -419,7 +419,7 @@ class StraightRun(EqualRun):
 
     def _mistaken(self) -> bool:
         """Has a body shown a mistake in a formula?"""
-        return any(is_mistake(e) for told in self.failures.values() for e in told)
+        return any(is_mistake(e) for raised in self.failures.values() for e in raised)
 
     def _sweep(self, turns: int, every: int, pace: int) -> int:
         """Take all bodies through `turns` samples; returns the number of native calls in turn."""
@@ -433,12 +433,12 @@ class StraightRun(EqualRun):
         done = before - self.done
 
         def plainly(i: int) -> None:
-            clock, told = self.clocks[:, i], self.failures.setdefault(i, [])
+            clock, raised = self.clocks[:, i], self.failures.setdefault(i, [])
             while clock[MARK] != STUCK and clock[TAKEN] < before + more:
                 clock[MARK] = 0.0
                 row, part = divmod(int(clock[TAKEN]) - before, every)
                 rows = (out[row : row + 1], 1) if part else (out[row:], turns - row)
-                lanes.plainly(i, self.table[:, i], rows[0][..., i], rows[1], told, every - part)
+                lanes.plainly(i, self.table[:, i], rows[0][..., i], rows[1], raised, every - part)
 
         while column < count and not lanes.stepping.ready(
             (done + more * column / count) / self.steps
@@ -465,7 +465,7 @@ class StraightRun(EqualRun):
     # ---------------------------------------------------------------- what came of it
 
     def _stand_here(self) -> None:
-        """Find where every body stands: where the last sample was taken, or where it stopped."""
+        """Update `here`: the last sample, or the state in which a body stopped."""
         taken, count = self.clocks[TAKEN], self.count
         if self.stood == (self.reached, taken.sum()):
             return
@@ -494,17 +494,21 @@ class StraightRun(EqualRun):
 
     def so_far(self) -> str:
         t = f"{self.way.clock} = {self.zero[0] + self.reached * self.h[0]:g}"
-        told = f"after {self.reached} of {self.done + self.steps} steps, {t}"
-        return f"{told}; {len(self._gathered()[0])} samples are in `.trajectory`"
+        text = f"after {self.reached} of {self.done + self.steps} steps, {t}"
+        return f"{text}; {len(self._gathered()[0])} samples are in `.trajectory`"
 
     def _filled(self, samples: Straight) -> int:
         """Let bodies that stopped stay in later samples; how many samples are there?"""
         taken = self.clocks[TAKEN]
-        many = int(samples.told(max(self.reached, taken[~self.over].max(initial=0.0))))
+        many = int(samples.samples_after(max(self.reached, taken[~self.over].max(initial=0.0))))
         for i in np.flatnonzero(
             (taken < taken.max()) | (taken < self.reached) | self.over
         ).tolist():
-            k = max(0, int(samples.told(taken[i])) - samples.first) if not self.over[i] else 0
+            k = (
+                max(0, int(samples.samples_after(taken[i])) - samples.first)
+                if not self.over[i]
+                else 0
+            )
             samples.array[k : many - samples.first, :, i] = self.here[1:, i]
         return many
 
@@ -534,7 +538,7 @@ class StraightRun(EqualRun):
             return t
         t = np.repeat(t[:, None], self.count, axis=1) if t.ndim == 1 else t
         for i in late.tolist():
-            t[int(samples.told(taken[i])) - samples.first :, i] = self.here[0, i]
+            t[int(samples.samples_after(taken[i])) - samples.first :, i] = self.here[0, i]
         return t
 
     asked: Any
@@ -563,7 +567,7 @@ class StraightRun(EqualRun):
         t, numbers, many = self._gathered()
         if self.asked is None:
             samples = self.observers[0]
-            many = max(1, int(samples.told(self.clocks[TAKEN, i]))) - samples.first
+            many = max(1, int(samples.samples_after(self.clocks[TAKEN, i]))) - samples.first
         return (t if t.ndim == 1 else t[:, i])[:many], numbers[:many, i]
 
     def flush(self) -> tuple[np.ndarray, np.ndarray]:
@@ -571,7 +575,7 @@ class StraightRun(EqualRun):
         begin = samples.given
         t, numbers, many = self._gathered()
         if not self.bodies:
-            many = max(1, int(samples.told(self.clocks.item(TAKEN, 0))))
+            many = max(1, int(samples.samples_after(self.clocks.item(TAKEN, 0))))
         some = slice(begin - samples.first, many - samples.first)
         samples.given = max(begin, many)
         return t[some], numbers[some].copy() if self.bodies else numbers[some, 0].copy()
@@ -581,7 +585,7 @@ class StraightRun(EqualRun):
         return self.reached - self.done
 
     def ended(self) -> dict[int, Any]:
-        """In few words, and without the runs that they would have made alone."""
+        """As of every run; the errors have no trajectories, which would be many."""
         self._stand_here()
         found = {}
         for i in np.flatnonzero(self.failed).tolist():

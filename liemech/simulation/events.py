@@ -23,8 +23,7 @@ def name_of(event: Any) -> str:
 
 
 class Met(tuple[tuple[str, int], ...]):
-    """Of every event its name, and how many of its zeros count for its `terminal` in a run that
-    goes on.
+    """For every event its name, and how many of its zeros count towards `terminal` in a run that goes on.
 
     events : these themselves, where they are still there; not in files, nor in other processes.
     """
@@ -33,7 +32,7 @@ class Met(tuple[tuple[str, int], ...]):
 
     @classmethod
     def of(cls, events: tuple[Event, ...], counts: list[int]) -> Met:
-        """That of these events."""
+        """The counts of these events."""
         met = cls([(name_of(event), n) for event, n in zip(events, counts, strict=True)])
         met.events = events
         return met
@@ -55,7 +54,7 @@ class Met(tuple[tuple[str, int], ...]):
 
 
 NO_EVENTS = Met()
-"""Of a run without events."""
+"""The counts of a run without events."""
 
 
 Zero = tuple[int, float, int, np.ndarray]
@@ -318,7 +317,7 @@ class Events:
             watch.forget(float(self.run.here[0, i]), self.run.sign[i], i in self.run.cuts)
 
     def shown(self, body: int) -> tuple[tuple[np.ndarray, Any], ...]:
-        """Of every event the times and the states, as a Trajectory holds them."""
+        """Times and states of every event of a body, as a Trajectory holds them."""
         watch = self.each.get(body)
         found = [[] for _ in self.events] if watch is None else watch.found
         width = self.run.here.shape[0] - 1

@@ -1,4 +1,4 @@
-"""Which code runs a driver: plain Python at first, native code as soon as it is there or pays.
+"""Choice between plain Python and native code for a driver: native as soon as it is there or pays.
 Both give the same bits.
 """
 
@@ -28,7 +28,7 @@ MANY = 1000
 
 
 class History:
-    """What this process has learned about one driver and the layouts of its arguments.
+    """Experience of this process with one driver and the layouts of its arguments.
 
     seconds : spent on it in plain Python.  uses : of drivers before or after the steps.
     looked : on disk.  refused : it cannot be compiled.
@@ -82,8 +82,8 @@ class Execution:
         self.refresh()
 
     def of(self, system: Any) -> Execution:
-        """The same for another system of the same layout: the second argument of every driver of
-        steps.
+        """The Execution for another system of the same layout; the system is the second argument of
+        every driver of steps.
         """
         call = *self.call[:2], system, *self.call[3:]
         other: Execution = like(self, call=call, given=call[1:], guard=None)
@@ -211,7 +211,7 @@ def like(thing: Any, **changed: Any) -> Any:
 
 
 def _history(call: tuple[Any, ...], lanes: int) -> History:
-    """That of this driver and these layouts."""
+    """The History of a driver and the layouts of its arguments."""
     key = lanes, call[0], *map(kernel.kind_of, call[1:])
     if key not in _histories and len(_histories) >= MANY:
         _histories.clear()

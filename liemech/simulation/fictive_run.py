@@ -54,7 +54,7 @@ class OfClocked(EqualRun):
 
     @property
     def _kind(self) -> Any:
-        """Of state of the system itself."""
+        """The class of states of the system without its clock."""
         first = self.origin[0] if isinstance(self.origin, tuple) else self.origin
         return type(first.start)
 
@@ -90,12 +90,12 @@ class OfClocked(EqualRun):
         return found
 
     def ends_of_steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of one body the times and numbers between which its motion can be told."""
+        """Times and numbers of the samples of one body, between which `Trajectory.at` finds its motion."""
         return self.samples(0)
 
     def inside_at_start(self, i: int) -> np.ndarray | None:
-        """Of a body that goes on from inside of a step where that begins, and the fictive time from
-        there; None of others.
+        """For a body that goes on from inside of a step: the numbers where that step begins, and the
+        fictive time from there; None for others.
         """
         return None
 
@@ -106,7 +106,7 @@ class OfClocked(EqualRun):
             warn(doubt, StepWarning)
 
     def trajectory(self) -> Any:
-        """As of every run.  Raises InvalidTimeScale where physical time went back."""
+        """Take all bodies to their goals.  Raises InvalidTimeScale if physical time went back."""
         made = super().trajectory()
         t = made.t if self.h[0] > 0.0 else made.t[::-1]
         if (t[1:] < t[:-1]).any():
@@ -293,11 +293,11 @@ class FictiveRun(OfClocked):
         if i in self.timeless:
             return self.explained(self.timeless[i], i, goes_on=False)
         if self.clocks[MARK, i] != STUCK:
-            told = (
+            text = (
                 f"{int(self.limit[i] - self.first[i])} steps led to t = {self.here[0, i]:g} only, not "
                 f"to {self.t_end[i]:g}"
             )
-            made = StepTooSmall(f"integrate: {told}; give a larger h or allow more `steps`")
+            made = StepTooSmall(f"integrate: {text}; give a larger h or allow more `steps`")
             return self.explained(made, i)
         return super().error(i)
 

@@ -29,7 +29,7 @@ from ..errors import InvalidInput, MissingExtra
 
 HDF5 = b"\x89HDF"
 MARK = b"sha256:"
-"""What the checksum begins with, at the end of a file."""
+"""First bytes of the checksum at the end of a file."""
 PIECE = 1 << 20
 """Bytes that are read at once."""
 KINDS = "biufcU"

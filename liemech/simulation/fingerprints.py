@@ -1,5 +1,5 @@
-"""What the formulas of a user's class say, in a few letters: so that a saved run can tell whether they
-are still those that made it.
+"""Fingerprints of the formulas of a user's class, by which a saved run knows whether they have changed
+since.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ PLAIN = bool, int, float, complex, str, tuple, frozenset, type(None)
 
 
 def fingerprint(cls: type) -> str | None:
-    """Of the methods and constants that a class and its bases have from the user; None for classes of
-    the library.
+    """Fingerprint of the methods and constants that a class and its bases have from the user; None for
+    classes of the library.
 
     Documentation and names of arguments do not count, nor do functions outside of the class.
     """
@@ -46,7 +46,7 @@ def changed(cls: type, told: Any) -> bool:
 
 
 def _words(name: str, member: Any) -> Iterator[str]:
-    """What is told of an attribute of a class: of a function its code, of a constant its value."""
+    """The words hashed for an attribute of a class: the code of a function, the value of a constant."""
     for part in ("__func__", "fget", "func"):  # of class methods, properties, cached properties
         member = getattr(member, part, member)
     code = getattr(bare(member), "__code__", None)

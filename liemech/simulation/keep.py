@@ -1,4 +1,4 @@
-"""Observers of a run: what is kept of its steps.
+"""Observers of a run: each keeps something of its steps.
 
 An observer has `see(piece)`, which looks at some more steps, and `forget()`, after Ctrl-C, what it has
 seen beyond the place where the run stands.
@@ -76,7 +76,7 @@ class Samples:
     def __init__(self, width: int, heads: np.ndarray) -> None:
         self.rows = np.empty((8, heads.shape[1], width))
         self.rows[0] = heads.T
-        self.told = np.ones(heads.shape[1], dtype=np.intp)
+        self.counts = np.ones(heads.shape[1], dtype=np.intp)
 
     def add(self, body: np.ndarray, rows: np.ndarray) -> None:
         """Some more samples, body after body."""
@@ -84,10 +84,10 @@ class Samples:
             return
         first = np.flatnonzero(np.append(True, body[1:] != body[:-1]))
         many = np.diff(np.append(first, len(body)))
-        place = self.told[body] + np.arange(len(body)) - np.repeat(first, many)
-        self.told[body[first]] += many
-        if self.told.max() > len(self.rows):
-            more = np.empty((int(1.5 * self.told.max()), *self.rows.shape[1:]))
+        place = self.counts[body] + np.arange(len(body)) - np.repeat(first, many)
+        self.counts[body[first]] += many
+        if self.counts.max() > len(self.rows):
+            more = np.empty((int(1.5 * self.counts.max()), *self.rows.shape[1:]))
             more[: len(self.rows)] = self.rows
             self.rows = more
         self.rows[place, body] = rows
@@ -113,12 +113,12 @@ class Every:
     @property
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
         """The samples, (n, bodies, width), and how many each body has."""
-        return self.samples.rows[: self.samples.told.max(initial=0)], self.samples.told
+        return self.samples.rows[: self.samples.counts.max(initial=0)], self.samples.counts
 
     def flush(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and numbers of the samples of one body so far, which are not kept any longer."""
-        rows = self.samples.rows[: self.samples.told[0], 0].copy()
-        self.samples.told[:] = 0
+        rows = self.samples.rows[: self.samples.counts[0], 0].copy()
+        self.samples.counts[:] = 0
         return rows[:, 0], rows[:, 1:]
 
 
@@ -134,7 +134,7 @@ class Straight:
         self.first = 0  # of the samples that are there
         self.given = 0  # how many were handed on
 
-    def told(self, step: Any) -> Any:
+    def samples_after(self, step: Any) -> Any:
         """How many samples there are after so many steps."""
         return np.searchsorted(self.numbers, step, "right")
 
@@ -142,7 +142,7 @@ class Straight:
         """The next samples that are so many steps away, and how many steps lead to each; or a part of
         the way to the next one.
         """
-        k = int(self.told(step))
+        k = int(self.samples_after(step))
         if k - self.first == len(self.array):  # those that are full were handed on
             self.first = k
         pending = int(self.numbers[k]) - step
@@ -154,7 +154,7 @@ class Straight:
 
     def target(self, step: int, turns: int, every: int) -> np.ndarray:
         """Where these samples are written."""
-        k = int(self.told(step)) - self.first
+        k = int(self.samples_after(step)) - self.first
         if self.numbers[k + self.first] == step + every:
             return self.array[k : k + turns]
         return np.empty((1, *self.array.shape[1:]))
@@ -162,33 +162,35 @@ class Straight:
     @property
     def full(self) -> bool:
         """Is there no place for the next sample?"""
-        return bool(self.told(self.run.reached) - self.first == len(self.array) < len(self.numbers))
+        return bool(
+            self.samples_after(self.run.reached) - self.first == len(self.array) < len(self.numbers)
+        )
 
     def forget(self) -> None:
-        """Nothing is to be forgotten: what was not reached is not told."""
+        """Nothing is to be forgotten: what was not reached is not counted."""
 
 
 def _forget(run: Any, samples: Samples) -> None:
     """Forget samples beyond the places where the bodies stand."""
     mark = -1 if run.lanes.mark else 0
     for i in range(run.count):
-        n = samples.told[i]
+        n = samples.counts[i]
         beyond = run.sign[i] * (samples.rows[:n, i, mark] - run.here[mark, i]) > 0.0
-        samples.told[i] = n - int(beyond.sum())
+        samples.counts[i] = n - int(beyond.sum())
 
 
 class At:
     """States at given times.
 
     asked : (n, bodies) the times.  shown : those that samples have, if others.
-    rows : of samples, as in `Samples`.  told : how many each has.
+    rows : of samples, as in `Samples`.  counts : how many each has.
     """
 
     def __init__(self, run: Any, asked: np.ndarray, shown: np.ndarray | None = None) -> None:
         self.run, self.asked, self.shown = run, asked, asked if shown is None else shown
         self.samples = np.empty((*asked.shape, len(run.here)))
         at_start = asked == run.here[0]
-        self.told = np.logical_and.accumulate(at_start, axis=0).sum(axis=0)  # the first ones
+        self.counts = np.logical_and.accumulate(at_start, axis=0).sum(axis=0)  # the first ones
         self.samples[:] = np.where(at_start[..., None], run.here.T, 0.0)
         self.samples[..., 0] = self.shown
         self.given = 0  # how many of them were handed on
@@ -203,7 +205,7 @@ class At:
         reached = self.passed(piece.body, piece.b)
         before = np.concatenate([[0], reached[:-1]])
         begins = piece.begins
-        before[begins] = self.told[piece.body[begins]]
+        before[begins] = self.counts[piece.body[begins]]
         many = np.maximum(reached - before, 0)
         total = int(many.sum())
         if not total:
@@ -220,7 +222,7 @@ class At:
             self.within.append((given, times[inside], sample[inside], body[inside]))
             self.waiting += len(inside)
         ends = piece.ends
-        np.maximum.at(self.told, piece.body[ends], reached[ends])
+        np.maximum.at(self.counts, piece.body[ends], reached[ends])
         if self.waiting > ROWS:
             self.move()
 
@@ -246,14 +248,14 @@ class At:
                 self.samples[sample, body, 1:] = self.run.moved(given, times, body)
             except IntegrationFailure as error:
                 k = getattr(error, "row", 0)
-                self.told[body[k]], self.within = sample[k], []
+                self.counts[body[k]], self.within = sample[k], []
                 raise
             self.within, self.waiting = [], 0
 
     def forget(self) -> None:
         """Forget samples beyond the place where the run stands."""
         bodies = np.arange(self.run.count)
-        np.minimum(self.told, self.passed(bodies, self.run.here[0]), out=self.told)
+        np.minimum(self.counts, self.passed(bodies, self.run.here[0]), out=self.counts)
 
     @property
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
@@ -262,17 +264,17 @@ class At:
             at_end = (self.asked == self.run.here[0]) & ~self.run.open
             self.samples[:] = np.where(at_end[..., None], self.run.here.T, self.samples)
             np.maximum(
-                self.told,
+                self.counts,
                 np.where(at_end, np.arange(1, len(at_end) + 1)[:, None], 0).max(axis=0, initial=0),
-                out=self.told,
+                out=self.counts,
             )
         self.move()
-        return self.samples, self.told
+        return self.samples, self.counts
 
     def flush(self) -> tuple[np.ndarray, np.ndarray]:
         """Times and numbers of the samples of one body so far, once each."""
         self.move()
-        begin, self.given = self.given, int(self.told[0])
+        begin, self.given = self.given, int(self.counts[0])
         rows = self.samples[begin : self.given, 0].copy()
         return rows[:, 0], rows[:, 1:]
 
@@ -324,8 +326,8 @@ class Quantities:
         self.until: int | None = None
 
     def _values(self, t: np.ndarray, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """What is asked for of some samples.  What a function raises has, as `kept`, how many samples
-        are before the one at which it failed, and what there is of them.
+        """The values of the functions at some samples.  An error of one has, as `kept`, how many samples
+        come before the one at which it failed, and the values there.
         """
         run = self.run
         about = SimpleNamespace(

@@ -130,7 +130,7 @@ class Lanes:
         out[:] = rows.reshape(out.shape)
         column[: len(numbers)], column[len(numbers) :][: len(clock)] = numbers, clock
 
-    def forwards(
+    def march(
         self, bodies: np.ndarray, columns: np.ndarray, out: np.ndarray, turns: int, workers: int,
         failures: dict[int, list[Any]], native: bool,
     ) -> None:  # fmt: skip
@@ -142,16 +142,16 @@ class Lanes:
         clock = self.layout.width
         if not native:
             for k, body in enumerate(bodies.tolist()):
-                told = failures.setdefault(body, [])
-                self.plainly(body, columns[:, k], out[1:, :, k], turns, told)
+                raised = failures.setdefault(body, [])
+                self.plainly(body, columns[:, k], out[1:, :, k], turns, raised)
             return
         self.natively(columns, out[1:], turns, workers)
         for k in np.flatnonzero(columns[clock + MARK, : len(bodies)] == ASKED).tolist():
             body, taken = int(bodies[k]), columns[clock + TAKEN, k]
-            told = failures.setdefault(body, [])
+            raised = failures.setdefault(body, [])
             columns[clock + MARK, k] = 0.0
             while columns[clock + TAKEN, k] == taken and columns[clock + MARK, k] != STUCK:
-                self.plainly(body, columns[:, k], out[-1:, :, k], 1, told)
+                self.plainly(body, columns[:, k], out[-1:, :, k], 1, raised)
 
 
 def share_out(

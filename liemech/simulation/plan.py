@@ -171,7 +171,7 @@ class Plan:
         )
 
     def _first_of(self, name: str) -> Any:
-        """What was given for the first body, or for all."""
+        """The value of an option for the first body, or for all."""
         values = self.of_each.get(name)
         if values is None:
             return self._given[name]
@@ -220,7 +220,7 @@ class Plan:
         return SitesOfPlan.of(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """What it was made with; layouts and native code are found again where it arrives."""
+        """Pickle the arguments; layouts and native code are made or found again where the plan arrives."""
         return functools.partial(Plan, **self._given), ()
 
     # ---------------------------------------------------------------- whole runs
@@ -391,7 +391,7 @@ class Plan:
         return short_steps(way, shape, start, count, t0)
 
     def _known(self, start: Any) -> Any:
-        """By what the shape of a start is known in a run, if one like it was checked before."""
+        """The key of the shape of a start, if one like it was checked before."""
         given = known_layout(start)
         if given is None and isinstance(start, State):
             given = layout_of(start) if start.bodies is None else kind_of_many(start)
@@ -416,7 +416,7 @@ class Plan:
         return of_each or axes
 
     def kind_of_run(self, start: Any, t_end: Any, t_eval: Any) -> Any:
-        """What makes a run from such a start."""
+        """The class of the run from such a start."""
         if self.adaptive:
             return ToleranceRun
         if self._apart(start, t_end, t_eval):
@@ -486,7 +486,7 @@ class Plan:
         return self.recorder.needed(system, start) if self.recorder else self.record
 
     def _doubt(self, start: State) -> str | None:
-        """What the method warns of; of several systems the first warning."""
+        """The warning of the method about its step, if it has one; of several systems the first."""
         if not self._warns:
             return None
         steps: Steps = self._steps
@@ -532,7 +532,7 @@ class Plan:
     def _gone_on(
         self, run: Any, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
     ) -> Trajectory:
-        """What comes after a run of any kind."""
+        """The run that follows another one."""
         carry = carry_of(self, run, "resume")
         if isinstance(carry, SiteCarry):
             by_sites: Any = self._sites.trajectory(carry, steps, t_end, 0.0, kept, t_eval)
@@ -691,7 +691,7 @@ class Plan:
     # ---------------------------------------------------------------- step by step
 
     def begin(self, start: State, t0: float = 0.0) -> Carry:
-        """What the method carries along at the start, for `step`."""
+        """The carry at the start, from which `step` goes on."""
         self._one_length("begin")
         if self._sites is not None and self._sites.takes(start):
             return self.run(start, steps=0, t0=t0).carry
@@ -706,8 +706,7 @@ class Plan:
             )
 
     def step(self, carry: Carry, steps: int = 1) -> Carry:
-        """What the method carries along after some more steps: its `t` and `state` are those of
-        `run`, to the bit.
+        """The carry after some more steps: its `t` and `state` are those of `run`, to the bit.
 
         For control loops and live pictures.
         Raises what `integrate` raises.
@@ -822,7 +821,7 @@ class Plan:
 
 
 def kind_of_many(start: Any) -> Any:
-    """What the starts of two ensembles have in common that are laid out in the same way."""
+    """A key that is equal for starts of ensembles with the same layout."""
     kind: Any = type(start)
     parts = [getattr(start, name) for name in names_of(kind)]
     return kind, *[x if x is None else (x.shape, x.dtype.char) for x in parts]

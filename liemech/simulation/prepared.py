@@ -70,7 +70,7 @@ class Steps:
     ways: dict[int, Any] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
     def of_system(self, system: System) -> Steps:
-        """The same for a system of the same layout; what is laid out and compiled is shared."""
+        """These steps for another system of the same layout; layouts and native code are shared."""
         shapes = {key: shape.of_system(system) for key, shape in [*self.shapes.items()]}
         own = {"system": system, "shapes": shapes}
         other: Steps = like(self, of_origins=WeakKeyDictionary(), of_layouts={}, **own)
@@ -97,7 +97,7 @@ class Steps:
         return self.way_of(0)
 
     def way_of(self, body: int) -> Any:
-        """The same of one body."""
+        """The method of one body as drivers get it."""
         method = self.method_of(body)
         if self.clock != "t" and not method.fictive:
             return method
@@ -124,7 +124,7 @@ class Steps:
         return self.remembering_of(self.one, start)
 
     def remembering_of(self, system: Any, start: State) -> State:
-        """The same of a system."""
+        """The start of a body of this system, in the numbers of the run."""
         if layout_of(start).in_memory:
             if self.precision == "double-double" or self.compensated:
                 raise IncompatibleSystem(
@@ -209,7 +209,7 @@ class Shape:
         return found
 
     def beginning(self, steps: Steps, lanes: Lanes) -> Execution:
-        """Who runs `begin`."""
+        """The cached Execution of the driver `begin`."""
         if self._beginning is None:
             wanted = steps.compiled if self.side > 1 or steps.compiled is False else None
             call = begin, *self.beginner(lanes.arguments), *[COLUMNS] * 4, None

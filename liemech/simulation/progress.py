@@ -1,6 +1,4 @@
-"""What is shown of anything that takes longer than a second: a bar for a run, a line for a
-compilation.
-"""
+"""Progress of anything that takes longer than a second: a bar for a run, a line for a compilation."""
 
 from __future__ import annotations
 

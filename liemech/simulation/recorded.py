@@ -33,12 +33,12 @@ COMPUTED = *RECORDED, "multipliers"
 """Quantities that a run computes from its samples, unless they were kept."""
 
 PLAIN = ("number", "vec", "mat")
-"""What a function may give."""
+"""Kinds of values that a function may return."""
 
 
 @frozen(eq=False)
 class Recorder:
-    """What is kept of each sample: parts of the state, and quantities by name.
+    """The content of each sample: parts of the state, and quantities by name.
 
     quantities : methods of the system, by their names, or functions of time and state.
     chosen : parts of the state that are kept of some sites only, and which.
@@ -98,10 +98,10 @@ class Recorder:
     def values(
         self, run: Any, kind: Any, t: np.ndarray, states: dict[str, np.ndarray], compiled: Any
     ) -> dict[str, np.ndarray]:
-        """What is kept of samples (n, ...), of an ensemble (n, bodies, ...).  kind : of state.
+        """The recorded values at samples (n, ...), of an ensemble (n, bodies, ...).  kind : of state.
 
-        What a function raises has, as `kept`, the samples before the one for which it failed: how
-        many, and what is kept of them.
+        An error of a function has, as `kept`, the number of samples before the one at which it failed,
+        and the values there.
         """
         try:
             return self._values(run, kind, t, states, compiled)
@@ -167,7 +167,7 @@ class Recorder:
         return numbers.reshape(*lead, *np.shape(result))
 
     def _result(self, name: str, function: Any, t: float, state: Any) -> Any:
-        """What the function gives for the first sample."""
+        """The value of a function at the first sample."""
         result = attempt(function, t, state)
         if hasattr(result, "error"):
             error: Any = reason(result)
@@ -186,7 +186,7 @@ class Recorder:
 
 
 def recorder_of(record: Any, system: Any) -> Recorder | None:
-    """What is to be kept, if there is more among it than parts of the state.
+    """The Recorder of `record=`; None if that names parts of the state only.
 
     record : names of parts of the state and of methods of the system, functions of time and state,
     pairs of a name and such a function, pairs of a part and the numbers of sites.

@@ -1,4 +1,4 @@
-"""What a run hands back: the one place where its samples become a `Trajectory`."""
+"""The result of a run: the one place where samples become a `Trajectory`."""
 
 from __future__ import annotations
 
@@ -167,8 +167,8 @@ def _fields(run: Any, quantities: Any) -> dict[str, Any]:
 
 
 def beside(runs: list[Any]) -> dict[str, Any]:
-    """What runs of one body each, or of some, show together: a run that has less samples shows its
-    last one again.
+    """The fields of one trajectory for several runs beside one another, of one body or of some each.  A
+    run that has fewer samples repeats its last one.
     """
     first, samples, h = runs[0], max(map(len, runs)), runs[0].h
     bodies = [run.bodies or 1 for run in runs]

@@ -46,7 +46,7 @@ class Run:
     table : a column for each body: what is carried along, `numbers`; `clocks`; `goals`; parameters
     of their own.
     over : bodies that had ended before.  cuts : what terminal events have ended.
-    left : times at which the velocity jumps, last ones first, of bodies that still have some before them.
+    jumps : times at which the velocity jumps, last ones first, of bodies that still have some before them.
     view : how numbers are shown as states.
     """
 
@@ -64,9 +64,9 @@ class Run:
 
     def __init__(
         self, plan: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
-        kept: Any = None,
+        checkpoint: Any = None,
     ) -> None:  # fmt: skip
-        self.plan, self.way, self.kept = plan, plan._steps, kept
+        self.plan, self.way, self.checkpoint = plan, plan._steps, checkpoint
         self.start, self.bodies, self.count = start, start.bodies, start.bodies or 1
         self.before: Carry | None = (
             start if isinstance(start, Carry) else getattr(start, "inner", None)
@@ -84,7 +84,7 @@ class Run:
         self.first = np.zeros(self.count)  # how many steps there were before
         self.compiled = self.native = False
         self.quantities: Quantities | None = None
-        self.left: dict[int, list[tuple[float, float]]] = {}
+        self.jumps: dict[int, list[tuple[float, float]]] = {}
         ends = arguments.ends(t_end, self.count) if self.bodies else [
             None if t_end is None else arguments.real(t_end, "t_end")
         ]  # fmt: skip
@@ -116,7 +116,7 @@ class Run:
         raise NotImplementedError
 
     def observe(self) -> list[Any]:
-        """Who keeps what of the steps; the first one has the samples."""
+        """The observers of the steps; the first one has the samples."""
         if self.asked is not None:
             return [At(self, self.asked)]
         return [Every(self, self.way.every)]
@@ -239,7 +239,7 @@ class Run:
 
     @property
     def measure(self) -> tuple[int, str]:
-        """Of the progress bar."""
+        """Total and unit of the progress bar."""
         return (self.count, "body") if self.bodies else (1000, "")
 
     def trajectory(self) -> Trajectory:
@@ -274,7 +274,11 @@ class Run:
 
     def _march(self, bar: Bar) -> None:
         """Pieces of as many bodies as run side by side, until all have come to their ends."""
-        stepping, kept, workers = self.lanes.stepping, self.kept, self.plan.options.workers
+        stepping, checkpoint, workers = (
+            self.lanes.stepping,
+            self.checkpoint,
+            self.plan.options.workers,
+        )
         room, least, work, span = ROOM * workers, TURNS, WORK * workers, TURNS
         if self.quantities:
             self.quantities.flush()
@@ -293,8 +297,8 @@ class Run:
                 columns = self.table.take(_padded(bodies, stepping.lanes if native else 1), axis=1)
             m, padded = len(bodies), columns.shape[1]
             turns = max(least, min(LONGEST, work // padded)) if native else span
-            if kept is not None:
-                turns = max(1, min(turns, kept.within(turns * m) // m))
+            if checkpoint is not None:
+                turns = max(1, min(turns, checkpoint.within(turns * m) // m))
             begun, taken = time.perf_counter(), columns[self._clock + TAKEN, :m].sum()
             self.compiled = self.compiled or native
             self._piece(bodies, columns, turns)
@@ -304,11 +308,15 @@ class Run:
             if not native and used < 0.5 * LOOK:
                 span = min(2 * span, LONGEST)
             made = int(columns[self._clock + TAKEN, :m].sum() - taken)
-            if kept is not None and kept.due(made) and (self.adaptive or self.open.any()):
-                kept.save(of_run(self))
+            if (
+                checkpoint is not None
+                and checkpoint.due(made)
+                and (self.adaptive or self.open.any())
+            ):
+                checkpoint.save(of_run(self))
             going = self._open(bodies)
             ended = m - int(going.sum())
-            at_once = len(queue) or self.events or self.left or not native
+            at_once = len(queue) or self.events or self.jumps or not native
             if ended and (at_once or 4 * ended >= m):
                 bodies, columns = bodies[going], None
                 bar.advance(ended if self.bodies else 0)
@@ -325,7 +333,7 @@ class Run:
         workers = self.plan.options.workers
         if not self.rows:  # only where they come to is asked for
             out = np.empty((2, lanes.row.width, columns.shape[1]))
-            lanes.forwards(bodies, columns, out, turns, workers, self.failures, self.native)
+            lanes.march(bodies, columns, out, turns, workers, self.failures, self.native)
             self.here[:, bodies] = columns[[clock + TIME, *range(len(self.here) - 1)], :m]
             self._stand(bodies, columns)
             return
@@ -335,9 +343,9 @@ class Run:
         out[:, lanes.mark, : len(begun)] = begun
         out[0, : len(self.here), :m] = self.here[:, bodies]
         before = columns.copy() if self.events else columns
-        lanes.forwards(bodies, columns, out, turns, workers, self.failures, self.native)
-        for k, body in enumerate(bodies.tolist() if self.left else ()):
-            ways = self.left.get(body)
+        lanes.march(bodies, columns, out, turns, workers, self.failures, self.native)
+        for k, body in enumerate(bodies.tolist() if self.jumps else ()):
+            ways = self.jumps.get(body)
             if ways:  # a last step that ends before a jump at t_end is one to t_end
                 out[:, 0, k][out[:, 0, k] == ways[0][0]] = self.t_end[body]
         piece = Piece(self, bodies, out, begun, taken)
@@ -385,7 +393,7 @@ class Run:
         columns[limit] = columns[clock + TAKEN] + steps
         if steps:
             out = np.empty((turns + 1, lanes.row.width, side))
-            lanes.forwards(np.array([body]), columns, out, turns, 1, {}, self.native)
+            lanes.march(np.array([body]), columns, out, turns, 1, {}, self.native)
         columns[limit] = column[limit]
         return columns[:, 0]
 
@@ -402,16 +410,16 @@ class Run:
     def _stand(self, bodies: np.ndarray, columns: np.ndarray) -> None:
         """Stand where these columns do."""
         changed = self._clock + CLOCK.width + 1  # with the time to which they go
-        if self.left:
+        if self.jumps:
             self._beyond_jumps(bodies, columns)
         self.table[:changed, bodies] = columns[:changed, : len(bodies)]
 
     def _beyond_jumps(self, bodies: np.ndarray, columns: np.ndarray) -> None:
-        """Of bodies that have come to a jump of the velocity: on beyond it, to the next one."""
+        """Let bodies that have come to a jump of the velocity go on behind it, to the next one."""
         clock = self._clock
         goal = clock + CLOCK.width
         for k, body in enumerate(bodies.tolist()):
-            ways = self.left.get(body)
+            ways = self.jumps.get(body)
             if not ways or columns[clock + TIME, k] != columns[goal, k] or body in self.cuts:
                 continue
             end, beyond = ways.pop()
@@ -462,10 +470,10 @@ class Run:
 
     def so_far(self) -> str:
         """How far an interrupted run has come."""
-        told = f"at t = {self.here.item(0):g}, after {int(self.made[0])} steps"
+        text = f"at t = {self.here.item(0):g}, after {int(self.made[0])} steps"
         if self.bodies:
-            told = f"before {int(self.open.sum())} of {self.count} bodies came to the end"
-        return f"{told}; the samples are in `.trajectory`"
+            text = f"before {int(self.open.sum())} of {self.count} bodies came to the end"
+        return f"{text}; the samples are in `.trajectory`"
 
     @property
     def made(self) -> np.ndarray:
@@ -491,28 +499,28 @@ class Run:
 
     def samples(self, i: int) -> tuple[np.ndarray, np.ndarray]:
         """The samples of a body: times, and numbers of states, and fictive times behind them."""
-        rows, told = self.observers[0].rows
-        found = rows[: told[i], i].copy() if self.bodies else rows[: told[i], i]
+        rows, counts = self.observers[0].rows
+        found = rows[: counts[i], i].copy() if self.bodies else rows[: counts[i], i]
         return found[:, 0], found[:, 1:]
 
     def together(self) -> tuple[np.ndarray, np.ndarray]:
         """The samples of all bodies, times, (n,) or (n, bodies), and numbers of states, (n, bodies,
         width): who has less of them stays where it came to.
         """
-        rows, told = self.observers[0].rows
+        rows, counts = self.observers[0].rows
         failed, heads = self.failed, self.here.T
-        late = failed & (self.asked is None) & (told > 0)
-        last = rows[np.maximum(told - 1, 0), np.arange(self.count)] if len(rows) else heads
+        late = failed & (self.asked is None) & (counts > 0)
+        last = rows[np.maximum(counts - 1, 0), np.arange(self.count)] if len(rows) else heads
         late &= (last != heads)[:, -1 if self.lanes.mark else 0]
-        n = int(np.max(told + late)) if self.asked is None else len(rows)
+        n = int(np.max(counts + late)) if self.asked is None else len(rows)
         rest = np.where(
-            ((self.asked is not None) | failed | (told == 0))[:, None], heads, last
+            ((self.asked is not None) | failed | (counts == 0))[:, None], heads, last
         )  # where they came to
         shown = rows
         if n != len(rows):
             shown = np.empty((n, *rows.shape[1:]))
             shown[: len(rows)] = rows[:n]
-        np.copyto(shown, rest, where=(np.arange(n)[:, None] >= told)[..., None])
+        np.copyto(shown, rest, where=(np.arange(n)[:, None] >= counts)[..., None])
         t = shown[..., 0]
         if (
             self.asked is not None and not self.own_times

@@ -36,7 +36,7 @@ then Ctrl-C is heard.
 """
 
 TRIALS, ROOM = 2**20, 2**14
-"""The same of a run with adaptive steps: a trial costs as much as several steps."""
+"""These limits for adaptive steps, of which a trial costs as much as several fixed ones."""
 
 ENDLESS = 2.0**53
 """More steps than any run has."""
@@ -153,7 +153,7 @@ class Place(Places):
 
 
 def place_of(steps: Steps, shape: Shape) -> Place:
-    """That of a shape."""
+    """The places of the runs of a shape, made once."""
     if shape.place is None:
         shape.place = Place(steps, shape)
     place: Place = shape.place
@@ -324,7 +324,7 @@ class Rows(Places):
         self.free: list[Any] = []  # memory that no run needs any more
 
     def of_lanes(self, lanes: Lanes, **own: Any) -> Any:
-        """As before, with memory of its own."""
+        """These places for another system of the same layout, with memory of their own."""
         return super().of_lanes(lanes, free=[], **own)
 
     def native(self) -> bool:
@@ -342,7 +342,7 @@ class Rows(Places):
         return memory, self.call(1, 0, 1, self.turns, 1, *at, self.constants), buffers
 
     def run(self, way: Any, start: Any, t0: float, t_end: float, limit: int) -> _Rows | None:
-        """What a run from a start has written; None if it has not come to its end."""
+        """Run from a start to t_end in one native call; None if that did not come to its end."""
         try:
             room = self.free.pop()
         except IndexError:
@@ -362,7 +362,7 @@ class Rows(Places):
 
 
 class _Rows:
-    """What a run with adaptive steps has written.
+    """The memory that a run with adaptive steps has written.
 
     memory : what is carried along, the clock, the goal, and a row for the start and the end of every step.
     """
@@ -422,7 +422,7 @@ class Times(Rows):
 
     @staticmethod
     def _sampling(lanes: Lanes) -> Execution:
-        """Who runs `sampled_steps`."""
+        """The Execution of the driver `sampled_steps`."""
         shared = SHARED, COLUMNS, COLUMNS
         call = sampled_steps, *lanes.arguments, 1, 1, *[COLUMNS] * 4, *shared, None
         return Execution(None, lanes.stepping.progress, *call, silent=True)
@@ -433,14 +433,14 @@ class Times(Rows):
         return made
 
     def native(self) -> bool:
-        """As before.  It is made if it is asked for often."""
+        """Is there native code that says what the formulas say now?  It is made if asked for often."""
         self.stepping.used(self.lanes.stepping.native is not None)
         return self.stepping.native is not None
 
     def at(
         self, way: Any, start: Any, t0: float, t_end: float, limit: int, times: np.ndarray
     ) -> _AtTimes | None:
-        """What a run from a start has written; None if it has not come to its end."""
+        """Run from a start to t_end in one native call; None if that did not come to its end."""
         count, width = len(times), self.lanes.state.width
         memory: Any = np.empty(self.samples + count * width)
         numbers, limit = self.gather(start), min(limit, self.limit)
@@ -466,7 +466,7 @@ class Times(Rows):
 
 
 class _AtTimes(_Rows):
-    """What a run with adaptive steps has written of which the states at given times are kept."""
+    """The memory that a run with adaptive steps has written, of states at given times."""
 
     __slots__ = ("times",)
 

@@ -71,6 +71,9 @@ class OverSites(Record):
     def step(self, system: Any, t: float, place: Place, h: float) -> Place:
         """A step of all sites, from one copy of the memory to the other."""
         there = 1 - place.copy
+        if self.method.together:
+            self.method.step_together(system, t, h, self.sites, place.copy, there, self.memory)
+            return Place(there)
         each(
             self.sites,
             one_step,

@@ -20,11 +20,14 @@ from ..errors import (
     warn,
 )
 from ..formulas.pytree import layout_of
+from ..groups.species import SpeciesGroup
 from ..integrators.ending_at_jumps import AT_ENDS
+from ..integrators.rattle_of_links import Links
 from ..integrators.sublattices import TermSplitting
-from ..systems.site_state import StateOfSites
+from ..systems.site_state import SiteValues, StateOfSites
 from ..systems.system import State
 from .events import name_of
+from .links_run import LinksRun, linked_method
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
 from .sites_states import by_site
@@ -65,7 +68,9 @@ class SitesOfPlan:
     def of(cls, plan: Any) -> SitesOfPlan | None:
         """None if the system has no site form."""
         site = plan._one.site_form
-        return None if site is None else cls(plan, with_lists(plan._one, site))
+        if site is None or (isinstance(site, Links) and linked_method(plan) is None):
+            return None
+        return cls(plan, with_lists(plan._one, site))
 
     def prepared(
         self, first: State, starts: Planes, curves: bool, level: float | None = None
@@ -104,6 +109,23 @@ class SitesOfPlan:
         """A function of one site or of totals, for which a run of any size goes by sites."""
         return next((name for name, of, _ in self.functions if of in OF_SITES), None)
 
+    def _require_places(self) -> None:
+        """Raise InvalidInput for a function of a site among events, and of totals where there are none."""
+        recorder, events = self.plan.recorder, self.plan.events
+        quantities = {} if recorder is None else recorder.quantities
+        for name, of, function in self.functions:
+            event = any(function is x for x in events)
+            if of == "site" and event:
+                raise InvalidInput(
+                    f"integrate: the event {name}(t, site) is of one site, and events are of totals over all "
+                    "that record= names, or of the state: events=[lambda t, total: total.spin[2]]"
+                )
+            if of == "total" and not (event and quantities):
+                raise InvalidInput(
+                    f"integrate: {name}(t, total) is an event of totals over all sites, which record= "
+                    'names: record=[("spin", lambda t, site: site.mu)]'
+                )
+
     def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
         """What is asked for that runs by sites do not have yet; None if nothing is."""
         plan, steps = self.plan, self.plan._steps
@@ -113,12 +135,7 @@ class SitesOfPlan:
                 f"function of the state of all sites, as {whole} is: with the arguments (t, site) it is "
                 "of one site, and summed over all; an event (t, total) is of such sums"
             )
-        event = next((name for name, of, _ in self.functions if of == "total"), None)
-        if event is not None and (plan.recorder is None or not plan.recorder.quantities):
-            raise InvalidInput(
-                f"integrate: {event} is of totals over all sites, and record= names no totals: "
-                'record=[("spin", lambda t, site: site.mu)]'
-            )
+        self._require_places()
         if plan.fictive:
             return "steps in fictive time"
         if plan.of_each:
@@ -131,6 +148,8 @@ class SitesOfPlan:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         if steps.breaks:
             return "breaks of fixed steps (adaptive ones end there)"
+        if isinstance(self.site, Links) and t_eval is not None:
+            return "t_eval"
         method = steps.way_of(0)
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
@@ -149,6 +168,8 @@ class SitesOfPlan:
             return True
         if not self.knows(start):
             return False
+        if isinstance(self.site, Links):
+            return True
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
         few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
         return numbers > few or self.of_sites is not None or not self.as_one_body
@@ -179,7 +200,8 @@ class SitesOfPlan:
             raise IncompatibleSystem(
                 f"integrate: {self.of_sites} is of one site or of totals, and a run by sites has no {why}"
             )
-        if numbers <= LARGE and self.as_one_body and not isinstance(start, SiteCarry):
+        few = numbers <= LARGE or isinstance(self.site, Links)
+        if few and self.as_one_body and not isinstance(start, SiteCarry):
             return None
         raise self._too_many(why, state)
 
@@ -187,18 +209,28 @@ class SitesOfPlan:
         """The run with its tangent map; None if the system is to be written out instead.  Raises
         IncompatibleSystem for one that is too large for that.
         """
+        if isinstance(self.site, Links):
+            return None
+        if start.bodies is not None:
+            from .tangent import of_bodies
+
+            asked = steps, t_end, t0, names, given
+            runs = [self.tangent(self._member(start, i), *asked) for i in range(start.bodies)]
+            return None if None in runs else of_bodies(self.plan.method, runs)
         wanted = [f"derivative by {name}" for name in names if name != "start"]
         if self.plan.adaptive:
             wanted.append("derivative of adaptive steps")
-        if start.bodies is not None:
-            wanted.append("derivative of members")
+        one = self.plan._one
+        group = getattr(one, "configurations", one.group)
+        if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
+            wanted.append(f"tangent map of {type(one).__name__} on {group!r}")
         why = wanted[0] if wanted else self.missing(None, None, False)
         if why is None:
             from .sites_tangent import tangent_by_sites
 
             count = self.plan._count(steps, t_end, t0)
             return tangent_by_sites(self, start, count, t0, given)
-        if start.width // (start.bodies or 1) <= LARGE and self.as_one_body:
+        if start.width <= LARGE and self.as_one_body:
             return None
         raise self._too_many(why, start)
 
@@ -220,8 +252,15 @@ class SitesOfPlan:
         from .turns_of_sites import TurnsRun
 
         plan = self.plan
+        if isinstance(self.site, Links):
+            return LinksRun
         by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), TermSplitting)
         return TurnsRun if by_colour else SiteRun
+
+    @staticmethod
+    def _member(start: Any, i: int) -> Any:
+        """One member of an ensemble."""
+        return type(start)(*(None if x is None else x[i] for x in start.parts.values()))
 
     def _members(
         self, start: Any, steps: Any, t_end: Any, t0: float, t_eval: Any
@@ -232,8 +271,8 @@ class SitesOfPlan:
         runs: list[Any] = []
         stopped: dict[int, Any] = {}
         for i in range(start.bodies):
-            one = type(start)(*(None if x is None else x[i] for x in start.parts.values()))
             try:
+                one = self._member(start, i)
                 runs.append(self.trajectory(one, steps, t_end, t0, None, t_eval))
             except IntegrationFailure as error:
                 stopped[i] = error

@@ -17,6 +17,7 @@ from ..formulas.pytree import (
     carried_layout,
     layout_of,
     leaves,
+    names_of,
     rounded,
     with_fields,
     with_slopes,
@@ -25,6 +26,7 @@ from ..formulas.sites import one_site
 from ..systems.system import State
 from ..systems.terms_at_site import at_this_site
 from .control import Equal, Tolerance
+from .links_run import linked_method
 from .sites_driver import (
     BESIDE,
     PLACE,
@@ -57,6 +59,7 @@ class Prepared:
     turning: Any = None
     control: Any
     way: Any
+    method: Any
 
     def __init__(
         self, plan: Any, site: Any, first: State, starts: Planes, curves: bool, level: float | None
@@ -69,7 +72,7 @@ class Prepared:
             self.method = self.way = Embedded(steps.method, curves)
             self.h = 0.0
         else:
-            self.method, self.h = steps.way_of(0), steps.h
+            self.method, self.h = linked_method(plan) or steps.way_of(0), steps.h
             self.way = Whole(self.method)
             self.started = layout_of(steps.remembering_of(site, first))
         self.beginner = self.method, site, self.given, self.started
@@ -81,6 +84,8 @@ class Prepared:
         self.memory, self.state = carried_layout(carry), layout_of(example)
         self.shown = self._shown(example, some, starts)
         events = plan.events
+        for event in events:
+            require_totals(event, self._named())
         self.sighted = Sighted(
             self.shown, events, carried_layout((0.0,) * len(events)), self._named()
         )
@@ -176,6 +181,20 @@ class Prepared:
             arguments = quantity, self.site, self.given, starts
             numbers.append(one_site(count, 0, _one_value, *arguments))
         return Shown(kept, self.state, found, carried_layout(tuple(numbers)))
+
+
+def require_totals(event: Any, named: Any) -> None:
+    """Raise InvalidInput for an event that asks for a total that `record` does not name."""
+    try:
+        event(0.0, named)
+    except AttributeError as error:
+        if error.obj is named:
+            kind: Any = type(named)
+            raise InvalidInput(
+                f"integrate: an event asks for total.{error.name}; record= names {', '.join(names_of(kind))}"
+            ) from None
+    except Exception:  # of zeros it may fail
+        return
 
 
 @functools.cache

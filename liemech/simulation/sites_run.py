@@ -137,7 +137,7 @@ class SiteRun:
         self.seen = Planes.of_rows(max(1, self.room * self.wide), self.count)
         self.own = np.empty((0 if self.chosen is None else samples, self.wide, many))
         self.totals = np.zeros((samples, shape.shown.totals.width))
-        self.sites = Planes.of_rows(2 * shape.memory.width, self.count)
+        self.sites = self._room_for(shape.memory.width)
         self.place, self.out, self.told = np.zeros((2, 1)), np.empty(1), np.zeros(2)
         self.march, self.look = np.array([0.0, np.nan, 0.0]), np.zeros(max(1, self.totals.shape[1]))
         self.values = np.full((2, max(1, len(plan.events))), np.nan)
@@ -149,6 +149,10 @@ class SiteRun:
         else:
             self._take_up(start)
         self.events = Sightings(self, plan.events, start) if plan.events else None
+
+    def _room_for(self, width: int) -> Planes:
+        """Memory for all sites: two copies of what the method carries along."""
+        return Planes.of_rows(2 * width, self.count)
 
     def laid_out(self, state: Any) -> tuple[Any, np.ndarray]:
         """The state of the first site, and the numbers of all, (width, sites)."""

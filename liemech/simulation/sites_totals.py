@@ -14,6 +14,7 @@ from ..compiler.planes import Planes
 from ..formulas.pytree import carried_layout, layout_of, names_of
 from ..formulas.sites import padded
 from ..groups.species import SpeciesGroup
+from ..integrators.rattle_of_links import Links
 from ..systems.system import state_of
 from .sites_driver import Share, Shown, totals_of_samples
 from .sites_execution import SiteExecution
@@ -31,7 +32,7 @@ def of_sites(system: Any, states: dict[str, np.ndarray]) -> Any:
     if leading.ndim < 2 or not {"mu", "q", "y"} & {*states}:
         return None
     site: Any = system.site_form
-    if site is None:
+    if site is None or isinstance(site, Links):  # whose formulas are those of all bodies
         return None
     leading = next(iter(system.by_site(states).values()))
     large = leading.ndim == 3 and leading.shape[1] * leading.shape[2] > system.small

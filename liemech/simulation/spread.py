@@ -200,7 +200,7 @@ def _part_of(plan: Any, first: int, end: int) -> Any:
 
 
 def _times_of(how: dict[str, Any], first: int, end: int) -> dict[str, Any]:
-    """What a run is asked for, where bodies have times of their own those of some bodies."""
+    """The arguments of the run of some bodies, with their own t_end and t_eval."""
     t_end, t_eval = how["t_end"], how["t_eval"]
     if arguments.axes(t_end, "t_end") == 1:
         t_end = np.asarray(t_end)[first:end]

@@ -13,11 +13,11 @@ import numpy as np
 
 from ..compiler.kernel import Several
 from ..errors import IntegrationInterrupted, InvalidInput
-from ..formulas.pytree import gatherer, layout_of
+from ..formulas.pytree import build, gatherer, layout_of
 from ..systems.system import State
 from . import arguments, short
 from .carry import Carry
-from .control import FRESH, MARK, STRAIGHT, TAKEN
+from .control import FRESH, GOAL, MARK, STEP, STRAIGHT, TAKEN
 from .dense import unpacked
 from .equal import WORTH
 from .execution import like
@@ -111,7 +111,15 @@ class Stepper:
                     f"Stepper.at: t = {t!r} is not in the step to come, from {now!r} by {h!r}; "
                     "step there first"
                 )
-            run = self.plan.replace(record=None, every=1).resume(self, steps=1, t_eval=[t])
+            if t == now:
+                return self.state
+            found = self._here.at(t - now) if isinstance(self._here, InPlace) else None
+            if found is not None:
+                return found
+            plan = self.plan
+            if plan.recorder is not None or plan.record is not None or plan._steps.every != 1:
+                plan = plan.replace(record=None, every=1)
+            run = plan.resume(self, steps=1, t_eval=[t])
             state: State = run.last
             return state
 
@@ -453,6 +461,22 @@ class InPlace:
         place.stepping.on_memory(self.block, self.buffers)
         return int(taken(at) - before)
 
+    def at(self, length: float) -> State | None:
+        """The state a step of this length further; None if it is to be found in another way."""
+        place, memory, block = self.place, self.memory.copy(), changing(bytes(self.block))
+        if self.again is not None:
+            return None
+        memory[place.clock + STEP], memory[place.taken] = length, 0.0
+        memory[place.goal + T0] = self.t
+        buffers = place.prepared(memory, 1, place.kept)
+        goal, states, clock, rows = [begin for begin, _ in buffers]
+        struct.pack_into("5q", block, _AT_STEPS, 1, goal, states, clock, rows)
+        place.stepping.on_memory(block, buffers)
+        if memory.item(place.taken) != 1.0:
+            return None
+        found: State = build(place.shape.shown, iter(memory[place.kept :].tolist()))
+        return found
+
     def take(self, new: list[Held], held: dict[str, Held]) -> bool:
         """Take the new ones of all inputs; False if that is more than to write them down."""
         made = self.system
@@ -492,6 +516,9 @@ class InPlace:
         given = begun.shape, begun.t0, begun.h, self.taken, now[: place.carried], now[place.kept :]
         return Carry.quickly(*given, begun.met)
 
+
+T0 = GOAL.width - 1
+"""The place of the time of step 0 among the numbers of a goal."""
 
 _STEPS, _AT_STEPS = struct.Struct("q").pack_into, 8 * 4
 """Where the block has the number of steps."""

@@ -50,7 +50,7 @@ class OfBodies:
 
     @classmethod
     def of(cls, given: Any, kind: type, example: str) -> Any:
-        """What a user gave in a list, one for each body."""
+        """A list that a user gave, with one for each body."""
         if isinstance(given, OfBodies):
             return given
         if not isinstance(given, (list, tuple)):

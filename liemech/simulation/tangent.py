@@ -35,7 +35,7 @@ from ..systems.clocked import Clocked
 from ..systems.system import State
 from . import arguments
 from .control import TAKEN
-from .dense import evaluated, flat, told, unpacked
+from .dense import evaluated, flat, report, unpacked
 from .equal import StraightRun
 from .execution import like
 from .fictive import Origin
@@ -46,7 +46,7 @@ from .systems import Methods, Systems
 from .trajectory import TangentTrajectory, Trajectory
 
 LEVEL = 0.5
-"""Of the numbers that carry the derivative: below those of derivatives that formulas take."""
+"""Level of the numbers that carry the derivative, below those of derivatives that formulas take."""
 
 
 # ------------------------------------------------------------------ directions
@@ -74,7 +74,7 @@ class Directions:
         cls, system: Any, method: Any, start: State, names: tuple[str, ...], dressed: Any = None,
         begins: Any = None,
     ) -> Directions:  # fmt: skip
-        """Those of the start, and of parameters of system and method.
+        """The directions of the start, and of parameters of system and method.
 
         dressed : makes of the method that by which steps are made; left out, it is the method itself.
         begins : of a run in fictive time, makes of system, method and start the system with its clock
@@ -87,7 +87,7 @@ class Directions:
         first, last = layout.parts[0].width, layout.width - layout.parts[2].width
 
         def ways(name: str) -> list[Any]:
-            """Of each direction the method, the system and the start along it, and a step."""
+            """For each direction the method, system and start along it, and a step for differences."""
             if name == "start":
                 inner = getattr(system, "system", None) if system.fictive else system
                 some = displacements(inner, frames_of(inner, start), start)
@@ -161,8 +161,8 @@ class WithStep(Wrapping):
 
 
 def with_step(method: Any, h: float, t0: float) -> Any:
-    """What makes of a method one whose step is a parameter; refused where it expands the motion in
-    powers of h.
+    """A function that gives a method its step as a parameter; refused for methods that expand the motion
+    in powers of h.
     """
     if expands(method):
         raise IncompatibleSystem(
@@ -181,7 +181,7 @@ def expands(method: Any) -> bool:
 
 
 def frames_of(system: Any, start: Any) -> dict[str, Any]:
-    """Of each part of a state the directions in which it moves."""
+    """For each part of a state the directions in which it can move."""
     return {
         name: frame(system, name, part) for name, part in start.parts.items() if part is not None
     }
@@ -206,7 +206,7 @@ def start_moves(frames: dict[str, Any], start: Any) -> list[np.ndarray]:
 def tangent_run(
     plan: Any, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
-    """So many fixed steps from a start, with their derivative by what is named."""
+    """`steps` fixed steps from a start, with their derivative by the named parameters."""
     way: Steps = plan._steps
     method = way.method
     dressed = None
@@ -258,7 +258,7 @@ def told_of(made: Trajectory, run: TangentTrajectory) -> TangentTrajectory:
 def fictive_tangent_run(
     given_plan: Any, start: State, steps: int, t0: float, names: tuple[str, ...]
 ) -> TangentTrajectory:
-    """The same of fixed steps in fictive time, at the same fictive times.
+    """`steps` fixed steps in fictive time, with their derivative at the same fictive times.
 
     What the start decides once for the whole run, the energy or the first 1/sigma, is
     differentiated too: as for parameters by differences of order 8.
@@ -308,7 +308,7 @@ def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
 
 
 def displacements(system: Any, frames: dict[str, Any], start: Any) -> list[Any]:
-    """Of each direction of a start the starts along it, by how far."""
+    """For each direction of a start the function from a distance to the start that far along it."""
     found = []
     for name, directions in frames.items():
         part = start.parts[name]
@@ -437,7 +437,7 @@ def translated(group: Any, g: Any) -> list[Any]:
 
 def translations(group: Any, point: Any, result: Any, given: Any, out: Any, failures: Any) -> None:
     """The driver: the directions in which an element moves."""
-    told(attempt(translated, group, read(given, 0, point)), result, out, failures)
+    report(attempt(translated, group, read(given, 0, point)), result, out, failures)
 
 
 def real_numbers(array: np.ndarray) -> np.ndarray:
@@ -528,6 +528,6 @@ class _Run(StraightRun):
         width), and their derivatives in every direction, (n, directions, width).
         """
         samples = self.observers[0]
-        n = max(1, int(samples.told(self.clocks[TAKEN].min())))
+        n = max(1, int(samples.samples_after(self.clocks[TAKEN].min())))
         out = samples.array[:n]
         return n, out[:, 0::2, 0], out[:, 1::2, : self.count].transpose(0, 2, 1)

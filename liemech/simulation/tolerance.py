@@ -184,7 +184,7 @@ class ToleranceRun(Run):
                 t0, end = float(self.t0[i]), float(self.t_end[i])
                 jumps = jumps_between(method, system, self.way.breaks, t0, end)
                 start, ways = stretches(jumps, t0, end)
-                self.left[i] = ways[::-1]
+                self.jumps[i] = ways[::-1]
                 if ways:
                     goals[0, i] = ways[0][0]
                 if start != t0:
@@ -301,9 +301,9 @@ class ToleranceRun(Run):
 
     def error(self, i: int) -> Any:
         if self.clocks[TAKEN, i] >= self.limit[i]:
-            told = f"{int(self.limit[i])} steps led to t = {self.clocks[TIME, i]:g} only, not to {self.t_end[i]:g}"
+            text = f"{int(self.limit[i])} steps led to t = {self.clocks[TIME, i]:g} only, not to {self.t_end[i]:g}"
             return self.explained(
-                StepTooSmall(f"integrate: {told}; loosen rtol and atol or allow more `steps`"), i
+                StepTooSmall(f"integrate: {text}; loosen rtol and atol or allow more `steps`"), i
             )
         return self._too_small(i)
 
@@ -338,8 +338,8 @@ class ToleranceRun(Run):
             noted(raised, trial)
             if raised or not trial.error <= 1.0:
                 break
-        told = [*raised, *self.failures.get(i, [])[-1:]]
-        error = next((e for e in told if is_mistake(e)), told[0] if told else None)
+        causes = [*raised, *self.failures.get(i, [])[-1:]]
+        error = next((e for e in causes if is_mistake(e)), causes[0] if causes else None)
         if is_mistake(error):
             error.add_note(
                 f"[integrate: in step {steps + 1}, from t = {t:g}; the samples before it are in "

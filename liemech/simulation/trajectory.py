@@ -1,4 +1,4 @@
-"""What a run leaves behind: the samples, and what can be told from them, computed when asked for."""
+"""`Trajectory`: the samples of a run, and quantities computed from them when asked for."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from ..formulas import Record
 from ..formulas.frozen import frozen
 from ..formulas.pytree import fields_of
 from ..integrators.ending_at_jumps import ending_at_jumps
+from ..systems.site_state import StateOfSites
 from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
@@ -107,7 +108,7 @@ class Trajectory:
 
     @property
     def _compared(self) -> dict[str, Any]:
-        """What equal runs have in common."""
+        """The fields that equal runs have equal."""
         known = {"system": self.system, "method": self.method, "h": self.h, "t": self.t}
         events = [[times, state.arrays] for times, state in self._met]
         return known | {"states": self.states, "steps": self.steps, "events": events}
@@ -185,7 +186,7 @@ class Trajectory:
         return motion(self, name)
 
     def _quantity(self, name: str, otherwise: str) -> np.ndarray:
-        """What the system computes from parts of the state, or what was recorded of it."""
+        """A quantity of the system at every sample, computed from parts of the state or recorded."""
         if name in self.observed:
             return self.states[name]
         if name == "energy" and self._is_of_sites:
@@ -324,6 +325,11 @@ class Trajectory:
             )
         system: Any = self.system
         example = system.state(**{name: x[0] for name, x in self.states.items()})
+        if isinstance(example, StateOfSites):
+            raise InvalidInput(
+                "Trajectory.at is not there for many sites: give the run t_eval, the times at which "
+                "states are wanted"
+            )
         method = ending_at_jumps(self.method, self.system, self.breaks)
         states = {name: self.states[name] for name in example.arrays}  # as in the state
         rows = np.column_stack([self.t, flat(states, len(self.t))])
@@ -420,12 +426,12 @@ class Trajectory:
         )
 
     def _clock(self, carry: Any = None) -> Any:
-        """What samples are ordered by, their times; that of a carry."""
+        """The times by which samples are ordered, or the time of a carry."""
         return self.t if carry is None else carry.t
 
     def _more(self, rest: Any, again: int) -> dict[str, Any]:
-        """Of this run and the next one, whose first sample may be there again: what this kind of
-        run has more than samples.
+        """The fields of the joined run beside its samples.  again : is the first sample of the next run the
+        last one of this?
         """
         if self.dense is None or rest.dense is None:
             return {"dense": None}

@@ -153,8 +153,8 @@ def ratio(ours: Best, theirs: Best) -> str:
 
 def races(measured: dict[str, Any]) -> tuple[str, list[str]]:
     """The table of what goes step by step, and the problems in which we are behind somewhere."""
-    text = "| problem | error | liemech, ms | of these not in R^n, ms | best other package, ms "
-    text += "| ratio, warm | cold | the same with fast_math, ms | ratio | |\n"
+    text = "| problem | error | verdict | ratio | liemech, ms | of these not in R^n, ms "
+    text += "| best other package, ms | ratio, warm | cold | the same with fast_math, ms |\n"
     text += "| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n"
     behind, said = [], []
     for key, race in measured["races"].items():
@@ -170,9 +170,9 @@ def races(measured: dict[str, Any]) -> tuple[str, list[str]]:
             if said[-1].endswith("behind") and key not in behind:
                 behind.append(key)
             cells = [
-                race["name"], error(target), cell(first), cell(structured), cell(theirs),
-                ratio(first, theirs), cold, "" if fastest == theirs else cell(fastest),
-                ratio(first, fastest), said[-1],
+                race["name"], error(target), said[-1], ratio(first, fastest), cell(first),
+                cell(structured), cell(theirs), ratio(first, theirs), cold,
+                "" if fastest == theirs else cell(fastest),
             ]  # fmt: skip
             text += f"| {' | '.join(cells)} |\n"
     counts = [
@@ -181,6 +181,41 @@ def races(measured: dict[str, Any]) -> tuple[str, list[str]]:
     nobody = sum("nobody" in x for x in said)
     head = f"Of {len(said)} cells, beside the others at their best: {', '.join(counts)}"
     return head + (f", {nobody} reached by nobody" if nobody else "") + ".\n\n" + text, behind
+
+
+PICTURE = "Our time over the best other time, logarithmic: most dots are left of one"
+
+
+def figure(measured: dict[str, Any], file: Path) -> None:
+    """Our time over the best of all others, a row for each problem and a dot for each error."""
+    import liemech as lm
+
+    rows = list(measured["races"].values())
+    figure, ax = lm.plots.subplots(figsize=(7.4, 0.34 * len(rows) + 1.2))
+    ax.axvspan(CLEAR, 1.0 / CLEAR, color="#e4e7ec", zorder=0.5, linewidth=0, label="within 10 %")
+    ax.axvline(1.0, color="#5f6672", linewidth=0.9, zorder=0.6)
+    for k, (target, marker) in enumerate(zip(TARGETS, "os^D", strict=True)):
+        found = []
+        for y, race in enumerate(rows):
+            stepped = [c for c in race["curves"] if not c["closed"]]
+            ours, others = (
+                best([c for c in stepped if (c["package"] == "liemech") is own], target)
+                for own in (True, False)
+            )
+            if ours and others:
+                found.append((ours[0] / others[0], y))
+        x, y = zip(*found, strict=True)
+        label = f"error {error(target)}"
+        ax.plot(x, y, marker, color=lm.plots.COLORS[k], markersize=6.0, label=label)
+    ax.set(xscale="log", xlabel="our time / the best other time    (left: we are ahead)")
+    low, high = ax.get_xlim()
+    ticks = [x for x in (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 5.0) if low <= x <= high]
+    ax.set_xticks(ticks, [f"{x:g}" for x in ticks])
+    ax.set_xticks([], minor=True)
+    ax.set_yticks(range(len(rows)), [race["name"] for race in rows])
+    ax.invert_yaxis()
+    lm.plots.legend(ax, loc="upper center", bbox_to_anchor=(0.3, -0.12), ncols=5)
+    lm.plots.save(figure, file, dpi=130)
 
 
 def closed_forms(measured: dict[str, Any]) -> str:
@@ -266,13 +301,18 @@ def page(measured: dict[str, Any]) -> str:
     there = ", ".join(f"{name} {v}" for name, v in measured["versions"].items() if v)
     missing = ", ".join(name for name, v in measured["versions"].items() if not v)
     machine, day = measured["machine"]["cpu"], measured["machine"]["time"][:10]
-    text = HEAD + f"On {machine}, {day}, with {there}. Missing: {missing or 'none'}.\n\n"
+    title, what, how = HEAD.split("\n\n", 2)
+    counts, _, rows = table.partition("\n\n")
+    picture = f"![{PICTURE}](../figures/leader_board.png)"
+    text = f"{title}\n\n{what}\n\n{counts}\n\n{picture}\n\n## Time to error\n\n"
+    text += "The first ratio is that to the best of all others, fast_math or not.\n\n"
+    text += f"{rows}\n## How it is measured\n\n{how}On {machine}, {day}, with {there}. Missing: {missing or 'none'}.\n\n"
     parts = [*measured["races"].values(), {"name": "ensembles", **measured.get("crowds", {})}]
     elsewhere = [part for part in parts if part.get("machine", machine) != machine]
     if elsewhere:
         names, cpus = (dict.fromkeys(part[x] for part in elsewhere) for x in ("name", "machine"))
         text += f"Measured on {', '.join(cpus)}: {'; '.join(names)}.\n\n"
-    text += f"## Time to error\n\n{table}\n## Closed forms\n\n{closed_forms(measured)}\n"
+    text += f"## Closed forms\n\n{closed_forms(measured)}\n"
     text += "## What stands in the way\n\n"
     text += "Where we are behind:\n\n" if behind else "Nothing today.\n"
     text += "".join(f"* **{measured['races'][key]['name']}**: {REASONS[key]}\n" for key in behind)

@@ -37,6 +37,7 @@ SIGMA, RATE = np.array([0.1, 0.2, -0.3]), np.array([0.01, -0.02, 0.03])
 WHEEL, SPEED = 0.0795774715459477, 30.0
 """Moment about the axis in kg m^2, and rad/s."""
 GOAL = 1e-9
+MANY = 64
 
 
 def least(jobs: dict[str, Callable[[], Any]], rounds: int) -> dict[str, float]:
@@ -68,6 +69,18 @@ def ours(wheels: int, gradient: bool, method: Any, h: float, duration: float) ->
     plan, steps = lm.Plan(system, method, h=h, every=10**9, progress=False), round(duration / h)
     plan.run(start, steps=steps)
     return lambda: plan.run(start, steps=steps).last
+
+
+def side_by_side(wheels: int, steps: int) -> Callable[[], Any]:
+    """As many spacecraft as MANY with rates of their own, by RKMK4."""
+    system, _ = craft(wheels, False)
+    rates = RATE * np.linspace(0.5, 2.0, MANY)[:, None]
+    speeds = [SPEED] * wheels if wheels else None
+    places = np.tile(POSITION, (MANY, 1))
+    starts = system.state_of(places, VELOCITY, Rotation.from_mrp(SIGMA), rates, speeds)
+    plan = lm.Plan(system, lm.RKMK(order=4), h=0.1, every=10**9, progress=False, compiled=True)
+    plan.run(starts, steps=1)
+    return lambda: plan.run(starts, steps=steps)
 
 
 def attitude(state: Any) -> Rotation:
@@ -184,6 +197,8 @@ def steps(rounds: int, quick: bool) -> list[dict[str, Any]]:
         jobs = {name: ours(wheels, False, x, 0.1, 0.1 * n) for name, x in methods.items()}
         jobs |= baseline(n) if not wheels else {}
         counts = dict.fromkeys(jobs, n)
+        jobs[f"RKMK4, each of {MANY}"] = side_by_side(wheels, n // MANY)
+        counts[f"RKMK4, each of {MANY}"] = n // MANY * MANY
         if HAS_BASILISK:
             jobs["Basilisk RK4"] = basilisk(wheels, False, "RK4", 0.1, 0.1 * m)
             counts["Basilisk RK4"] = m
@@ -252,7 +267,8 @@ def main() -> None:
         told = ", ".join(f"{name} {x}" for name, x in row.items() if name != "wheels")
         print(f"{row['wheels']} wheels, ns a step: {told}")
         if "Basilisk RK4" in row:
-            print(f"    RKMK4 / Basilisk {row['RKMK4'] / row['Basilisk RK4']:.4f}")
+            for name in "RKMK4", f"RKMK4, each of {MANY}":
+                print(f"    {name} / Basilisk {row[name] / row['Basilisk RK4']:.4f}")
     days = day(asked.rounds, asked.quick)
     for row in days:
         print(f"{row['wheels']} wheels, {row['duration']:g} s to {GOAL:g} rad:")

@@ -96,7 +96,7 @@ def pace(chosen: Any) -> dict[str, Any]:
         start = system.state(mu=s)
         for kind, order in itertools.product((lm.SublatticeSplitting, lm.BondSplitting), (2, 4)):
             method, h = kind(order), 0.05
-            steps = max(50, (1_000_000 if chosen.quick else 4_000_000) // lattice.sites)
+            steps = max(50, (4_000_000 if chosen.quick else 20_000_000) // lattice.sites)
             plans = {
                 key: lm.Plan(system, method, h=h, every=steps, compensated=c, progress=False)
                 for key, c in (("ours", True), ("plain", None))

@@ -130,6 +130,40 @@ def test_the_noise_of_an_imu_is_that_of_integrated_white_noise():
     assert np.allclose(P[3:6, 6:], s**2 * h**2 / 2 * np.eye(3), rtol=1e-12)
 
 
+GROUPS = [
+    lm.SO3(), lm.SE3(), lm.SE23(), lm.SGal3(), lm.UnitQuaternions(), lm.SE2(),
+    lm.ProductGroup(lm.SE3(), lm.VectorSpace(2)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("group", GROUPS, ids=repr)
+def test_on_every_group_a_measured_velocity_moves_errors_linearly(group, side):
+    """g exp(h u) is affine: on the left F is Ad of exp(-h u), on the right 1, for errors of any size."""
+    process, h, u = es.Turning(group, [0.1] * group.dim), 0.3, RNG.normal(size=group.dim)
+    m, e = group.random(RNG), 0.3 * RNG.normal(size=group.dim)
+    x = errors_moved(group, side, m, e)
+    still = np.zeros(group.dim)
+    here, there = process.move(m, u, still, h), process.move(x, u, still, h)
+    F = transition(process, side, m, u, h)
+    published = group.Ad_matrix(group.exp(-h * u)) if side == "left" else np.eye(group.dim)
+    assert np.allclose(F, published, rtol=0, atol=1e-12)
+    assert np.allclose(es.Belief(group, here, None, side).error(there), F @ e, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("kind", [es.ErrorStateFilter, es.UnscentedFilter])
+@pytest.mark.parametrize("group", GROUPS, ids=repr)
+def test_on_every_group_a_place_is_weighed_as_in_a_vector_space(group, kind):
+    """Measured where it is believed to be: P' = (P^-1 + R^-1)^-1 to first order in P, and the estimate stays."""
+    P, deviation = spd(group.dim, 1e-4), 1e-4 * np.arange(1.0, group.dim + 1.0)
+    f, place = kind(es.Turning(group, [0.1] * group.dim)), es.Place(group, deviation)
+    g = group.random(RNG)
+    found = f.update(f.belief(g, P), place, g)
+    assert np.allclose(found.g, g, rtol=0, atol=1e-7)
+    wanted = np.linalg.inv(np.linalg.inv(P) + np.diag(deviation**-2.0))
+    assert np.allclose(found.covariance, wanted, rtol=1e-4, atol=1e-13)
+
+
 # ---------------------------------------------------------------- what cannot be observed
 
 
@@ -520,6 +554,18 @@ GOOD = EKF.belief(np.eye(3), [0.1] * 3)
     (lambda: EKF.update(GOOD, es.Direction(SO3, [0, 0, 1.0], [0.1] * 3), [1.0]), "z has shape"),
     (lambda: es.Position(SO3, [0.1] * 3), "OfPart"),
     (lambda: es.UnscentedFilter(es.Turning(SO3, [0.1] * 3), spread=0.0), "spread"),
+    (lambda: EKF.predict(GOOD, [1.0, 2.0, 3.0], -0.1), "h must be positive"),
+    (lambda: EKF.predict(GOOD, [1.0, 2.0, 3.0], 0), "h must be positive"),
+    (lambda: EKF.belief(np.array([np.eye(3), 1.1 * np.eye(3)]), [0.1] * 3), r"g\[1\] is not in"),
+    (lambda: es.ErrorStateFilter(es.Turning(lm.SE3(), [0.1] * 6)).predict(GOOD, np.zeros(6), 0.1), "the belief is of"),
+    (lambda: es.ErrorStateFilter(SO3), "must be a Process"),
+    (lambda: es.Place(SO3, [0.1] * 2), "deviation must be 3 finite numbers, positive"),
+    (lambda: es.Place(SO3, [0.1, 0.1, 0.0]), "deviation must be 3 finite numbers, positive"),
+    (lambda: es.Place(SO3, [0.1] * 3, "up"), "side"),
+    (lambda: es.Turning(SO3, [0.1, -0.1, 0.1]), "density must be 3 finite numbers, not negative"),
+    (lambda: es.Direction(SO3, [1.0, 0.0], [0.1] * 3), "known must be 3 finite numbers"),
+    (lambda: es.Imu([1e-3] * 3, [1e-2] * 2), "accelerometer must be 3"),
+    (lambda: es.BiasedImu([1e-3] * 3, [1e-2] * 3, [1e-4] * 3), "wander must be 6"),
 ])  # fmt: skip
 def test_refusals(wrong, said):
     with pytest.raises((InvalidInput, InvalidType), match=said):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import signal
@@ -210,6 +211,9 @@ def test_where_the_numbers_are() -> None:
     assert Input(system, "load.torque", "").places is not None
     assert len(Input(system, "load.stiffness", "").places or ()) == 1
     assert Input(system, "body.inertia", "").places is None  # its inverse
+    wheels = lm.models.ReactionWheels(np.eye(3), [0.05] * 3, torques=[0.0] * 3)
+    craft = lm.models.Spacecraft([10.0, 12.0, 8.0], 100.0, wheels=wheels)
+    assert Input(craft, "wheels.torques", "").places is not None
     hinge = lm.joints.RevoluteJoint(
         0, None, [0.0, 0.0, 0.3], [0.0] * 3, [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], name="elbow"
     )
@@ -269,8 +273,10 @@ def test_tables_and_ramps_are_inputs(compiled: bool) -> None:
     assert np.array_equal(many.mu[1], one.mu)
 
 
-def test_reset_and_at() -> None:
-    plan = lm.Plan(satellite(), lm.RKMK(order=4), h=0.05, compiled=False)
+@WORLDS
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.LieVerlet()], ids=["RKMK", "LieVerlet"])
+def test_reset_and_at(method: Any, compiled: bool) -> None:
+    plan = lm.Plan(satellite(), method, h=0.05, compiled=compiled)
     loop = plan.stepper(START, t0=2.0)
     loop.step(4, torque=COMMANDS[0])
     before, run = loop.carry, loop.plan.resume(loop, steps=1, t_eval=[2.21])
@@ -288,6 +294,21 @@ def test_reset_and_at() -> None:
     loop.reset(loop.state, 7.0, torque=COMMANDS[1])
     assert loop.t == 7.0 and loop.steps == 0
     assert np.array_equal(loop.inputs["load.torque"], COMMANDS[1])
+
+
+@pytest.mark.compiled
+def test_a_turn_of_a_loop_leaves_nothing_to_collect() -> None:
+    loop = lm.Plan(satellite(), lm.RKMK(order=4), h=0.01, compiled=True).stepper(START)
+    found = []
+    gc.disable()
+    try:
+        for _ in range(3):  # at first what other tests have left
+            for _ in range(300):
+                loop.step(1, torque=-loop.mu)
+            found.append(gc.collect())
+    finally:
+        gc.enable()
+    assert found[-1] < 100
 
 
 def test_there_are_no_inputs_in_fictive_time() -> None:

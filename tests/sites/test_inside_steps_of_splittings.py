@@ -30,6 +30,7 @@ def small_runs(monkeypatch: pytest.MonkeyPatch, numbers: int) -> None:
     monkeypatch.setattr(lm.System, "small", numbers)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("method", "h"), [(METHODS[0], -0.1), (METHODS[1], 0.1)], ids=repr)
 def test_times_inside(monkeypatch: pytest.MonkeyPatch, method: Any, h: float) -> None:
     """The states that the system written out has, in plain Python and natively."""
@@ -46,6 +47,7 @@ def test_times_inside(monkeypatch: pytest.MonkeyPatch, method: Any, h: float) ->
         assert np.array_equal(run.g, found[0].g.reshape(run.g.shape))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
 def test_zeros(monkeypatch: pytest.MonkeyPatch, method: Any) -> None:
     """Those of the state of all sites, written out; the run goes on as one that looks for none."""
@@ -101,5 +103,15 @@ def test_what_functions_are_of() -> None:
         lm.integrate(*many, record=[("spin", lambda t, state: state.mu[:3])], **way)
     with pytest.raises(lm.errors.IncompatibleSystem, match="no function of the state of all sites"):
         lm.integrate(*many, record=["mu"], events=[lambda t, state: state.mu[0]], **way)
-    with pytest.raises(lm.errors.InvalidInput, match="record= names no totals"):
+    with pytest.raises(lm.errors.InvalidInput, match="which record= names"):
         lm.integrate(*many, record=["mu"], events=[lambda t, total: total.spin[0]], **way)
+    with pytest.raises(lm.errors.InvalidInput, match=r"asks for total.spin; record= names squares"):
+        lm.integrate(*many, record=[SQUARES], events=[lambda t, total: total.spin[0]], **way)
+    with pytest.raises(lm.errors.InvalidInput, match="is of one site, and events are of totals"):
+        lm.integrate(*many, record=[SQUARES], events=[lambda t, site: site.mu[0]], **way)
+
+
+def test_at_is_told_by_name() -> None:
+    run = lm.integrate(spins(N), lm.RKMK(), spins(N).state(mu=START), h=0.1, steps=3)
+    with pytest.raises(lm.errors.InvalidInput, match="give the run t_eval"):
+        run.at(0.05)

@@ -31,6 +31,7 @@ def differences(plan: Any, first: Any, v: np.ndarray, steps: int) -> np.ndarray:
 
 
 @native
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "method",
     [lm.RKMK(order=4), lm.SphericalMidpoint(), lm.SublatticeSplitting(), lm.BondSplitting()],
@@ -71,6 +72,7 @@ def test_plain_python_has_the_map_that_is_written_out(monkeypatch: pytest.Monkey
 
 
 @native
+@pytest.mark.slow
 def test_molecules(monkeypatch: pytest.MonkeyPatch) -> None:
     """Momenta of all, then displacements of all elements, as written out; sums over all pairs."""
     water = lm.models.SPC()
@@ -94,3 +96,18 @@ def test_what_is_no_direction_is_refused() -> None:
         plan.tangent(start(10), steps=1, along=np.ones(30), against=np.ones(30))
     with pytest.raises(lm.errors.InvalidInput, match="finite"):
         plan.tangent(start(10), steps=1, along=np.full(30, np.nan))
+
+
+@native
+def test_members() -> None:
+    """One after the other; what has no map by sites is told by name."""
+    n = 110
+    plan = lm.Plan(spins(n), lm.RKMK(order=2), h=H, progress=False)
+    v, many = np.ones(3 * n), np.stack([directions(n), directions(n)[::-1]])
+    both = plan.tangent(spins(n).state(mu=many), steps=2, along=v).tangent["along"]
+    alone = plan.tangent(spins(n).state(mu=many[1]), steps=2, along=v).tangent["along"]
+    assert both.shape == (3, 2, 3 * n)
+    assert np.array_equal(both[:, 1], alone)
+    adaptive = lm.Plan(spins(n), lm.RKMK(order=5), rtol=1e-5)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="no derivative of adaptive steps"):
+        adaptive.tangent(start(n), t_end=0.1)

@@ -46,6 +46,14 @@ class Push(lm.Force):
         return lm.formulas.cos(t) * self.torque - 0.1 * xi
 
 
+@lm.record
+class Pulse(lm.Term):
+    field: lm.Vec
+
+    def energy(self, t: float, a: Any) -> Any:
+        return -t * lm.dot(self.field, a.mu)
+
+
 FIRST, RATE, TORQUE = [2.0, 3.0, 2.5], [0.2, 0.1, 0.3], [0.1, 0.2, -0.1]
 FIELD = FixedPointGravity(0.9, [0.3, 0.2, 0.8])
 
@@ -187,6 +195,18 @@ def test_native_code_has_the_same_bits_and_without_change_the_body_has_them(name
     assert np.array_equal(still.energy, plain.energy)
 
 
+def test_the_tangent_map_by_what_changes_with_time() -> None:
+    """By the rates at which the moments fall, against differences of runs."""
+    name, given = "body.hamiltonian.rate", {"steps": 10, "t0": 1.0}
+    plan = lm.Plan(system(), lm.KickDrift(), h=0.1, compiled=False)
+    found = plan.tangent(START, by=name, **given).tangent[name][-1, :3, 0]
+    ends = [
+        plan.replace(system=system(rate=[RATE[0] + e, *RATE[1:]])).run(START, **given).mu[-1]
+        for e in (1e-5, -1e-5)
+    ]
+    assert np.abs((ends[0] - ends[1]) / 2e-5 - found).max() < 1e-7 * np.abs(found).max()
+
+
 def test_ensembles_know_the_time() -> None:
     starts = system().state(mu=np.tile(START.mu, (3, 1)), g=np.tile(START.g, (3, 1, 1)))
     given = {"h": 0.1, "steps": 4, "t0": 0.5, "compiled": False}
@@ -208,5 +228,8 @@ def test_checks_and_refusals() -> None:
         lm.Plan(system(), lm.KickDrift(order=4), h=0.1)
     with pytest.raises(InvalidInput, match="a KineticEnergy"):
         lm.ConstrainedBody(system(), lm.joints.Blade())
+    spins = lm.DrivenLiePoissonSystem(lm.SO3() ** 4, lm.Terms(Pulse([1.0, 0.0, 0.0])))
+    with pytest.raises(InvalidInput, match="many sites in a field cannot change with time"):
+        lm.MechanicalSystem(spins, lm.NoPotential())
     with pytest.raises(InvalidType, match="body must be a LiePoissonSystem"):
         lm.MechanicalSystem(lm.Kepler(), FIELD)

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 import liemech as lm
 import liemech.viewer.page as page_module
 from liemech.command_line.main import main
+from liemech.command_line.scenes import SCENES
 from liemech.errors import InvalidInput, InvalidType, MissingExtra
 from liemech.models.curves import frames
 from liemech.models.even_boxes import box_of_inertia
@@ -524,3 +525,20 @@ def test_samples_far_apart_are_not_joined() -> None:
     assert described(few)["joined"] == [False]  # two radians
     assert "up to 115 degrees apart" in described(few)["notes"][0]
     assert described(Scene(RUN))["joined"] == [True] and described(Scene(RUN))["notes"] == []
+
+
+@pytest.mark.parametrize("name", ["kepler", "pendulum", "hanging-rods", "figure-eight"])
+def test_nor_are_those_of_planets_pendulums_and_linkages(name: str) -> None:
+    """Chords of a planet's orbit are not its motion."""
+    scene = SCENES[name]()
+    run = scene.run(("q", "p") if "q" in scene.start.parts else ("mu", "g"), 1, False)
+    every = dict(run.states)
+    whole = Motion(scene.system, run.t, every, run.bodies)
+    assert Scene(whole).shown[0].motion.joined
+    few = {part: rows[::60] for part, rows in every.items()}
+    assert not Scene(Motion(scene.system, run.t[::60], few, run.bodies)).shown[0].motion.joined
+    # of the whole of a long one the first stretch, with all its samples
+    times = {part: np.concatenate([rows] * 200) for part, rows in every.items()}
+    t = scene.h * np.arange(200.0 * len(run.t))
+    first = Scene(Motion(scene.system, t, times, run.bodies)).shown[0].motion
+    assert first.joined and np.array_equal(first.t, t[: len(first.t)]) and "first" in first.note

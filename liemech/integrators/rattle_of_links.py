@@ -1,0 +1,997 @@
+"""RATTLE on a group for any number of bodies and joints: loops over both, in memory.
+
+The equations are those of `LieRATTLE`, and so are Newton's corrections, by their Schur complement:
+one block of conditions for each joint, eliminated in an order that was found before the run.  What
+belongs to one body or one joint is a formula, run for all of them side by side; elimination goes from
+joint to joint.
+
+Source: Leyendecker, Marsden and Ortiz, ZAMM 88 (2008), section 3 (the equations); Duff, Erisman and
+Reid, Direct Methods for Sparse Matrices, 2nd ed., chapter 9 (elimination).
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from ..compiler.planes import at, below, each, load, put, save
+from ..errors import NoConvergence
+from ..formulas import Mat, Record, Vec, dot, jacobian, mat, plain, record, vec, vectors, where
+from ..formulas.pytree import Layout, carried_layout, fitted, layout_of
+from ..formulas.tables import entry, whole
+from ..groups.lie_group import LieGroup
+from ..solvers import NOISE, TOLERANCE
+from ..systems.kinetic_energy import times
+from ..systems.lie_poisson import BodyState
+from ..systems.system import System
+from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, carried, eliminated
+from .memory import extrapolated, followed, repeated
+from .solvability import CONTRACTION, INFINITY, SHORTEST
+from .variational import momentum_slope, with_inertia
+
+SIX = layout_of(vec(*[0.0] * 6))
+POSE = layout_of(mat(*[vec(*[0.0] * 4)] * 4))
+BLOCK = layout_of(mat(*[vec(*[0.0] * 6)] * 6))
+NUMBER = layout_of(0.0)
+
+NEAR = 2.0**-20
+"""A correction below this part of the displacement, both squared, leaves the derivative as it is."""
+
+AT_LOADS = 50
+"""Corrections of the velocities that loads depend on, at the end of a step."""
+
+
+def vector(n: int) -> Layout:
+    """The layout of so many numbers."""
+    return layout_of(vec(*[0.0] * n))
+
+
+def matrix(n: int, m: int) -> Layout:
+    """That of a matrix."""
+    return layout_of(mat(*[vec(*[0.0] * m)] * n))
+
+
+@record
+class Rows(Record):
+    """Where numbers lie among those that every place in memory has beside what the method carries
+    along: the row with which they begin.
+
+    Fixed are: inertia and its inverse, weight, `ends` of a joint (first and second body, is there a
+    second one, the kind), `alive` (which conditions count), `touch` (of a body a joint of which it is the
+    first one, a joint of which it is the second one, each with 1, or 0 if there is none), `tie` (of a joint
+    a later one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
+    is none), `own` (the parameters of a joint of each
+    kind: the joint itself, or the first of a kind that it is not, so that formulas have numbers).
+    """
+
+    inertia: int
+    inverse: int
+    weight: int
+    ends: int
+    alive: int
+    touch: int
+    tie: int
+    own: int
+    note: int
+    force: int
+    pull: int
+    held: int
+    velocity: int
+    unknown: int
+    slope: int
+    answer: int
+    moved: int
+    free: int
+    led: int
+    pose: int
+    told: int
+    first: int
+    second: int
+    first_there: int
+    second_there: int
+    first_pushed: int
+    second_pushed: int
+    diagonal: int
+    rest: int
+    impulse: int
+    wrench: int
+    rate: int
+    effort: int
+    gain: int
+    block: int
+
+    @classmethod
+    def of(cls, full: bool, most: int, freedoms: int, own: int) -> Rows:
+        """Those of inertias that are matrices, or not; so many conditions and coordinates of a
+        joint, and numbers of its own.
+        """
+        n, J = most + freedoms, 36 if full else 6
+        widths = dict(
+            inertia=J, inverse=J, weight=1, ends=4, alive=most, touch=4, tie=4, own=own, note=3, force=6, pull=6,
+            held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
+            pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
+            second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
+            wrench=12, rate=freedoms, effort=freedoms, gain=freedoms * freedoms, block=0,
+        )  # fmt: skip
+        places, row = {}, 0
+        for name, width in widths.items():
+            places[name], row = row, row + width
+        return cls(**places)
+
+
+@record
+class Links(System):
+    """Bodies on SE(3) held together by joints, as loops over memory need them: a place in memory has
+    a body and a joint.
+
+    kinds : layouts of the kinds of joints.  most, freedoms : conditions of a joint, at most, and
+    coordinates that loads act along.  full : are inertias matrices?
+    bodies, joints : how many.  more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
+    couplings : pairs of joints that a body ties together, beside `tie`, with the sides on which it is,
+    and the block.  pivots, belows, updates : what elimination does, see `order_of`.  places : in a row.
+    """
+
+    group: LieGroup
+    kinds: tuple[Any, ...]
+    rows: Rows
+    most: int
+    freedoms: int
+    full: bool
+    springs: bool
+    bodies: float
+    joints: float
+    trace: float
+    more: Any
+    couplings: Any
+    pivots: Any
+    belows: Any
+    updates: Any
+
+    def displaced(self, retraction: Any, state: BodyState, omega: Vec) -> BodyState:
+        """The state of a free body, displaced."""
+        mu = retraction.tau_Ad_star(self.group, omega, state.mu)
+        return BodyState(mu, retraction.compose_tau(self.group, state.g, omega))
+
+    def inertia(self, work: Any) -> Any:
+        """J of a body."""
+        return load(below(work, self.rows.inertia), 0, BLOCK if self.full else SIX)
+
+    def inverse(self, work: Any) -> Any:
+        """J^-1 of a body."""
+        return load(below(work, self.rows.inverse), 0, BLOCK if self.full else SIX)
+
+    def inverse_of(self, work: Any, body: int) -> Any:
+        """That of another one."""
+        return at(below(work, self.rows.inverse), body, 0, BLOCK if self.full else SIX)
+
+    def of_kind(self, work: Any, formula: Any, k: int = 0) -> Any:
+        """A formula of the joint, as a record of its kind."""
+        before = sum([kind.width for kind in self.kinds[:k]])
+        one = load(below(work, self.rows.own + before), 0, self.kinds[k])
+        if k == len(self.kinds) - 1:
+            return formula(one)
+        if load(below(work, self.rows.ends), 0, ENDS)[3] == k:
+            return formula(one)
+        return self.of_kind(work, formula, k + 1)
+
+
+TIE = carried_layout((0, 0.0, 0.0, 0.0))
+ENDS, TOUCH = carried_layout((0, 0, 0.0, 0)), carried_layout((0, 0.0, 0, 0.0))
+
+
+@record
+class LinkMemory(Record):
+    """What steps carry along for the body and the joint of one place: the state, and for every
+    substep the last three displacements and impulses.
+    """
+
+    state: Any
+    pasts: tuple[Any, ...]
+
+
+@record
+class RattleOfLinks(Record):
+    """LieRATTLE, or a composition of it, of many bodies and joints.
+
+    shares : of the substeps, each with its node.  substeps, stages : how many there are.
+    """
+
+    retraction: Any
+    shares: Any
+    substeps: float
+    stages: int
+    most: int
+    name: str = ""
+
+    together: ClassVar[bool] = True
+    symmetric: ClassVar[bool] = True
+
+    def __repr__(self) -> str:
+        return self.name
+
+    def start(self, system: Any, state: Any, h: float) -> LinkMemory:
+        """A state, with pasts that are still to come: zeros."""
+        none = vec(*[0.0] * (6 + self.most))
+        return LinkMemory(state, (repeated(none),) * self.stages)
+
+    def observe(self, memory: LinkMemory) -> Any:
+        """The state."""
+        return memory.state
+
+    # ---------------------------------------------------------------- a step
+
+    def step_together(
+        self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
+    ) -> None:
+        """A step of all bodies, from one copy of the memory to the other."""
+        work = below(sites, 2 * memory.width)
+        each(sites, copied, sites, here, there, memory)
+        state = memory.parts[0]
+        old = below(sites, there * memory.width)
+        pasts = below(old, state.width)
+        for s in range(int(self.substeps)):
+            share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
+            self.substep(system, t + node * h, share * h, sites, old, pasts, s, work, state)
+
+    def substep(
+        self, system: Any, t: float, h: float, sites: Any, old: Any, pasts: Any, s: int, work: Any,
+        state: Layout,
+    ) -> None:  # fmt: skip
+        """One step of LieRATTLE: in the first turn, at the start of a run, the field alone; in the
+        second the displacement, in the third what leads off the constraint.
+        """
+        ready = below(work, system.rows.note)
+        turn = 1 if at(ready, 0, 2, NUMBER) == 1.0 else 0
+        put(ready, 0, 2, 0.0, NUMBER)
+        while turn < 3:
+            if turn == 1:
+                if system.freedoms > 0:
+                    each(sites, velocities_here, system, old, work, state)
+                    each(sites, rates_here, system, work)
+                    each(sites, loads_here, system, t, old, work, state)
+                    scattered(system, work)
+                    each(sites, loaded_here, system, work)
+                each(sites, guessed, system, h, old, pasts, s, work, state)
+            if turn > 0:
+                self.solve(system, turn, h, sites, old, work, state)
+            if turn == 1:
+                each(sites, moved_body, system, self.retraction, h, old, work, state)
+            if turn < 2:
+                each(sites, joints_here, system, old, work, state)
+                scattered(system, work)
+                each(sites, kicked, system, 0.5 * h * float(turn), old, work, state)
+                if system.freedoms > 0 and turn == 1:
+                    self.load_at_the_end(system, t + h, 0.5 * h, sites, old, work, state)
+            turn = turn + 1
+        each(sites, ended, system, old, pasts, s, work, state)
+        put(ready, 0, 2, 1.0, NUMBER)
+
+    def solve(
+        self, system: Any, turn: int, h: float, sites: Any, old: Any, work: Any, state: Layout
+    ) -> None:
+        """In turn 1 displacements and impulses: the solution that grows out of zero with h, as
+        `LieRATTLE` finds it.  While corrections are small the derivative is that of the first of
+        them.  In turn 2 the impulses that take away what leads off the constraint.
+        """
+        rows, retraction = system.rows, self.retraction
+        reached, piece, part, tried, bad = 0.0, 1.0, 1.0, 0.0, -1.0
+        while True:
+            if turn == 1:
+                each(sites, wrench_of_unknown, system, work)
+                scattered(system, work)
+                each(sites, held_by_unknown, system, work)
+            before, anew, done, inside = INFINITY, True, False, False
+            while True:
+                k = part * h
+                if turn == 2:
+                    each(sites, excess_of, system, work)
+                elif anew:
+                    each(sites, correction_of_body, system, retraction, k, old, work, state)
+                    each(sites, correction_of_joint, system, 1.0 if h > 0.0 else -1.0, work)
+                else:
+                    each(sites, mismatch_of_body, system, retraction, k, old, work, state)
+                    each(sites, mismatch_of_joint, system, work)
+                if anew:
+                    there, sign = rows.first_there if turn == 1 else rows.first, 1.0
+                    if turn == 1:
+                        sign = h
+                    each(sites, tied, system, there, system.most, work)
+                    coupled(system, work, there, system.most)
+                    bad = factored(system, work, sign, system.most)
+                solved(sites, system, work, system.most)
+                each(sites, wrench_of_impulses, system, work)
+                scattered(system, work)
+                if turn == 2:
+                    reached = 1.0
+                    break
+                each(sites, corrected, system, retraction, work)
+                length, whole, size, upright, inside = summed(system, work)
+                tried = tried + 1.0
+                shrinks = length <= CONTRACTION * before
+                noisy = length <= NOISE * NOISE * (whole + size)
+                good = upright and bad < 0.0 and (shrinks or noisy)
+                settled = length <= ROUNDING * size or (
+                    before < INFINITY and length * (length / before) <= LEAST * whole
+                )
+                done = good and (settled or not shrinks)
+                before, anew = length, length > NEAR * whole
+                if done or not good or not tried < MOST:
+                    break
+            if turn == 2 or (done and inside):
+                reached, piece = part, 2.0 * piece
+                if turn == 1 and reached < 1.0:
+                    each(sites, sloped, system, 1.0 / part, work)
+            else:
+                piece = 0.5 * piece
+            part = min(1.0, reached + piece)
+            if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
+                break
+            each(sites, along_slope, system, part, work)
+        if reached < 1.0:
+            put(below(work, rows.note), 0, 0, bad if bad >= 0.0 else worst(system, work), NUMBER)
+            put(below(work, rows.note), 0, 1, reached, NUMBER)
+            raise NoConvergence("no solution grows out of h = 0 up to this step")
+
+    def load_at_the_end(
+        self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, state: Layout
+    ) -> None:
+        """The kick by loads at the velocity that it leads to, on the constraint: Newton's method for
+        the rates of the joints, together with the impulses.
+        """
+        rows, n = system.rows, system.most + system.freedoms
+        each(sites, rates_here, system, work)
+        tried, last, change, scale = 0, False, 1.0, 0.0
+        while True:
+            each(sites, efforts_there, system, t, h, old, work, state)
+            scattered(system, work)
+            each(sites, loaded_velocity, system, old, work, state)
+            if last or tried == AT_LOADS:
+                break
+            each(sites, excess_of_rates, system, work)
+            each(sites, tied, system, rows.first, n, work)
+            coupled(system, work, rows.first, n)
+            factored(system, work, 1.0, n)
+            solved(sites, system, work, n)
+            before = change
+            change, whole = corrected_rates(system, work)
+            scale = max(scale, whole)  # of what is lost as well: a step may end at rest
+            small = change <= TOLERANCE * TOLERANCE * scale
+            noisy = change >= before and change <= NOISE * NOISE * scale
+            last, tried = small or noisy or change == 0.0, tried + 1
+        if not last:
+            put(below(work, rows.note), 0, 0, -1.0, NUMBER)
+            raise NoConvergence("no velocity found that fits the loads at the end of a step")
+        each(sites, loaded_body, system, old, work, state)
+
+
+# ------------------------------------------------------------------ formulas of one body
+
+
+def copied(sites: Any, here: int, there: int, memory: Layout) -> None:
+    """A place as it is."""
+    save(sites, there, load(sites, here, memory), memory)
+
+
+def velocities_here(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """xi = J^-1 mu."""
+    xi = times(system.inverse(work), plain(load(old, 0, state).mu))
+    save(below(work, system.rows.velocity), 0, xi, SIX)
+
+
+def loaded_here(system: Any, work: Any) -> None:
+    """Weight and springs, and loads at this velocity."""
+    place = below(work, system.rows.force)
+    save(place, 0, load(place, 0, SIX) + pull_on(system, work), SIX)
+
+
+def loaded_velocity(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """J^-1 of the momentum with the kick by loads."""
+    mu = plain(load(old, 0, state).mu) + pull_on(system, work)
+    save(below(work, system.rows.velocity), 0, times(system.inverse(work), mu), SIX)
+
+
+def loaded_body(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """The state after the kick by loads, and its velocity."""
+    one = load(old, 0, state)
+    mu = one.mu + pull_on(system, work)
+    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    save(below(work, system.rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
+
+
+def guessed(system: Any, h: float, old: Any, pasts: Any, s: int, work: Any, state: Layout) -> None:
+    """A first unknown, from the last steps, and the slope with which it begins."""
+    n = system.most
+    layout = vector(6 + n)
+    past = [load(pasts, 3 * s + i, layout) for i in range(3)]
+    guess = extrapolated(*past)
+    xi = h * times(system.inverse(work), plain(load(old, 0, state).mu))
+    x = [where(nothing([p[:6] for p in past]), a, b) for a, b in zip(xi, guess[:6])]
+    save(below(work, system.rows.unknown), 0, vec(*x, *guess[6:]), layout)
+    save(below(work, system.rows.slope), 0, vec(*xi, *guess[6:]), layout)
+
+
+def nothing(some: Any) -> Any:
+    """Are all numbers zero?"""
+    total = 0.0
+    for x in some:
+        for y in x:
+            total = total + abs(y)
+    return total == 0.0
+
+
+def held_by_unknown(system: Any, work: Any) -> None:
+    """What the impulses take from a body in all."""
+    rows = system.rows
+    save(below(work, rows.held), 0, pull_on(system, work), SIX)
+
+
+def correction_of_body(
+    system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout
+) -> None:
+    """With r the mismatch of Algorithm 1 and A its derivative, A^-1 r; the answer to impulses at
+    the start, A^-1 B; both as displacements of the body at the end of the step as well.
+    """
+    rows, group = system.rows, system.group
+    one = load(old, 0, state)
+    force, held = load(below(work, rows.force), 0, SIX), load(below(work, rows.held), 0, SIX)
+    g, momentum = plain(one.g), plain(one.mu) + ((0.5 * h) * force - held)
+    x, J = load(below(work, rows.unknown), 0, SIX), system.inertia(work)
+    rate = 1.0 / h
+    r, by_p, by_x = retraction.residual(group, x, times(J, rate * x), momentum)
+    A = with_inertia(by_x, momentum_slope(by_p, rate * J))
+    pushes = [carried(retraction, group, x, by_p, unit) for unit in UNITS]
+    columns, upright = eliminated(A, [r, *pushes], h)
+    ends = [retraction.dtau(group, x, column) for column in columns]
+    told = below(work, rows.told)
+    save(below(work, rows.free), 0, columns[0], SIX)
+    save(below(work, rows.answer), 0, mat(*columns[1:]), BLOCK)
+    save(below(work, rows.led), 0, ends[0], SIX)
+    save(below(work, rows.moved), 0, mat(*ends[1:]), BLOCK)
+    save(below(work, rows.pose), 0, retraction.compose_tau(group, g, x), POSE)
+    save(told, 3, where(upright, 1.0, 0.0), NUMBER)
+    save(told, 4, largest([a for row in g for a in row]), NUMBER)
+
+
+def mismatch_of_body(
+    system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout
+) -> None:
+    """The mismatch alone, with A as it was."""
+    rows, group = system.rows, system.group
+    one = load(old, 0, state)
+    force, held = load(below(work, rows.force), 0, SIX), load(below(work, rows.held), 0, SIX)
+    g, momentum = plain(one.g), plain(one.mu) + ((0.5 * h) * force - held)
+    x = load(below(work, rows.unknown), 0, SIX)
+    p = times(system.inertia(work), (1.0 / h) * x)
+    off = retraction.dtau_inv_dual(group, -x, p) - momentum
+    for place, answer in ((rows.free, rows.answer), (rows.led, rows.moved)):
+        save(below(work, place), 0, answered(load(below(work, answer), 0, BLOCK), off), SIX)
+    save(below(work, rows.pose), 0, retraction.compose_tau(group, g, x), POSE)
+
+
+UNITS = tuple([vec(*[1.0 if i == k else 0.0 for i in range(6)]) for k in range(6)])
+
+
+def largest(some: Any) -> float:
+    """The largest size among numbers."""
+    most = 0.0
+    for x in some:
+        most = max(most, abs(x))
+    return most
+
+
+def corrected(system: Any, retraction: Any, work: Any) -> None:
+    """The unknown after Newton's correction, and what it tells: how long the correction is, and the
+    displacement.
+    """
+    rows, n = system.rows, system.most
+    place, layout = below(work, rows.unknown), vector(6 + n)
+    unknown, push = load(place, 0, layout), pull_on(system, work)
+    W = load(below(work, rows.answer), 0, BLOCK)
+    dx = load(below(work, rows.free), 0, SIX) - answered(W, push)
+    x = unknown[:6] - dx
+    l = unknown[6:] - load(below(work, rows.impulse), 0, vector(n))
+    held, told, J = below(work, rows.held), below(work, rows.told), system.inertia(work)
+    save(place, 0, vec(*x, *l), layout)
+    save(held, 0, load(held, 0, SIX) - push, SIX)
+    save(told, 0, dot(dx, times(J, dx)), NUMBER)
+    save(told, 1, dot(x, times(J, x)), NUMBER)
+    save(told, 2, where(retraction.is_chart(system.group, 2.0 * x), 1.0, 0.0), NUMBER)
+
+
+def answered(columns: Mat, push: Vec) -> Vec:
+    """A matrix, given by its columns, times a vector."""
+    found = push[0] * columns[0]
+    for i in range(1, 6):
+        found = found + push[i] * columns[i]
+    return found
+
+
+def sloped(system: Any, factor: float, work: Any) -> None:
+    """The unknown over the part of the step, along which it goes on."""
+    layout = vector(6 + system.most)
+    unknown = load(below(work, system.rows.unknown), 0, layout)
+    save(below(work, system.rows.slope), 0, factor * unknown, layout)
+
+
+def along_slope(system: Any, part: float, work: Any) -> None:
+    """The unknown of a part of the step, along the slope."""
+    layout = vector(6 + system.most)
+    slope = load(below(work, system.rows.slope), 0, layout)
+    save(below(work, system.rows.unknown), 0, part * slope, layout)
+
+
+def moved_body(system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout) -> None:
+    """The state after the first kick and the displacement."""
+    rows, one = system.rows, load(old, 0, state)
+    force, held = load(below(work, rows.force), 0, SIX), load(below(work, rows.held), 0, SIX)
+    x = load(below(work, rows.unknown), 0, SIX)
+    kicked = BodyState(one.mu + ((0.5 * h) * force - held), one.g)
+    save(old, 0, fitted(system.displaced(retraction, kicked, x), state), state)
+
+
+def kicked(system: Any, h: float, old: Any, work: Any, state: Layout) -> None:
+    """The field, the state after a kick h by it, and its velocity."""
+    rows, one = system.rows, load(old, 0, state)
+    force = weight_of(system, work, one.g) + pull_on(system, work)
+    mu = one.mu + h * force
+    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    save(below(work, rows.force), 0, force, SIX)
+    save(below(work, rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
+
+
+def pull_on(system: Any, work: Any) -> Vec:
+    """What joints do to a body: one of which it is the first body, one of which it is the second,
+    and all others together.
+    """
+    wrenches = below(work, system.rows.wrench)
+    first, mine, second, theirs = load(below(work, system.rows.touch), 0, TOUCH)
+    one = at(wrenches, first, 0, SIX)
+    two = at(wrenches, second, 1, SIX)
+    return (mine * one + theirs * two) + load(below(work, system.rows.pull), 0, SIX)
+
+
+def weight_of(system: Any, work: Any, g: Any) -> Vec:
+    """(0, -w R^T e3)."""
+    weight = load(below(work, system.rows.weight), 0, NUMBER)
+    return vec(0.0, 0.0, 0.0, *[-(weight * plain(g)[2, j]) for j in range(3)])
+
+
+def ended(system: Any, old: Any, pasts: Any, s: int, work: Any, state: Layout) -> None:
+    """The momentum without what leads off the constraint, and the past with this step."""
+    rows, one, layout = system.rows, load(old, 0, state), vector(6 + system.most)
+    mu = one.mu - pull_on(system, work)
+    unknown = load(below(work, rows.unknown), 0, layout)
+    past = [load(pasts, 3 * s + i, layout) for i in range(3)]
+    fresh = nothing(past)
+    new = [
+        vec(*[where(fresh, a, b) for a, b in zip(unknown, y)])
+        for y in followed(tuple(past), unknown)
+    ]
+    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    for i in range(3):
+        save(pasts, 3 * s + i, new[i], layout)
+
+
+# ------------------------------------------------------------------ formulas of one joint
+
+
+def poses_of(system: Any, poses: Any, work: Any, layout: Layout) -> tuple[Mat, Mat]:
+    """The poses of a joint's bodies, of which the second may be the ground."""
+    first, second, held, _ = load(below(work, system.rows.ends), 0, ENDS)
+    g = pose_in(at(poses, first, 0, layout))
+    k = pose_in(at(poses, second, 0, layout))
+    other = [
+        vec(*[where(held > 0.0, k[i, j], 1.0 if i == j else 0.0) for j in range(4)])
+        for i in range(4)
+    ]
+    return g, mat(*other)
+
+
+def pose_in(value: Any) -> Mat:
+    """The pose in what lies in memory."""
+    return plain(value.g) if isinstance(value, BodyState) else value
+
+
+def joints_here(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """The rows of a joint, of its conditions and of motions that loads act along, and the wrench of
+    its springs.
+    """
+    rows, n = system.rows, system.most + system.freedoms
+    g, k = poses_of(system, old, work, state)
+    held = load(below(work, rows.ends), 0, ENDS)[2]
+    alive = load(below(work, rows.alive), 0, vector(system.most))
+    sides = system.of_kind(work, lambda one: one.rows(g, k, system.most, system.freedoms))
+    first = [a * row for a, row in zip(alive, sides[0])]
+    second = [(a * held) * row for a, row in zip(alive, sides[1])]
+    motions = [[*side[system.most :]] for side in sides]
+    layout = matrix(n, 6)
+    save(below(work, rows.first), 0, mat(*first, *motions[0]), layout)
+    save(below(work, rows.second), 0, mat(*second, *[held * row for row in motions[1]]), layout)
+    push = vec(*[0.0] * 12)
+    if system.springs:
+        push = system.of_kind(work, lambda one: one.springs_push(g, k))
+        push = vec(*push[:6], *(held * push[6:]))
+    save(below(work, rows.wrench), 0, push, TWELVE)
+
+
+TWELVE = vector(12)
+
+
+def wrench_of_unknown(system: Any, work: Any) -> None:
+    """G* l, of the impulses in the unknown."""
+    unknown = load(below(work, system.rows.unknown), 0, vector(6 + system.most))
+    save_wrench(system, work, unknown[6:])
+
+
+def wrench_of_impulses(system: Any, work: Any) -> None:
+    """The same of those that elimination has found."""
+    save_wrench(system, work, load(below(work, system.rows.impulse), 0, vector(system.most)))
+
+
+def save_wrench(system: Any, work: Any, l: Vec) -> None:
+    """The pull of a joint on its two bodies."""
+    rows, layout = system.rows, matrix(system.most, 6)
+    sides = [load(below(work, row), 0, layout) for row in (rows.first, rows.second)]
+    pulls = [vectors.sum([a * row for a, row in zip(l, side)]) for side in sides]
+    save(below(work, rows.wrench), 0, vec(*pulls[0], *pulls[1]), TWELVE)
+
+
+def correction_of_joint(system: Any, sign: float, work: Any) -> None:
+    """The conditions at the end of the step, their rows, what they miss, and the answers of the
+    bodies to the impulses of the joint.  sign : of the step.
+    """
+    rows, n = system.rows, system.most
+    first, second, held, _ = load(below(work, rows.ends), 0, ENDS)
+    g, k = poses_of(system, below(work, rows.pose), work, POSE)
+    alive = load(below(work, rows.alive), 0, vector(n))
+    sides = system.of_kind(work, lambda one: one.rows(g, k, n, 0))
+    c = system.of_kind(work, lambda one: one.value(g, k, n))
+    there = (
+        [a * row for a, row in zip(alive, sides[0])],
+        [(a * held) * row for a, row in zip(alive, sides[1])],
+    )
+    pushed: list[Any] = []
+    free: list[Any] = []
+    for place, body in ((rows.first, first), (rows.second, second)):
+        K = at(below(work, rows.moved), body, 0, BLOCK)
+        here = load(below(work, place), 0, matrix(n, 6))
+        pushed = [*pushed, [answered(K, row) for row in here]]
+        free = [*free, at(below(work, rows.led), body, 0, SIX)]
+    rest = [
+        dot(a, free[0]) + dot(b, free[1]) - live * value
+        for a, b, value, live in zip(*there, c, alive)
+    ]
+    for place, side in zip((rows.first_there, rows.second_there), there):
+        save(below(work, place), 0, mat(*side), matrix(n, 6))
+    blank = vec(*[sign * (1.0 - x) for x in alive])
+    save_pushed(system, work, pushed, there, blank, n)
+    save(below(work, rows.rest), 0, vec(*rest), vector(n))
+
+
+def mismatch_of_joint(system: Any, work: Any) -> None:
+    """What the conditions miss, with their rows as they were."""
+    rows, n = system.rows, system.most
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    g, k = poses_of(system, below(work, rows.pose), work, POSE)
+    alive = load(below(work, rows.alive), 0, vector(n))
+    c = system.of_kind(work, lambda one: one.value(g, k, n))
+    sides: list[Any] = []
+    for place, body in ((rows.first_there, first), (rows.second_there, second)):
+        free = at(below(work, rows.led), body, 0, SIX)
+        sides = [*sides, [dot(row, free) for row in load(below(work, place), 0, matrix(n, 6))]]
+    rest = [a + b - live * value for a, b, value, live in zip(*sides, c, alive)]
+    save(below(work, rows.rest), 0, vec(*rest), vector(n))
+
+
+def save_pushed(system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: int) -> None:
+    """The answers to the impulses of a joint, and its own block; `blank` is added to its diagonal,
+    for conditions that do not count.
+    """
+    rows = system.rows
+    block = [
+        vec(*[dot(a, p) + dot(b, q) + (blank[i] if i == j else 0.0)
+              for j, (p, q) in enumerate(zip(*pushed))])
+        for i, (a, b) in enumerate(zip(*there))
+    ]  # fmt: skip
+    for place, side in zip((rows.first_pushed, rows.second_pushed), pushed):
+        save(below(work, place), 0, mat(*side), matrix(n, 6))
+    save(
+        below(work, rows.diagonal), 0, vec(*[abs(row[i]) for i, row in enumerate(block)]), vector(n)
+    )
+    save(below(work, rows.block), 0, mat(*block), matrix(n, n))
+
+
+def tied(system: Any, begins: int, n: int, work: Any) -> None:
+    """The two blocks of a joint and a later one that a body ties it to."""
+    rows, layout, square = system.rows, matrix(n, 6), matrix(n, n)
+    other, mine, theirs, there = load(below(work, rows.tie), 0, TIE)
+    side = rows.second - rows.first
+    found: list[Any] = []
+    for begin in (begins, rows.first_pushed):
+        one, two = (below(work, begin + k * side) for k in range(2))
+        own = chosen(mine, load(one, 0, layout), load(two, 0, layout))
+        his = chosen(theirs, at(one, other, 0, layout), at(two, other, 0, layout))
+        found = [*found, own, his]
+    a, b, p, q = found
+    blocks = below(work, rows.block)
+    for slot, left, right in ((1, b, p), (2, a, q)):
+        block = mat(*[vec(*[there * dot(x, y) for y in right]) for x in left])
+        save(blocks, slot, block, square)
+
+
+def chosen(second: float, a: Mat, b: Mat) -> Mat:
+    """One of two matrices: the second one, if `second` is 1."""
+    return mat(*[vec(*[where(second > 0.0, y, x) for x, y in zip(u, v)]) for u, v in zip(a, b)])
+
+
+def excess_of(system: Any, work: Any) -> None:
+    """What leads off the constraint, G xi, and the answers of the bodies to impulses, J^-1 G*."""
+    rows, n = system.rows, system.most
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    alive = load(below(work, rows.alive), 0, vector(n))
+    here: list[Any] = []
+    pushed: list[Any] = []
+    xi: list[Any] = []
+    for place, body in ((rows.first, first), (rows.second, second)):
+        own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, body)
+        here, pushed = [*here, own], [*pushed, [times(inverse, row) for row in own]]
+        xi = [*xi, at(below(work, rows.velocity), body, 0, SIX)]
+    rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
+    save_pushed(system, work, pushed, here, vec(*[1.0 - x for x in alive]), n)
+    save(below(work, rows.rest), 0, vec(*rest), vector(n))
+
+
+# ------------------------------------------------------------------ loads at joints
+
+
+def motions_of(system: Any, work: Any) -> tuple[list[Vec], list[Vec]]:
+    """The motions of a joint that loads act along, by its first and its second body."""
+    rows, n = system.rows, system.most + system.freedoms
+    first, second = [load(below(work, p), 0, matrix(n, 6)) for p in (rows.first, rows.second)]
+    return [*first[system.most :]], [*second[system.most :]]
+
+
+def rates_here(system: Any, work: Any) -> None:
+    """The rates of a joint."""
+    rows = system.rows
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    one, two = [at(below(work, rows.velocity), b, 0, SIX) for b in (first, second)]
+    rates = [dot(a, one) + dot(b, two) for a, b in zip(*motions_of(system, work))]
+    save(below(work, rows.rate), 0, vec(*rates), vector(system.freedoms))
+
+
+def loads_here(system: Any, t: float, old: Any, work: Any, state: Layout) -> None:
+    """The forces of loads on both bodies."""
+    rows, n = system.rows, system.freedoms
+    g, k = poses_of(system, old, work, state)
+    rates = load(below(work, rows.rate), 0, vector(n))
+    efforts = system.of_kind(work, lambda one: one.efforts(t, g, k, rates, n))
+    save_push(system, work, efforts)
+
+
+def save_push(system: Any, work: Any, efforts: Any) -> None:
+    """The forces on both bodies of torques along the motions of a joint."""
+    sides = motions_of(system, work)
+    pushes = [vectors.sum([e * row for e, row in zip(efforts, side)]) for side in sides]
+    save(below(work, system.rows.wrench), 0, vec(*pushes[0], *pushes[1]), TWELVE)
+
+
+def efforts_there(system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
+    """The kick h F of loads, and its derivative by the rates."""
+    rows, n = system.rows, system.freedoms
+    g, k = poses_of(system, old, work, state)
+    rates = load(below(work, rows.rate), 0, vector(n))
+    kicks, gain = system.of_kind(
+        work,
+        lambda one: (
+            h * one.efforts(t, g, k, rates, n),
+            jacobian(lambda y: h * one.efforts(t, g, k, y, n), rates),
+        ),
+    )
+    save(below(work, rows.gain), 0, gain, matrix(n, n))
+    save_push(system, work, kicks)
+
+
+def excess_of_rates(system: Any, work: Any) -> None:
+    """What leads off the constraint, and how far rates are from those at which their kick was found;
+    the answers of bodies to impulses, and to a change of rates with the kick by it.
+    """
+    rows, n, m = system.rows, system.most + system.freedoms, system.most
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    alive = load(below(work, rows.alive), 0, vector(m))
+    gain = load(below(work, rows.gain), 0, matrix(system.freedoms, system.freedoms))
+    here: list[Any] = []
+    pushed: list[Any] = []
+    xi: list[Any] = []
+    for place, body in ((rows.first, first), (rows.second, second)):
+        own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, body)
+        moved = [times(inverse, row) for row in own]
+        kicks = [
+            -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)])
+            for i in range(system.freedoms)
+        ]
+        here, pushed = [*here, own], [*pushed, [*moved[:m], *kicks]]
+        xi = [*xi, at(below(work, rows.velocity), body, 0, SIX)]
+    rates = load(below(work, rows.rate), 0, vector(system.freedoms))
+    rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
+    off = [x - w for x, w in zip(rest[m:], rates)]
+    blank = vec(*[1.0 - x for x in alive], *[1.0 for _ in range(system.freedoms)])
+    save_pushed(system, work, pushed, here, blank, n)
+    save(below(work, rows.rest), 0, vec(*rest[:m], *off), vector(n))
+
+
+def corrected_rates(system: Any, work: Any) -> tuple[float, float]:
+    """Rates after Newton's correction; the sums of the squares of corrections, and of rates before
+    them.
+    """
+    n, m = system.most + system.freedoms, system.most
+    change, whole, layout = 0.0, 0.0, vector(system.freedoms)
+    rates, found = below(work, system.rows.rate), below(work, system.rows.impulse)
+    for j in range(int(system.joints)):
+        step = at(found, j, 0, vector(n))[m:]
+        old = at(rates, j, 0, layout)
+        put(rates, j, 0, old + step, layout)
+        change, whole = change + dot(step, step), whole + dot(old, old)
+    return change, whole
+
+
+# ------------------------------------------------------------------ from joint to joint
+
+
+def scattered(system: Any, work: Any) -> None:
+    """The sums of what joints do to bodies that have more than one of either side."""
+    pull, wrench, table = (
+        below(work, system.rows.pull),
+        below(work, system.rows.wrench),
+        system.more,
+    )
+    count = whole(table, 0)
+    for p in range(count):
+        put(pull, whole(table, 1 + 3 * p), 0, vec(*[0.0] * 6), SIX)
+    for p in range(count):
+        body, j, side = (whole(table, 1 + 3 * p + i) for i in range(3))
+        put(pull, body, 0, at(pull, body, 0, SIX) + at(wrench, j, side, SIX), SIX)
+
+
+def coupled(system: Any, work: Any, begins: int, n: int) -> None:
+    """The blocks of pairs of joints that a body ties together; those that elimination fills are
+    zero.
+    """
+    rows, layout, square = system.rows, matrix(n, 6), matrix(n, n)
+    blocks, table = below(work, rows.block), system.couplings
+    for p in range(whole(table, 0)):
+        begin = 1 + 7 * p
+        j, k = whole(table, begin), whole(table, begin + 1)
+        mine, theirs = whole(table, begin + 2), whole(table, begin + 3)
+        site, slot = whole(table, begin + 4), whole(table, begin + 5)
+        side = rows.second - rows.first
+        a = at(below(work, begins + side * mine), j, 0, layout)
+        b = at(below(work, rows.first_pushed + side * theirs), k, 0, layout)
+        found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
+        kind = whole(table, begin + 6)
+        if kind == 1:
+            found = at(blocks, site, slot, square) + found
+        if kind < 0:
+            found = 0.0 * found
+        put(blocks, site, slot, found, square)
+
+
+def factored(system: Any, work: Any, sign: float, n: int) -> float:
+    """Elimination of the blocks, in place; the first joint whose conditions depend on those before
+    it, or the last joint if the determinant has lost its sign; -1 if all is well.
+    """
+    square, blocks = matrix(n, n), below(work, system.rows.block)
+    diagonals, bad, same = below(work, system.rows.diagonal), -1.0, 1.0
+    for k in range(int(system.joints)):
+        before = at(diagonals, k, 0, vector(n))
+        inverse, turned, far = inverted(at(blocks, k, 0, square), before, sign)
+        same = same * turned
+        if not far and bad < 0.0:
+            bad = float(k)
+        put(blocks, k, 0, inverse, square)
+        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+            site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
+            factor = at(blocks, site, slot, square) @ inverse
+            put(blocks, site, slot, factor, square)
+            begin, end = whole(system.belows, 7 * b + 5), whole(system.belows, 7 * b + 6)
+            for u in range(begin, end):
+                site, slot = whole(system.updates, 4 * u), whole(system.updates, 4 * u + 1)
+                above = at(blocks, site, slot, square)
+                site = whole(system.updates, 4 * u + 2)
+                slot = whole(system.updates, 4 * u + 3)
+                put(blocks, site, slot, at(blocks, site, slot, square) - factor @ above, square)
+        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+            site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
+            put(blocks, site, slot, inverse @ at(blocks, site, slot, square), square)
+    return system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
+
+
+def inverted(m: Mat, before: Vec, sign: float) -> tuple[Mat, float, bool]:
+    """m^-1, by cofactors of three rows at a time; the sign of its determinant beside that of a
+    positive matrix times `sign`; and whether no pivot is below DEPENDENT times what it was before.
+    """
+    n = len(m)
+    if n > 3:
+        A, B = mat(*[row[:3] for row in m[:3]]), mat(*[row[3:] for row in m[:3]])
+        C, D = mat(*[row[:3] for row in m[3:]]), mat(*[row[3:] for row in m[3:]])
+        first, same, far = inverted(A, before[:3], sign)
+        left, right = C @ first, first @ B
+        last, turned, apart = inverted(D - C @ right, before[3:], sign)
+        corner = right @ last
+        top = first + corner @ left
+        low = -(last @ left)
+        rows = [vec(*a, *[-x for x in b]) for a, b in zip(top, corner)]
+        rows = [*rows, *[vec(*a, *b) for a, b in zip(low, last)]]
+        return mat(*rows), same * turned, far and apart
+    minors, cofactors = of_three(m)
+    far = abs(m[0][0]) > DEPENDENT * before[0]
+    for k in range(1, n):
+        far = far and abs(minors[k]) > DEPENDENT * before[k] * abs(minors[k - 1])
+    det = minors[n - 1]
+    same = where((sign * det if n % 2 == 1 else det) > 0.0, 1.0, -1.0)
+    return mat(*[(1.0 / det) * row for row in cofactors]), same, far
+
+
+def of_three(m: Mat) -> tuple[list[float], list[Vec]]:
+    """The leading minors of up to three rows, and the transposed cofactors."""
+    if len(m) == 1:
+        return [m[0][0]], [vec(1.0)]
+    (a, b), (d, e) = m[0][:2], m[1][:2]
+    minor = a * e - b * d
+    if len(m) == 2:
+        return [a, minor], [vec(e, -b), vec(-d, a)]
+    c, f, (g, h, i) = m[0][2], m[1][2], m[2]
+    x, y, z = e * i - f * h, f * g - d * i, d * h - e * g
+    rows = vec(x, c * h - b * i, b * f - c * e), vec(y, a * i - c * g, c * d - a * f)
+    return [a, minor, a * x + b * y + c * z], [*rows, vec(z, b * g - a * h, minor)]
+
+
+def solved(sites: Any, system: Any, work: Any, n: int) -> None:
+    """The impulses, from what the conditions miss and the blocks after elimination."""
+    rows, square, layout = system.rows, matrix(n, n), vector(n)
+    blocks, rest = below(work, rows.block), below(work, rows.rest)
+    impulse, count = below(work, rows.impulse), int(system.joints)
+    for k in range(count):
+        x = at(rest, k, 0, layout)
+        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+            i = whole(system.belows, 7 * b)
+            site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
+            put(rest, i, 0, at(rest, i, 0, layout) - at(blocks, site, slot, square) @ x, layout)
+    each(sites, scaled, system, work, n)
+    for left in range(count):
+        k = count - 1 - left
+        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+            i = whole(system.belows, 7 * b)
+            site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
+            shared = at(blocks, site, slot, square) @ at(impulse, i, 0, layout)
+            put(impulse, k, 0, at(impulse, k, 0, layout) - shared, layout)
+
+
+def scaled(system: Any, work: Any, n: int) -> None:
+    """D^-1 times what is left of a joint's right side."""
+    rest = load(below(work, system.rows.rest), 0, vector(n))
+    inverse = load(below(work, system.rows.block), 0, matrix(n, n))
+    save(below(work, system.rows.impulse), 0, inverse @ rest, vector(n))
+
+
+def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:
+    """The sums of what corrections tell: their square and that of displacements, the size of what is
+    rounding, whether determinants have kept their sign, and whether all is inside the chart.
+    """
+    told = below(work, system.rows.told)
+    length, whole, most, upright, inside = 0.0, 0.0, 0.0, 1.0, 1.0
+    for b in range(int(system.bodies)):
+        length, whole = length + at(told, b, 0, NUMBER), whole + at(told, b, 1, NUMBER)
+        inside, upright = min(inside, at(told, b, 2, NUMBER)), min(upright, at(told, b, 3, NUMBER))
+        most = max(most, at(told, b, 4, NUMBER))
+    return length, whole, most * most * system.trace, upright > 0.0, inside > 0.0
+
+
+def worst(system: Any, work: Any) -> float:
+    """The joint whose conditions miss most."""
+    rest, found, most = below(work, system.rows.rest), 0.0, 0.0
+    for j in range(int(system.joints)):
+        x = at(rest, j, 0, vector(system.most))
+        square = dot(x, x)
+        if square > most:
+            found, most = float(j), square
+    return found

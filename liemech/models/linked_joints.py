@@ -1,0 +1,323 @@
+"""A linkage as loops over memory need it: the joints by kinds, and the order in which they are
+eliminated.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..formulas import Mat, Record, Vec, record, vec
+from ..formulas.pytree import layout_of, leaves
+from ..formulas.tables import Table, of_whole
+from ..groups.se3 import SE3
+from ..integrators.rattle_of_links import Links, Rows
+from .joint_forces import AtJoint
+from .joints import REST, REST6
+
+EIGHT = 8
+"""Places in memory go by eights, as many as run side by side."""
+
+
+@record
+class LinkedJoint(Record):
+    """A joint, with what acts at it, as a formula of the poses of its two bodies.
+
+    springs : forces that have a potential.  loads : others.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
+    """
+
+    joint: Any
+    springs: tuple[Any, ...]
+    loads: tuple[Any, ...]
+
+    def value(self, g: Mat, k: Mat, most: int) -> list[Any]:
+        """The conditions, and zeros."""
+        return filled([*self.joint.value(g, k)], most, 0.0)
+
+    def rows(self, g: Mat, k: Mat, most: int, freedoms: int) -> tuple[list[Vec], list[Vec]]:
+        """Their rows by the first and by the second body, and those of motions along which loads
+        act; both with zeros.
+        """
+        found = self.joint.rows(g, k)
+        moving = self.joint.motions(g, k) if freedoms > 0 and len(self.loads) > 0 else ()
+        sides: list[Any] = []
+        for side in range(2):
+            own = filled([row[side] for row in found], most, REST6)
+            sides = [*sides, [*own, *filled([row[side] for row in moving], freedoms, REST6)]]
+        return sides[0], sides[1]
+
+    def springs_push(self, g: Mat, k: Mat) -> Vec:
+        """The forces of springs on both bodies, (12,)."""
+        if len(self.springs) == 0:
+            return vec(*REST6, *REST6)
+        _, motions, efforts = AtJoint(self.joint, self.springs).push(0.0, both(g, k), REST)
+        first, second = REST6, REST6
+        for (one, two), effort in zip(motions, efforts):
+            first, second = first + effort * one, second + effort * two
+        return vec(*first, *second)
+
+    def efforts(self, t: float, g: Mat, k: Mat, rates: Vec, freedoms: int) -> Vec:
+        """The torques of loads at these rates, (freedoms,), and zeros."""
+        if len(self.loads) == 0:
+            return vec(*[0.0] * freedoms)
+        own = rates[: self.joint.freedoms]
+        found = AtJoint(self.joint, self.loads).efforts(t, both(g, k), own)
+        return vec(*filled([*found], freedoms, 0.0))
+
+
+def filled(some: list[Any], count: int, blank: Any) -> list[Any]:
+    """Some values, and blanks up to so many."""
+    return [*some, *[blank for _ in range(count - len(some))]]
+
+
+def both(g: Mat, k: Mat) -> Vec:
+    """The entries of two poses, one after the other."""
+    return vec(*[x for row in (*g, *k) for x in row])
+
+
+@dataclass(frozen=True, eq=False)
+class LinkedForm:
+    """A linkage in memory.
+
+    links : for the formulas.  fixed : the rows of numbers that do not change, (rows, places).  more :
+    how many rows there are behind them.  order : the joint in each place.
+    has_loops : do joints close loops?
+    """
+
+    links: Links
+    fixed: np.ndarray
+    more: int
+    order: tuple[int, ...]
+    has_loops: bool
+
+    @property
+    def places(self) -> int:
+        """Places in a row."""
+        return int(self.fixed.shape[1])
+
+
+def linked(linkage: Any) -> LinkedForm | None:
+    """The form of a linkage; None if it has forces that are not at joints."""
+    given: Any = linkage
+    if given.potential is not None or given.load is not None:
+        return None
+    counted = given.constraint.counted
+    springs, loads = given._at_joints()
+    acting: list[list[tuple[Any, ...]]] = [[(), ()] for _ in counted]
+    for which, some in enumerate((springs, loads)):
+        for one in some:
+            number = next(j for j, (joint, _) in enumerate(counted) if joint is one.joint)
+            acting[number][which] = tuple(replace(force, joint=0) for force in one.forces)
+    ends = [(joint.first, -1 if joint.second is None else joint.second) for joint, _ in counted]
+    order, filling = eliminated_in(ends)
+    joints = [
+        LinkedJoint(replace(counted[j][0], first=0, second=1, name=None), *acting[j]) for j in order
+    ]
+    ends = [ends[j] for j in order]
+    layouts = [layout_of(joint) for joint in joints]
+    kinds = tuple(dict.fromkeys(layouts))
+    most = max(joint.joint.conditions for joint in joints)
+    freedoms = max([joint.joint.freedoms for joint in joints if joint.loads], default=0)
+    full = any(np.ndim(np.array(link.inertia)) == 2 for link in given.links)
+    own = sum(kind.width for kind in kinds)
+    rows = Rows.of(full, most, freedoms, own)
+    places = EIGHT * -(-max(len(given.links), len(joints)) // EIGHT)
+    fixed = np.zeros((rows.note, places))
+    bodies = [given.links[b if b < len(given.links) else 0] for b in range(places)]
+    for b, link in enumerate(bodies):
+        J = inertia_of(link, full)
+        inverse = np.linalg.inv(J) if full else 1.0 / J
+        fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
+    fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
+    tables, blocks, ties = tables_of(ends, filling, places)
+    mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
+    more: list[int] = []
+    for j, bodies_of in enumerate(ends):
+        for side, b in enumerate(bodies_of):
+            if b >= 0 and (b, side) in mine:
+                more += [b, j, side]
+            elif b >= 0:
+                mine[b, side] = j, 1.0
+    for place in range(places):
+        j = place if place < len(joints) else 0
+        first, second = ends[j]
+        kept = counted[order[j]][1]
+        head = [first, max(second, 0), float(second >= 0), kinds.index(layouts[j])]
+        touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
+        alive = [float(i in kept) for i in range(most)]
+        shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
+        tie = ties.get(place, (0, 0.0, 0.0, 0.0))
+        numbers: list[Any] = [
+            *head,
+            *alive,
+            *touch,
+            *tie,
+            *[x for i in shown for x in leaves(joints[i], layouts[i])],
+        ]
+        for row, x in enumerate(numbers, rows.ends):
+            (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
+    size = most + freedoms
+    trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
+    links = Links(
+        SE3(), kinds, rows, most, freedoms, full, any(joint.springs for joint in joints),
+        float(len(given.links)), float(len(joints)), trace,
+        of_whole([len(more) // 3, *more]), *tables,
+    )  # fmt: skip
+    return LinkedForm(
+        links, fixed, rows.block - rows.note + blocks * size * size, order, has_loops(ends)
+    )
+
+
+def inertia_of(link: Any, full: bool) -> np.ndarray:
+    """The moments of a body, (6,), or the matrix, (6, 6)."""
+    J = np.array(link.inertia)
+    if not full:
+        return np.array([*J, *[link.mass] * 3])
+    whole = link.mass * np.eye(6)
+    whole[:3, :3] = J if J.ndim == 2 else np.diag(J)
+    return whole
+
+
+# ------------------------------------------------------------------ the order of elimination
+
+
+def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[list[int]]]:
+    """An order in which joints are eliminated: first, again and again, one of which one body alone has
+    other joints left, which ties no others together; of loops one that is tied to the fewest others.
+    And for each place in it the later places that it is tied to then.
+
+    ends : of each joint its bodies; -1 is the ground.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 6.5 (trees); Duff, Erisman
+    and Reid, Direct Methods for Sparse Matrices, 2nd ed., section 9.2 (minimum degree).
+    """
+    at: dict[int, set[int]] = {}
+    for j, bodies in enumerate(ends):
+        for b in bodies:
+            if b >= 0:
+                at.setdefault(b, set()).add(j)
+    order: list[int] = []
+    left: list[set[int]] = []
+    free = [j for j, bodies in enumerate(ends) if _is_free(bodies, at)]
+    known = set(free)
+    while free:
+        j = heapq.heappop(free)
+        near = set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
+        order.append(j)
+        left.append(near)
+        for b in ends[j]:
+            if b >= 0:
+                at[b].discard(j)
+        # a joint becomes free when it is the last one of a body
+        for k in near:
+            if (
+                k not in known
+                and any(len(at[b]) == 1 for b in ends[k] if b >= 0)
+                and _is_free(ends[k], at)
+            ):
+                known.add(k)
+                heapq.heappush(free, k)
+    loops = {j: set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
+             for j in range(len(ends)) if j not in known}  # fmt: skip
+    heap = [(len(some), j) for j, some in loops.items()]
+    heapq.heapify(heap)
+    while heap:
+        degree, j = heapq.heappop(heap)
+        if j not in loops or degree != len(loops[j]):
+            continue
+        near = loops.pop(j)
+        order.append(j)
+        left.append(near)
+        for k in near:
+            loops[k] |= near
+            loops[k] -= {j, k}
+            heapq.heappush(heap, (len(loops[k]), k))
+    place = {j: p for p, j in enumerate(order)}
+    return tuple(order), [sorted(place[k] for k in some) for some in left]
+
+
+def _is_free(bodies: tuple[int, int], at: dict[int, set[int]]) -> bool:
+    """Has at most one of the bodies of a joint other joints?"""
+    return sum(b >= 0 and len(at[b]) > 1 for b in bodies) <= 1
+
+
+def has_loops(ends: list[tuple[int, int]]) -> bool:
+    """Do joints, the ground among what they hold, close loops?"""
+    root: dict[int, int] = {}
+
+    def top(b: int) -> int:
+        while root.setdefault(b, b) != b:
+            b = root[b]
+        return b
+
+    for first, second in ends:
+        one, two = top(first), top(second)
+        if one == two:
+            return True
+        root[one] = two
+    return False
+
+
+def tables_of(
+    ends: list[tuple[int, int]], filling: list[list[int]], places: int
+) -> tuple[list[Table], int, dict[int, tuple[int, float, float, float]]]:
+    """What elimination does, as lists of numbers: couplings, pivots, belows and updates of `Links`;
+    how many blocks a place has; and of each joint the tie to a later one, of which the place has the
+    blocks.
+
+    couplings : how many; of each the joints j and k, the sides of j and k on which they have a body
+    in common, where the block is, and 0, 1 if it is added to what is there, -1 if it is zero.
+    pivots : of each joint where its belows begin, and where they end.
+    belows : of each the later joint i, where the blocks (i, k) and (k, i) are, and where its updates
+    begin and end.  updates : of each where the block (k, j) is, and (i, j), which loses (i, k) (k, j).
+    """
+    blocks: dict[tuple[int, int], tuple[int, int]] = {(k, k): (k, 0) for k in range(len(ends))}
+    ties: dict[int, tuple[int, float, float, float]] = {}
+    number = 0
+    for k, later in enumerate(filling):
+        for i in later:
+            both = _sides(ends[k], ends[i])
+            if k not in ties and both:
+                ties[k] = i, float(both[0][0]), float(both[0][1]), 1.0
+                blocks[i, k], blocks[k, i] = (k, 1), (k, 2)
+                continue
+            for pair in ((i, k), (k, i)):
+                blocks[pair] = number % places, 3 + number // places
+                number += 1
+    couplings: list[list[int]] = []
+    for (j, k), there in blocks.items():
+        if j == k:
+            continue
+        common = _sides(ends[j], ends[k])
+        if ties.get(j, (-1,))[0] == k or ties.get(k, (-1,))[0] == j:
+            one, other = ties[min(j, k)][1:3]
+            known = (int(one), int(other)) if j < k else (int(other), int(one))
+            couplings += [[j, k, *s, *there, 1] for s in common if s != known]
+            continue
+        for turn, sides in enumerate(common or [(0, 0)]):
+            couplings.append([j, k, *sides, *there, min(turn, 1) if common else -1])
+    pivots, belows, updates = [0], [], []  # type: list[int], list[list[int]], list[list[int]]
+    for k, later in enumerate(filling):
+        for i in later:
+            begin = len(updates)
+            updates += [[*blocks[k, j], *blocks[i, j]] for j in later]
+            belows.append([i, *blocks[i, k], *blocks[k, i], begin, len(updates)])
+        pivots.append(len(belows))
+    found = (
+        [len(couplings), *np.ravel(couplings)],
+        pivots,
+        np.ravel(belows),
+        np.ravel(updates),
+    )
+    most = max(2, *[slot for _, slot in blocks.values()])
+    return [of_whole([*some, 0]) for some in found], most + 1, ties
+
+
+def _sides(one: tuple[int, int], other: tuple[int, int]) -> list[tuple[int, int]]:
+    """The sides of two joints on which they have a body in common."""
+    return [(s, t) for s, b in enumerate(one) for t, c in enumerate(other) if b == c and b >= 0]

@@ -1,0 +1,83 @@
+"""check_method of methods of many sites: what it accepts, and that it sees faults."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from terms_of_spins import Exchange
+from test_runs_by_sites import native
+
+import liemech as lm
+from liemech.formulas.pytree import with_fields
+
+N = 3
+
+
+def start() -> Any:
+    mu = np.random.default_rng(7).normal(size=(N, 3))
+    return spins().state(mu=mu / np.linalg.norm(mu, axis=1)[:, None])
+
+
+def spins() -> Any:
+    return lm.LiePoissonSystem(lm.SO3() ** N, lm.Terms(Exchange(1.0).over(lm.neighbours.ring(N))))
+
+
+@lm.record
+class Claiming(lm.SublatticeSplitting):
+    """It says of itself that it is symplectic."""
+
+    symplectic: ClassVar[bool] = True
+
+
+@lm.record
+class Leaking(lm.BondSplitting):
+    """The last of the sites grows."""
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        new = super().step(system, t, memory, h)
+        state, left = new.node
+        x = [*state.mu]
+        grown = lm.vec(*x[:-3], *[y * (1.0 + 1e-8) for y in x[-3:]])
+        return with_fields(new, node=(with_fields(state, mu=grown), left))
+
+
+@lm.record
+class Late(lm.BondSplitting):
+    """The motion of another time step."""
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        return super().step(system, t, memory, h * (1.0 + 1e-3 * h))
+
+
+@pytest.mark.parametrize(
+    ("method", "law"),
+    [(Claiming(), "Poisson"), (Leaking(), f"Casimir {N}"), (Late(), "symmetric")],
+    ids=["form", "Casimir", "symmetry"],
+)
+def test_faults_are_seen(method: Any, law: str) -> None:
+    report = lm.check_method(method, spins(), start(), raises=False)
+    assert law in [f.law for f in report.findings if f.verdict == "broken"]
+
+
+@native
+def test_methods_of_single_sites() -> None:
+    """Of methods that take no system of all sites as one body, too."""
+    report = lm.check_method(lm.SphericalMidpoint(), spins(), start())
+    held = {f.law for f in report.findings if f.verdict == "holds"}
+    assert {"order", "symmetric", "Poisson", *[f"Casimir {k + 1}" for k in range(N)]} <= held
+
+
+@native
+@pytest.mark.slow
+def test_molecules_at_rest() -> None:
+    water = lm.models.SPC()
+    bodies = lm.LiePoissonSystem(lm.SE3() ** 2, lm.PerSite(water.kinetic_energy))
+    drop = lm.MechanicalSystem(bodies, lm.Terms(water.over(lm.neighbours.all_pairs())))
+    g = np.stack([np.eye(4)] * 2)
+    g[1, :3, 3] = [0.0, 0.4, 3.1]
+    report = lm.check_method(
+        lm.KickDrift(order=4), drop, drop.state(mu=np.zeros((2, 6)), g=g), raises=False
+    )
+    assert not [f.law for f in report.findings if f.verdict == "broken"]
