@@ -135,6 +135,9 @@ def test_what_cannot_be_says_why() -> None:
         steps = {} if "t_end" in options else {"steps": 2}
         with pytest.raises(lm.errors.IncompatibleSystem, match=words):
             lm.integrate(system, method, start, **options, **steps)
+    plan = lm.Plan(system, lm.Isospectral(2), h=0.1)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="calls BLAS"):
+        plan.export("body", start=start)
     unitary = body(lm.SU(3))
     with pytest.raises(lm.errors.IncompatibleSystem, match="without g"):
         at = unitary.state(mu=start_of(unitary), g=np.eye(3))
