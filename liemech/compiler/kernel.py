@@ -363,6 +363,12 @@ def kind_of(value: Any) -> Kind:
     return "integer" if type(value) is int else layout_of(value)
 
 
+def _in_memory(layout: Layout) -> bool:
+    """Is something in memory in a value of this layout, or in what it describes, if it is one itself?"""
+    described = layout.detail if layout.kind == "static" else None
+    return layout.in_memory or (isinstance(described, Layout) and described.in_memory)
+
+
 def _layout(kind: Kind) -> Any:
     """The layout of an argument that has one."""
     return kind[1] if isinstance(kind, tuple) else kind
@@ -485,7 +491,7 @@ def _translation(
     head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
     of_sites = "planes" in kinds  # one system, whose sites have the lanes
     emitter = Emitter(builder, 1 if of_sites else lanes, width())
-    in_memory = any(isinstance(k, Layout) and k.in_memory for k in map(_layout, kinds))
+    in_memory = any(isinstance(k, Layout) and _in_memory(k) for k in map(_layout, kinds))
     if in_memory:
         if lanes > 1:
             raise NotCompilable("what lies in memory runs one body after the other")

@@ -100,6 +100,14 @@ class LargeArrays:
         """One of this form in memory of its own."""
         return Large.at(self.allocate(size_of(form)), form)
 
+    def stored(self, x: Any) -> Large:
+        """The numbers of a vector that is written out, in memory."""
+        found = self.new(((len(x),), False))
+        target = self.address(found)
+        for i, c in enumerate(x):
+            self.store(self.e.cast(c, "f", False)[0], target, ir.Constant(I64, i))
+        return found
+
     def address(self, x: Large) -> ir.Value:
         """Where the first number is."""
         if x.numbers is not None:
@@ -198,7 +206,7 @@ class LargeArrays:
             return x
         if isinstance(x, (int, float, Num)):
             return self.e.num(self.e.cast(x, "f", False))
-        return Large(x)  # a vector that is known now
+        return self.stored(x) if any(isinstance(c, Num) for c in x) else Large(x)
 
     def absolute(self, a: Large) -> Large:
         """|a_i|, number by number."""

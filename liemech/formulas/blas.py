@@ -49,8 +49,9 @@ def _threads() -> Any:
 
     import scipy
 
-    beside = os.path.join(os.path.dirname(scipy.__file__), os.pardir, "scipy.libs")
-    for path in glob.glob(os.path.join(beside, "*openblas*")):
+    home = os.path.dirname(scipy.__file__)
+    folders = os.path.join(home, os.pardir, "scipy.libs"), os.path.join(home, ".dylibs")
+    for path in [p for folder in folders for p in glob.glob(os.path.join(folder, "*openblas*"))]:
         library = ctypes.CDLL(path)
         for prefix in ("scipy_openblas", "openblas"):
             with contextlib.suppress(AttributeError):

@@ -141,7 +141,7 @@ class Large(InMemory):
                 engine = x._engine if x.numbers is None else engine
             elif isinstance(x, StandIn):
                 engine = x.emitter.large  # type: ignore[attr-defined]
-            elif not isinstance(x, (int, float)) and np.shape(x) != self.shape:
+            elif not isinstance(x, (int, float)) and getattr(x, "shape", ()) != self.shape:
                 return NotImplemented
         if engine is not None:
             return engine.by_numbers(op, a, b)
@@ -379,7 +379,9 @@ class LinearMap:
 
     def __call__(self, x: Any) -> Large:
         """The image, each number the sum of its terms from left to right."""
-        x = x if isinstance(x, Large) else Large(x)
+        if not isinstance(x, Large):
+            run = next((c for c in x if isinstance(c, StandIn)), None)
+            x = Large(x) if run is None else run.emitter.large.stored(x)  # type: ignore[attr-defined]
         if x.form != self.source:
             raise InvalidType(f"{x!r} where one of shape {self.source[0]} belongs")
         if x.numbers is None:

@@ -135,7 +135,7 @@ def promise(cls: type, name: str) -> tuple[int, str, str] | None:
 def breaks(promised: tuple[int, str, str], result: Any) -> bool:
     """Is the result no number, vector or matrix, whichever was promised?"""
     kind = type(result)
-    if kind is Large:
+    if isinstance(result, Large):
         return bool(result.axes != promised[0])
     return kind in _NO_NUMBERS if promised[0] == 0 else kind is not (None, Vec, Mat)[promised[0]]
 

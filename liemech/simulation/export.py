@@ -53,6 +53,11 @@ def export(
     from ..compiler.object_files import object_file
 
     shape, start = laid_out(plan, start)
+    if shape.layout.in_memory:
+        raise IncompatibleSystem(
+            f"Plan.export: the code of {plan.system!r} calls BLAS and reads tables of this process, as "
+            "that of all large matrices does"
+        )
     steps = plan._steps
     lanes = shape.lanes_of(steps, STRAIGHT, (), shape.side)
     entry, *given = lanes.stepping.call

@@ -135,6 +135,9 @@ def test_what_cannot_be_says_why() -> None:
         steps = {} if "t_end" in options else {"steps": 2}
         with pytest.raises(lm.errors.IncompatibleSystem, match=words):
             lm.integrate(system, method, start, **options, **steps)
+    plan = lm.Plan(system, lm.Isospectral(2), h=0.1)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="calls BLAS"):
+        plan.export("body", start=start)
     unitary = body(lm.SU(3))
     with pytest.raises(lm.errors.IncompatibleSystem, match="without g"):
         at = unitary.state(mu=start_of(unitary), g=np.eye(3))
@@ -171,3 +174,28 @@ def test_arithmetic_in_memory_is_that_of_numpy() -> None:
         sums[0] = sums[0] + rest
     assert total(numbers) == sums[0]
     assert np.isnan(Large(np.eye(14)).over(Large(np.zeros((14, 14)))).array).all()
+
+
+@lm.record
+class Quartic(lm.Hamiltonian):
+    """An energy with a gradient of its own, in the arithmetic of vectors."""
+
+    a: lm.Vec
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.5 * lm.dot(mu, self.a * mu) + 0.25 * lm.dot(mu, mu) * lm.dot(mu, mu)
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        return self.a * mu + lm.dot(mu, mu) * mu
+
+
+def test_an_energy_of_ones_own() -> None:
+    system = lm.LiePoissonSystem(lm.SO(10), Quartic(np.linspace(1.0, 2.0, 45)))
+    start = system.state(mu=start_of(system))
+    plain, native = (
+        lm.integrate(system, lm.Isospectral(2), start, h=0.2, steps=9, compiled=c)
+        for c in (False, True)
+    )
+    assert native.compiled and np.array_equal(plain.mu, native.mu)
+    assert native.drift()["Casimir 1"].verdict == "exact"
+    assert np.ptp(native.energy) < 1e-3 * native.energy[0]
