@@ -34,5 +34,6 @@ for spin in 0.0, 0.5, 2.0:  # rad/s
     ax.plot(run.g[:, 0, 3] / 1e3, run.g[:, 2, 3] / 1e3, label=f"spin {spin:g} rad/s")
     speed = np.linalg.norm(rocket.velocity(run.mu, run.t)[-1, 3:])
     print(f"spin {spin:g}: {speed:.1f} m/s of Tsiolkovsky's {SPEED * np.log(3.0):.1f}")
-ax.set(aspect="equal", adjustable="datalim", xlabel="$x$ (km)", ylabel="$z$ (km)"), lm.plots.legend(ax)
+ax.set(aspect="equal", adjustable="datalim", xlabel="$x$ (km)", ylabel="$z$ (km)")
+lm.plots.legend(ax)
 lm.plots.save(figure, "rocket.png", dpi=110)

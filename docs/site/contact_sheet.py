@@ -92,7 +92,7 @@ def photographs(out: Path, pages: dict[str, Path]) -> Iterator[tuple[str, str, s
     with Chromium((720, 480)) as browser:
         for name, path in pages.items():
             page = browser.open(path.resolve())
-            page.wait("window.ready || window.failed")
+            page.wait("window.ready || window.failed", 120.0)
             page.evaluate(f"seekTo({MOMENT} * player.duration); player.draw()")
             yield "Moving pages", name, seen(page, name), path.relative_to(out).as_posix()
         for name in SITE:

@@ -63,10 +63,10 @@ def lagrange_top() -> Scene:
 @scene
 def kirchhoff() -> Scene:
     """An ellipsoid that sinks nowhere: it swims in an ideal fluid, and its path winds."""
-    body = library.models.KirchhoffBody.of_blocks(angular=[1.2, 2.0, 2.6], linear=[1.3, 1.8, 2.5])
-    start = body.state(mu=[0.5, 0.2, 0.9, 0.6, 0.3, 0.2], g=np.eye(4))
+    body = library.models.KirchhoffBody.of_blocks(angular=[1.2, 2.0, 2.6], linear=[1.2, 1.8, 5.0])
+    start = body.state(mu=[0.2, -0.8, 2.3, 0.8, 0.9, -0.7], g=np.eye(4))
     return Scene(
-        "a body in a fluid", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.05, steps=800
+        "a body in a fluid", body, lm.LiePoissonHamiltonJacobi(order=4), start, h=0.05, steps=500
     )
 
 

@@ -31,6 +31,8 @@ from peers import Contender, Problem, Result
 from problems import BODY, TOP
 from work_precision import COLOURS
 
+import liemech as lm
+
 ENDS = (1e3, 10**3.5, 1e4, 10**4.5, 1e5)
 UNIT = 100.0  # samples are at multiples of it, a whole number of steps with every setting
 CHOSEN = (
@@ -117,22 +119,18 @@ def figure(results: list[dict[str, Any]], path: Path) -> None:
     """Energy error against time, both logarithmic: a row for each error at the short time, a column
     for each problem.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib.lines import Line2D
 
     problems, errors = (
         list(dict.fromkeys(r[key] for r in results)) for key in ("problem", "error")
     )
     size = 5.2 * len(problems), 4.2 * len(errors)
-    picture, axes = plt.subplots(
+    picture, axes = lm.plots.subplots(
         len(errors),
         len(problems),
         figsize=size,
         sharex=True,
         sharey=True,
-        layout="constrained",
         squeeze=False,
     )
     for ax, (error, problem) in zip(axes.ravel(), itertools.product(errors, problems), strict=True):
@@ -154,18 +152,17 @@ def figure(results: list[dict[str, Any]], path: Path) -> None:
                 color=COLOURS[r["package"]],
             )
         ax.set(title=f"{problem}, {error:g} at the short time", xlim=(8e2, 2e6), ylim=(1e-16, 1e2))
-        ax.grid(alpha=0.3)
     for ax in axes[:, 0]:
         ax.set_ylabel("relative error of the energy")
     for ax in axes[-1]:
         ax.set_xlabel("time")
     handles = [
-        plt.Line2D([], [], color=c, label=p)
+        Line2D([], [], color=c, label=p)
         for p, c in COLOURS.items()
         if any(r["package"] == p for r in results)
     ]
     axes[0][-1].legend(handles=handles, frameon=False, fontsize=8, loc="lower left")
-    picture.savefig(path, dpi=110)
+    lm.plots.save(picture, path, dpi=110)
     print(f"written: {path}")
 
 

@@ -95,12 +95,9 @@ def time_to(rows: list[list[float]]) -> float:
 
 
 def figure(results: dict[str, Any], path: Path) -> None:
-    import matplotlib
+    from matplotlib import colormaps
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    picture, ax = plt.subplots(figsize=(8.0, 5.6), layout="constrained")
+    picture, ax = lm.plots.subplots(figsize=(8.0, 5.6))
     marks = {"liemech": "o-", "C++": "x--", "LAMMPS": "s:", "Spirit": "^:", "SciPy": "d:"}
     maps = {
         "liemech": "viridis",
@@ -112,17 +109,16 @@ def figure(results: dict[str, Any], path: Path) -> None:
     colours: dict[str, Any] = {}
     for program, map_ in maps.items():
         own = [name for name in results if name.startswith(program)]
-        shades = plt.get_cmap(map_)(np.linspace(0.1, 0.85 if program != "C++" else 0.5, len(own)))
+        shades = colormaps[map_](np.linspace(0.1, 0.85 if program != "C++" else 0.5, len(own)))
         colours |= dict(zip(own, shades, strict=True))
     for name, r in results.items():
         _, error, seconds = np.array(r["rows"]).T
         style = marks[name.split(",")[0]]
         ax.loglog(1e3 * seconds, error, style, ms=4, lw=1.4, color=colours[name], label=name)
     ax.axhline(ERROR, color="0.6", lw=0.8)
-    ax.set(xlabel="processor time, ms", ylabel="largest error of a direction at T = 2")
+    ax.set(xlabel="processor time (ms)", ylabel="largest error of a direction at T = 2")
     ax.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    ax.grid(alpha=0.25)
-    picture.savefig(path, dpi=110)
+    lm.plots.save(picture, path, dpi=110)
     print(f"written: {path}")
 
 

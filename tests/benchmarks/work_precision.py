@@ -29,14 +29,16 @@ from ours import ours, reference
 from peers import Contender, Problem, Run
 from problems import PROBLEMS
 
+import liemech as lm
+
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 COLOURS = {
     "liemech": "#0072b2",
-    "liemech, symplectic": "#56b4e9",
+    "liemech, symplectic": "#5a3fe0",
     "heyoka": "#d55e00",
     "SciPy": "#009e73",
-    "Exudyn": "#cc79a7",
-    "Lielab": "#e69f00",
+    "Exudyn": "#7b1e5b",
+    "Lielab": "#5c4a12",
 }
 
 
@@ -126,15 +128,8 @@ def figure(results: dict[str, list[dict[str, Any]]], path: Path) -> None:
     """Time against error, both logarithmic: one panel for each problem, the lower envelope of each
     package drawn through.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     size = 5.2 * len(results), 4.6
-    panels, axes = plt.subplots(
-        1, len(results), figsize=size, sharey=True, layout="constrained", squeeze=False
-    )
+    panels, axes = lm.plots.subplots(1, len(results), figsize=size, sharey=True, squeeze=False)
     for ax, (name, found) in zip(axes[0], results.items(), strict=True):
         for curve in found:
             x, y = [p["error"] for p in curve["points"]], [1e3 * p["best"] for p in curve["points"]]
@@ -152,10 +147,9 @@ def figure(results: dict[str, list[dict[str, Any]]], path: Path) -> None:
             if own:
                 ax.loglog(errors, 1e3 * np.array(best), color=colour, lw=2.2, label=package)
         ax.set(title=name, xlabel="error of momentum and attitude at the end", xlim=(1e0, 1e-14))
-        ax.grid(alpha=0.3)
-    axes[0][0].set_ylabel("time of a call, ms")
-    axes[0][-1].legend(frameon=False, loc="upper right", ncols=2)
-    panels.savefig(path, dpi=110)
+    axes[0][0].set_ylabel("time of a call (ms)")
+    lm.plots.legend(axes[0][-1], loc="upper right", ncols=2)
+    lm.plots.save(panels, path, dpi=110)
     print(f"written: {path}")
 
 
