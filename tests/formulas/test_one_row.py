@@ -136,6 +136,14 @@ def test_fields_and_globals_are_those_of_now(at_once, monkeypatch):
     assert "_single_rows" not in vars(bent)
 
 
+def test_other_owners_of_a_formula_with_native_code_have_it_at_once(at_once, monkeypatch):
+    assert Bent(5.0).energy(np.ones(3)) == 30.0
+    monkeypatch.setattr(one_row, "SOON", np.inf)
+    other = Bent(7.0)
+    assert [other.energy(np.ones(3)) for _ in range(3)] == [42.0] * 3
+    assert all(row.native is not None for row in other._single_rows.values())
+
+
 def test_switched_off(at_once, monkeypatch):
     monkeypatch.setenv("LIEMECH_COMPILE", "0")
     bent = Bent(4.0)
