@@ -25,7 +25,7 @@ for pose, d in zip(poses, np.diff(ends, axis=0)):
 start = linkage.assembled(poses, [[0.0, -60.0, 0.0, 0.0, 0.0, 0.0], np.zeros(6), np.zeros(6)])
 
 # plain Python: native code for so many joints takes longer to make than this run
-run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=150, compiled=False)
+run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=150)
 misses = [linkage.conditions_at(mu, g) for mu, g in zip(run.mu[::10], run.g[::10])]
 print(run.drift())
 print(f"largest miss of the joints: {np.abs(misses).max():.0e} (m, m/s)")

@@ -7,10 +7,12 @@ from typing import Any
 from llvmlite import ir
 
 from ..errors import NotCompilable
+from ..formulas.large import size_of
 from ..formulas.pytree import Layout, build, carried_layout, fits, leaves
 from ..formulas.sites import TOGETHER
 from .driver import refusal
 from .ir_numbers import F64, I32, I64, Emitter, Num
+from .large_arrays import in_places, spans
 
 POINTER = F64.as_pointer()
 
@@ -37,14 +39,34 @@ class Array:
 
     def read(self, k: Any, layout: Layout) -> Any:
         first = self.first(self.start(k, layout))
+        if layout.in_memory:
+            return build(in_places(layout), iter([self._part(first, *x) for x in spans(layout)]))
         numbers = enumerate(layout.kinds)
         return build(layout, iter([self._found(self.load(first, i), kind) for i, kind in numbers]))
 
     def write(self, k: Any, value: Any, layout: Layout) -> None:
         first = self.first(self.start(k, layout))
         unchanged(value, layout)
+        if layout.in_memory:
+            parts = leaves(value, in_places(layout))
+            for x, (kind, i, form) in zip(parts, spans(layout), strict=True):
+                if kind == "large":
+                    large = self.emitter.large
+                    large.move(large.pointer(x), self.after(first[0], i), size_of(form))
+                else:
+                    self.store(first, i, self._kept(x, kind))
+            return
         for i, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
             self.store(first, i, self._kept(x, kind))
+
+    def _part(self, first: list[ir.Value], kind: str, i: int, form: Any) -> Any:
+        """A number, or the place of a copy of what lies in memory."""
+        if kind != "large":
+            return self._found(self.load(first, i), kind)
+        large = self.emitter.large
+        place = large.allocate(size_of(form))
+        large.move(self.after(first[0], i), large.pointer(place), size_of(form))
+        return place
 
     def start(self, k: Any, layout: Layout) -> Any:
         """The number with which row k begins."""
@@ -209,9 +231,22 @@ def arguments(emitter: Emitter, kinds: Any, function: ir.Function) -> list[Any]:
         while True:
             yield emitter.num([load(numbers, "number", F64)])
 
+    def parts(layout: Layout) -> Any:
+        """The numbers of a layout, and the places of what lies in memory."""
+        begin = counts["number"]
+        for kind, at, _ in spans(layout):
+            if kind != "large":
+                yield emitter.num([load(numbers, "number", F64)])
+                continue
+            place = b.gep(numbers, [ir.Constant(I64, begin + at)], source_etype=F64)
+            yield emitter.num([b.ptrtoint(place, I64)])
+            counts["number"] = begin + at + size_of(_)
+
     args: list[Any] = []
     for kind in kinds:
-        if isinstance(kind, Layout):
+        if isinstance(kind, Layout) and kind.in_memory:
+            args.append(build(in_places(kind), parts(kind)))
+        elif isinstance(kind, Layout):
             args.append(build(kind, floats()))
         elif kind == "integer":
             args.append(emitter.num([load(integers, "integer", I64)]))

@@ -11,11 +11,14 @@ from __future__ import annotations
 import ctypes
 import functools
 import math
+import os
 import re
 from typing import Any
 
 import numpy as np
 
+from ..formulas import blas
+from ..formulas.large import TABLES
 from .interrupts import THREAD
 
 _MATH = (
@@ -53,6 +56,25 @@ def addresses() -> dict[str, int]:
         name: ctypes.cast(getattr(ctypes.pythonapi, name), ctypes.c_void_p).value or 0
         for name in _PYTHON.split()
     }
+
+
+def in_memory(code: bytes) -> dict[str, int]:
+    """Where the tables and the routines of BLAS and LAPACK are that this object code asks for.
+
+    Raises LookupError for a table that this process has not made yet.
+    """
+    found: dict[str, int] = {}
+    for content, number in set(re.findall(rb"liemech_table_([0-9a-f]{24})_(\d+)", code)):
+        table = TABLES[content.decode()][int(number)]
+        found[f"liemech_table_{content.decode()}_{int(number)}"] = table.ctypes.data
+    for name in set(re.findall(rb"liemech_([dz]ge(?:mm|sv))(?!\w)", code)):
+        found[f"liemech_{name.decode()}"] = blas.addresses()[name.decode()]
+    for name in ("malloc", "free", "memmove"):
+        if name.encode() in code:
+            library: Any = ctypes.CDLL(None) if os.name != "nt" else ctypes.CDLL("ucrtbase")
+            address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+            found[name] = address or 0
+    return found
 
 
 def definitions(code: bytes) -> str:

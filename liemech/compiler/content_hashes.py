@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from ..formulas.large import DiagonalSolver, Large, LinearMap
 from ..formulas.numbers import StandIn
 from ..formulas.pytree import PAIRS, Layout
 from ..formulas.records import Record
@@ -96,6 +97,9 @@ _ATTRIBUTES: dict[type, tuple[str, ...]] = {
     Layout: ("kind", "detail", "parts"),
     Mat: ("rows",),
     Table: ("content",),
+    Large: ("content",),
+    LinearMap: ("content",),
+    DiagonalSolver: ("content",),
     **dict.fromkeys(PAIRS, ("parts",)),
     types.MethodType: ("__func__", "__self__"),
     property: ("fget",),

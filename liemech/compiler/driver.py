@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
+from ..formulas.large import sum_of
 from ..formulas.pytree import (
     Layout,
     build,
@@ -141,7 +142,7 @@ def accepted(value: Any, shown: Callable[[Any], Any], layout: Layout | None = No
     if isinstance(value, Rejected):
         return False
     part = shown(value)
-    total = pairwise_sum(leaves(part, layout or layout_of(part)))
+    total = pairwise_sum(terms(part, layout or layout_of(part)))
     return not isinstance(total, complex) and math.isfinite(total)
 
 
@@ -150,6 +151,21 @@ def reason(value: Any) -> Exception | None:
     finite.
     """
     return value.error if isinstance(value, Rejected) else None
+
+
+def terms(value: Any, layout: Layout) -> list[Any]:
+    """The numbers of a value; of what lies in memory the sum of its numbers."""
+    if not layout.in_memory:
+        return leaves(value, layout)
+    if layout.kind == "large":
+        return [sum_of(value)]
+    parts = value.parts if layout.kind == "pair" else value
+    if layout.kind == "record":
+        parts = [getattr(value, name) for name in layout.detail[1]]
+    return [
+        x for item, part in zip(parts, layout.parts, strict=True) if part.width
+        for x in terms(item, part)
+    ]  # fmt: skip
 
 
 def pairwise_sum(terms: list[Any]) -> Any:

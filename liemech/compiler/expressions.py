@@ -147,9 +147,8 @@ class Expressions(Loops):
                     function, *args, **{k.arg: self.expression(k.value, env) for k in _named(node)}
                 )
             case ast.BinOp():
-                return self.operate(
-                    node, self.expression(node.left, env), self.expression(node.right, env)
-                )
+                left, right = self.nested_in(node.left, env), self.nested_in(node.right, env)
+                return self.operate(node, left, right)
             case ast.Subscript():
                 return self.item(self.expression(node.value, env), self.expression(node.slice, env))
             case ast.Constant():
@@ -219,6 +218,16 @@ class Expressions(Loops):
             f"`{ast.unparse(node)}`: this expression has no place in a formula: "
             f"{instead_of_syntax(node)}"
         )
+
+    def nested_in(self, node: ast.expr, env: Env) -> Any:
+        """An operand of an operator: of what lies in memory an operator inside of another one is
+        computed with that.
+        """
+        memory = self.emitter.large
+        if memory is None:
+            return self.expression(node, env)
+        with memory.whole(isinstance(node, (ast.BinOp, ast.UnaryOp))):
+            return self.expression(node, env)
 
     def operate(self, node: Any, *operands: Any) -> Any:
         """An operator applied to numbers, vectors, whatever."""

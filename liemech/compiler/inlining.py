@@ -17,6 +17,7 @@ from ..formulas.pytree import Layout
 from . import state
 from .call_forms import Call, CallForms
 from .instructions import Growing, TooLong
+from .large_arrays import spans
 from .native_functions import NativeFunction, NativeFunctions, Small
 from .scopes import Frame
 from .state import Snapshot
@@ -83,13 +84,16 @@ class Outliner:
 
     def fitting(self, layout: Layout) -> Layout:
         """The layout of a state, refused if it is too wide.  Raises TooLong."""
-        if layout.width > WIDEST:
+        width = (
+            sum(kind != "large" for kind, *_ in spans(layout)) if layout.in_memory else layout.width
+        )
+        if width > WIDEST:
             raise TooLong(
                 f"the native code would be too long: a state of {layout.width} numbers, more than "
                 f"{WIDEST}, takes more than about ten seconds to make. Take a smaller group, leave "
                 "out what is not needed (the element g), or compiled=False"
             )
-        if layout.width > WIDE:
+        if width > WIDE:
             self.t.state.patience, self.t.state.huge = 1, state.HUGE
         return layout
 

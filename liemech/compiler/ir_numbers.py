@@ -50,6 +50,7 @@ class Emitter:
         self.of_numpy = False  # have NumPy's numbers come in?
         self.python_only: list[str] = []  # why they must not
         self.rows: dict[int, Emitter] = {}  # of numbers side by side, by how many they are
+        self.large: Any = None  # vectors and matrices in memory
         self.single = self  # of one number of a row
         # what to do where Python raises
         self.fail_if: Callable[[Any], None] = lambda condition: None

@@ -136,7 +136,16 @@ class Joins:
                 return x
             return e.each(lambda v: ir.Constant(v.type, ir.Undefined), x.values)
 
-        return self._numberwise([value], arbitrary)
+        if isinstance(value, Undefined):
+            return value
+        layout = layout_of(value, is_any_number)
+        if "place" not in layout.kinds:
+            return self._numberwise([value], arbitrary)
+        numbers = zip(leaves(value, layout), layout.kinds, strict=True)
+        return build(
+            layout,
+            iter([e.large.anywhere() if kind == "place" else arbitrary(x) for x, kind in numbers]),
+        )
 
     def zeros(self, value: Any) -> Any:
         """A value of the same structure whose numbers are 0: those known now what they are."""

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import NotCompilable
+from ..formulas.blas import on_one_thread
 from ..formulas.frozen import frozen
 from ..formulas.pytree import Layout, gatherer, layout_of, leaves
 from . import driver, guard_words, interrupts
@@ -153,6 +154,8 @@ class Kernel:
             if key and args and self.reads.follow(known):  # nothing has changed meanwhile
                 cache.store(key, self.reads.manifest(), code)
         self._engine, self.call = llvm.linked(code)
+        if b"liemech_dge" in code or b"liemech_zge" in code:
+            self.call = on_one_thread(self.call)
 
     def __call__(self, *args: Any, bodies: int = 1, begin: int = 0, end: int = 1) -> None:
         """Run on these arguments, for the bodies from begin to end (whole lanes); arrays hold a
@@ -460,6 +463,7 @@ def _translation(
         from .dependencies import Reads
         from .instructions import Builder, Names, drop_unused
         from .ir_numbers import F64, I64, Emitter
+        from .large_arrays import LargeArrays
         from .sites import SiteLoops
         from .translation import Interpreter
 
@@ -481,6 +485,11 @@ def _translation(
     head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
     of_sites = "planes" in kinds  # one system, whose sites have the lanes
     emitter = Emitter(builder, 1 if of_sites else lanes, width())
+    in_memory = any(isinstance(k, Layout) and k.in_memory for k in map(_layout, kinds))
+    if in_memory:
+        if lanes > 1:
+            raise NotCompilable("what lies in memory runs one body after the other")
+        emitter.large = LargeArrays(emitter)
     args = arguments(emitter, kinds, function)
     start = builder.block
     begin, end = function.args[4:] if not of_sites else map(I64, (0, 1))
@@ -522,6 +531,8 @@ def _translation(
     index.add_incoming(builder.add(index, I64(emitter.lanes)), builder.block)
     builder.branch(head)
     builder.position_at_end(done)
+    if in_memory:
+        emitter.large.finish()
     builder.ret_void()
     size = drop_unused(module, function)
     entrance(module, function, kinds, sites.rows + sites.lasting)

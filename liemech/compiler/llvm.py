@@ -132,7 +132,7 @@ def linked(code: bytes, signature: Any = SIGNATURE) -> tuple[Any, Any]:
         asked = callbacks.definitions(code)
         if asked:
             library.add_object_img(object_code(asked))
-        for name, address in _functions().items():
+        for name, address in (_functions() | callbacks.in_memory(code)).items():
             library.import_symbol(name, address)
         loaded = library.link(_linker(), f"kernel {next(_numbers)}")
         owner = Owner()

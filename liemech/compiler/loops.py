@@ -32,6 +32,7 @@ from .joins import (
     come_from,
     leveled,
 )
+from .large_arrays import spans
 from .scopes import (
     FOUND,
     HAS_FOUND,
@@ -286,6 +287,7 @@ class NativeLoop:
     def _carry(self, inside: Env) -> None:
         """The phis get what the numbers are at the end of a turn."""
         retyped: dict[int, tuple[str, bool, bool]] = {}
+        moves: list[tuple[Num, Any, Num]] = []  # of what lies in memory
         grown: Env = {}
         changed: list[str] = []
         phis = enumerate(self.phis)
@@ -304,7 +306,10 @@ class NativeLoop:
             else:
                 self._refuse_other_names(name, new, old, inside)
                 pairs = [*zip(leaves(new, layout), leaves(old, layout), strict=True)]
-                for (x, y), (i, phi) in zip(pairs, phis):
+                for (x, y), (i, phi), (kind, _, detail) in zip(pairs, phis, spans(layout)):
+                    if kind == "place" and x is not y:
+                        moves.append((x, detail, phi))
+                        continue
                     form = self._carry_number(name, x, y, phi)
                     if form is not None:
                         retyped[i] = form
@@ -315,6 +320,10 @@ class NativeLoop:
         if retyped:
             self.types |= retyped
             raise Retype(next(iter(retyped)), *retyped[next(iter(retyped))])
+        if moves:
+            there = self.e.large.carried([(x, form) for x, form, _ in moves])
+            for place, (*_, phi) in zip(there, moves):
+                come_from(phi, place.values, self.b.block)
 
     def _refuse_other_names(self, name: str, new: Any, old: Any, inside: Env) -> None:
         """Refuse a list that has another name at the end of a turn, where lists are changed."""

@@ -14,32 +14,44 @@ from typing import Any
 
 import numpy as np
 
-from ..formulas.one_row import OneRow
+from ..formulas.one_row import MADE, OneRow
 from ..formulas.pytree import gatherer, layout_of
 from ..formulas.vectors import small
 from . import batch, kernel
 
 _DOUBLE = np.dtype(float)
 
+_spent: dict[Any, float] = {}
+"""Seconds that the formulas of a class have taken in plain Python, one row at a time, for all owners."""
+
+_adding = threading.Lock()
+
+PATIENCE = 0.05
+"""Seconds to wait for another thread, before plain Python is asked."""
+
 
 def prepare(row: OneRow, args: tuple[Any, ...], result: Any) -> None:
     """Look for native code: in this process, on disk from `DISK` seconds of plain Python on, and made
     from `WORTH` on.
     """
-    rows = row.rows(args)
+    rows, key = row.rows(args), (row.formula, type(row.batch[1]))
+    with _adding:
+        spent = _spent[key] = _spent.get(key, 0.0) + row.spent
+    row.spent = 0.0
     job = batch.job_of(rows, _small(result))
     if job is None or kernel.available() is not None:
-        row.next = 2.0 * row.spent
+        row.next = 2.0 * row.next
         return
     arguments = *job.arguments, *job.rows
     run = kernel.known(_alone, *arguments)
-    if run is None and row.spent > batch.DISK:
+    if run is None and spent > batch.DISK:
         run = kernel.stored(_alone, *arguments)
-    if run is None and row.spent > batch.WORTH:
+    if run is None and spent > batch.WORTH:
         run = batch.compiled(_alone, job, rows, (1,))
     if run is None:
-        row.next = next((t for t in (batch.DISK, batch.WORTH) if t > row.spent), 2.0 * row.spent)
+        row.next = 2.0 * row.next if spent > batch.WORTH else max(row.next, 0.1 * spent)
     elif Native.fits(job, result):
+        MADE.add(key)
         row.native = Native(row, job, run, args, result)
     else:
         row.next = np.inf
@@ -101,7 +113,8 @@ class Native:
                     return None
             elif kind is not float or shape:
                 return None
-        if not self.lock.acquire(blocking=False):
+        # another thread is there for microseconds; this one, interrupted within, would wait for itself
+        if not (self.lock.acquire(blocking=False) or self.lock.acquire(timeout=PATIENCE)):
             return None
         try:
             if not self.run.reads.unchanged(self.arguments):

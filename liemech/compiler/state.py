@@ -65,7 +65,8 @@ class Snapshot:
         b, state, frame = translator.builder, translator.state, translator.frames[-1]
         self.translator, self.block, self.emitted = translator, b.block, b.emitted
         loops = [state.over] if state.over is not None else []
-        self.attributes = [(x, vars(x).copy()) for x in (state, frame, *loops)]
+        memory = [translator.emitter.large] if translator.emitter.large is not None else []
+        self.attributes = [(x, vars(x).copy()) for x in (state, frame, *loops, *memory)]
         self.env, self.variables = env, dict(env)
         grow = translator.frames, frame.loops, frame.returns, state.escapes, state.spent
         code = b.function.blocks, b.block.instructions

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotCompilable
-from ..formulas import functions, philox, products, series, sums, tables, vectors
+from ..formulas import functions, large, philox, products, series, sums, tables, vectors
 from ..formulas.derivatives import axes, tangent
 from ..formulas.dual import Dual
 from ..formulas.fields import converters
@@ -150,8 +150,13 @@ class Interpreter(Statements):
             ):
                 return self.inline(function, args, options)
             return function(*args, **options)
+        if isinstance(function, (large.LinearMap, large.DiagonalSolver)):
+            return function(*args)
         if isinstance(function, types.FunctionType) and not _of_numbers(function):
-            if function.__module__ == sums.__name__:  # Python runs these as they stand
+            if function.__module__ in (
+                sums.__name__,
+                large.__name__,
+            ):  # Python runs these as they stand
                 self.reads.settled(*args)
                 return function(*args, **options)
             return self.inline(function, args, options)
@@ -348,7 +353,7 @@ class Interpreter(Statements):
         terms are.
         """
         part = self.call(shown, value)
-        total = driver.pairwise_sum(leaves(part, layout_of(part)))
+        total = driver.pairwise_sum(driver.terms(part, layout_of(part)))
         finite = total - total == 0.0
         failed = self.emitter.load(self.state.outcome)
         return self.emitter.logic("and_", finite, self.emitter.negation(failed))

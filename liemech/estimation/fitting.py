@@ -123,7 +123,7 @@ def fit(
         weights: list[Any] = []
         squares: list[Any] = []
         for sight, at, z in seen:
-            r, H, R = sight.factor(path[at], z)
+            r, H, R = sight.of(path[at], z)
             J = H @ T[at]
             RJ, Rr = over("fit", R, type(sight.sensor).__name__, J, r[..., None])
             A += np.einsum("kmi,kmj->ij", J, RJ)

@@ -94,6 +94,13 @@ class Sight(Record):
         slopes = by_error(self.group, self.side, g, lambda x: sensor.residual(x, z))
         return sensor.residual(g, z), transpose(mat(*slopes)), sensor.covariance(g)
 
+    def of(self, g: Any, z: Any) -> tuple[Any, Any, Any]:
+        """The same for many; one of them by itself is the quicker."""
+        if len(g) != 1:
+            return self.factor(g, z)
+        r, H, R = self.factor(g[0], z[0])
+        return r[None], H[None], R[None]
+
     @property
     def group(self) -> Any:
         """That of the sensor."""
@@ -248,7 +255,7 @@ def smooth(
         b[1:] += (Bt @ Qr)[..., 0]
         weights, squares = [Q], [r]
         for sight, at, z in sights:
-            r, H, R = sight.factor(x[at], z)
+            r, H, R = sight.of(x[at], z)
             Ht = H.swapaxes(1, 2)
             RH, Rr = over("smooth", R, type(sight.sensor).__name__, H, r[..., None])
             np.add.at(D, at, Ht @ RH)

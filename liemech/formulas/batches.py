@@ -16,6 +16,7 @@ from ..errors import InvalidInput, InvalidType
 from .arrays import check_finite, real_array, shown
 from .complex_numbers import Complex
 from .frozen import frozen
+from .large import Large
 from .signatures import Signature
 from .vectors import Mat, Vec, small
 
@@ -299,7 +300,7 @@ def _stacked(results: Sequence[Any], where: str) -> Any:
         return np.array(results)
     results = [_real(one) for one in results]
     for one in results:
-        if not isinstance(one, (float, int, Complex, Vec, Mat, np.ndarray, np.number)):
+        if not isinstance(one, (float, int, Complex, Vec, Mat, Large, np.ndarray, np.number)):
             raise InvalidType(_no_value(where, one))
     try:
         return np.array(results, dtype=float)

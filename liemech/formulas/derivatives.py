@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import InvalidType
 from .complex_numbers import Complex
 from .dual import ALONE, DEPTH, Dual, value_of
-from .numbers import Pair, StandIn
+from .numbers import InMemory, Pair, StandIn
 from .of_math import run
 from .pytree import fields_of, fill
 from .records import Record
@@ -81,6 +81,10 @@ def tangent(
 
 def axes(x: Any) -> list[list[Any]]:
     """The unit vectors of the space of x; an integer 0 says that a component rests."""
+    if isinstance(x, InMemory):
+        raise InvalidType(
+            f"derivatives by every component of {x!r} are not derived: write the gradient of the energy"
+        )
     if not isinstance(x, (Vec, tuple, list, np.ndarray)):
         raise InvalidType(
             f"x must be a vector; got {type(x).__name__} (of a number: `derivative(f, x)`)"

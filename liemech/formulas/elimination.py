@@ -11,6 +11,7 @@ from .complex_numbers import Complex
 from .double_double import DoubleDouble, is_long
 from .dual import constant
 from .functions import where
+from .large import Large
 from .pytree import plain
 from .sums import abs2
 from .vectors import Mat, Vec, cross, dot, mat, vec
@@ -84,6 +85,8 @@ def solve_matrix(m: Mat, rhs: Mat) -> Mat:
 
     m : (n, n), rhs : (n, k).  Raises InvalidType if m is not square or rhs has another length.
     """
+    if isinstance(m, Large):  # type: ignore[unreachable]
+        return rhs.T.over(m.T).T  # type: ignore[unreachable]
     n = _square("solve", m, rhs)
     rows = _of_one_kind([vec(*m[i], *rhs[i]) for i in range(n)])
     for k in range(n):
@@ -141,6 +144,8 @@ def inverse(m: Mat) -> Mat:
 
     m : (n, n).  Raises InvalidType if it is not square.
     """
+    if isinstance(m, Large):  # type: ignore[unreachable]
+        return (0.0 * m).plus(1.0).over(m)  # type: ignore[unreachable]
     _square("inverse", m, m)
     return solve_matrix(m, unit(m))
 

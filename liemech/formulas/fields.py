@@ -31,6 +31,7 @@ from .arrays import real_array
 from .batches import AXES
 from .broadcasting import Broadcasting
 from .frozen import MISSING
+from .large import Large
 from .numbers import Pair, StandIn, of_an_int
 from .vectors import Mat, Vec
 
@@ -69,7 +70,7 @@ class OfEach:
 # ------------------------------------------------------------------ values of any kind
 
 CONSTANT: frozenset[type] = frozenset(
-    (float, int, bool, str, bytes, complex, type(None), Vec, Mat, FrozenDict)
+    (float, int, bool, str, bytes, complex, type(None), Vec, Mat, Large, FrozenDict)
 )
 _CURES: dict[type, str] = {
     list: "lm.Vec, lm.Mat or tuple",
@@ -325,6 +326,8 @@ def _of_each(owner: Any, name: str, value: Any, axes: set[int], what: str) -> An
 
 def _small(owner: Any, name: str, value: Any, allowed: tuple[type, ...]) -> Any:
     if type(value) is Vec and Vec in allowed and _FLOAT.issuperset(map(type, value)):
+        return value
+    if isinstance(value, Large):
         return value
     if isinstance(value, OfEach):
         what = " or ".join({"Vec": "a vector", "Mat": "a matrix"}[k.__name__] for k in allowed)

@@ -87,6 +87,16 @@ class Operand:
         return formula(*operands, **known)
 
 
+class InMemory(Operand):
+    """Vectors and matrices that are too large to be written out."""
+
+    __slots__ = ()
+
+    def inner_with(self, other: Any) -> Any:
+        """The scalar product."""
+        raise NotImplementedError
+
+
 def _arrays(x: Any) -> Any:
     """Arrays instead of vectors and matrices, and of one object instead of a number that carries
     more.

@@ -51,12 +51,12 @@ class OneRow:
             () if kind == "float" else owner._shape(name, kind)
             for name, kind in zip(signature.names, kinds)
         ]
-        self.axes = [AXES.get(kind, 2) for kind in kinds]
+        self.axes = [AXES.get(kind) for kind in kinds]
         self.dtypes = [_COMPLEX if owner._complex(kind) else _DOUBLE for kind in kinds]
         self.elements = [i for i, kind in enumerate(kinds) if kind == "Element"]
         self.batch = (signature, owner)
         self.native: Callable[[Any, tuple[Any, ...]], Any] | None = None
-        self.spent, self.next = 0.0, SOON
+        self.spent, self.next = 0.0, 0.0 if (self.formula, type(owner)) in MADE else SOON
 
     def rows(self, args: tuple[Any, ...]) -> Batch:
         """The arguments as a batch of one row."""
@@ -71,6 +71,9 @@ class OneRow:
 
 SOON = 0.005
 """Seconds of plain Python after which native code is asked for."""
+
+MADE: set[Any] = set()
+"""Formulas of classes that have native code in this process: other owners ask for it at once."""
 
 prepare: Callable[[OneRow, tuple[Any, ...], Any], None] | None = None
 """What looks for native code, given a row, its arguments and the result: it sets `native`, or `next`, when to
@@ -171,14 +174,14 @@ def _remembered(signature: Signature, owner: Any) -> OneRow | None:
 
 
 def _row(signature: Signature, owner: Any) -> OneRow | None:
-    kinds = [signature.kinds[name] for name in signature.names if name in signature.kinds]
-    plain = (
-        owner._takes_rows
-        and signature.space_at is None
-        and [*signature.names[: len(kinds)]] == [n for n in signature.names if n in signature.kinds]
-        and not owner.is_large
-    )
-    if not plain:
+    names, kinds = signature.names, signature.kinds
+    numbers = [kinds[name] for name in names if name in kinds]
+    if signature.space_at is not None or not {*names[: len(numbers)]} <= kinds.keys():
         return None
-    row = OneRow(signature, owner, kinds)
-    return row if all(s is None or len(s) <= 2 for s in row.shapes) else None
+    try:
+        row = OneRow(signature, owner, numbers)
+        large = owner.is_large or not owner._takes_rows
+    except Exception:  # an owner that lacks something, of which the long way will speak
+        return None
+    known = zip(row.shapes, row.axes)
+    return row if not large and all(n if s is None else len(s) <= 2 for s, n in known) else None

@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 import functools
+import itertools
 import struct
 import types
 from collections.abc import Callable, Iterable, Iterator
@@ -24,6 +25,7 @@ from .double_double import DoubleDouble, rounded_number
 from .dual import ALONE, Dual
 from .fields import FrozenDict
 from .frozen import frozen
+from .large import Large, from_numbers, size_of
 from .numbers import StandIn
 from .records import Record
 from .tables import Table
@@ -38,19 +40,24 @@ _COMPENSATED, _DOUBLE_DOUBLE = (Compensated,), (DoubleDouble,)  # the forms of s
 @frozen
 class Layout:
     """The structure of a value: `kind` is number, integer, truth, pair, vec, mat, tuple, list,
-    record, table or static.
+    record, table, large, place or static.
+
+    large : numbers in memory; in native code a formula knows their place alone.
 
     Integers and truth values are such where they may change: in what a method carries along.
     """
 
     kind: str
     parts: tuple[Layout, ...] = ()
-    # the form of a pair, the class and field names of a record, the object of a static part
+    # the form of a pair or of what is large, the class and field names of a record, the object of a
+    # static part
     detail: Any = None
 
     @functools.cached_property
     def width(self) -> int:
         """How many numbers the value holds."""
+        if self.kind == "large":
+            return size_of(self.detail)
         return 1 if self.kind in _ONE else sum(part.width for part in self.parts)
 
     @functools.cached_property
@@ -58,6 +65,8 @@ class Layout:
         """The kinds of its numbers, in order: number, integer, truth or table."""
         if self.kind in _ONE:
             return (self.kind,)
+        if self.kind == "large":
+            return ("number",) * self.width
         return tuple([kind for part in self.parts for kind in part.kinds])
 
     @functools.cached_property
@@ -92,6 +101,11 @@ class Layout:
         )
 
     @functools.cached_property
+    def in_memory(self) -> bool:
+        """Is there something in it that is too large to be written out?"""
+        return self.kind == "large" or any(part.in_memory for part in self.parts)
+
+    @functools.cached_property
     def _identity(self) -> Any:
         """The detail as two layouts compare it: of static parts type and value, exactly."""
         return exact(self.detail) if self.kind == "static" else self.detail
@@ -120,7 +134,9 @@ class Layout:
             cls, *more = self.detail
             return f"{cls.__name__}({', '.join([inside, *map(str, more)])})"
         return (
-            repr(self.detail)
+            f"{self.kind}({self.detail})"
+            if self.kind in ("large", "place")
+            else repr(self.detail)
             if self.kind == "static"
             else f"{self.kind}({inside})"
             if inside
@@ -130,7 +146,7 @@ class Layout:
 
 NUMBER, INTEGER, TRUTH, TABLE = map(Layout, ("number", "integer", "truth", "table"))
 _SINGLE = "number", "integer", "truth"
-_ONE = *_SINGLE, "table"
+_ONE = *_SINGLE, "table", "place"
 
 
 class _Itself:
@@ -172,6 +188,8 @@ def exact(value: Any) -> Any:
         return kind, tuple([(exact(k), exact(v)) for k, v in value.items()])
     if isinstance(value, (np.generic, np.ndarray)) and not value.dtype.hasobject:
         return kind, value.dtype.str, value.shape, value.tobytes()
+    if kind is Large and value.numbers is not None:
+        return kind, value.form, value.numbers.tobytes()
     if kind in _BY_PARTS:
         return kind, tuple([exact(part) for part in _BY_PARTS[kind](value)])
     if isinstance(value, Record):
@@ -227,6 +245,10 @@ def layout_of(value: Any, number: Callable[[Any], bool] = is_number) -> Layout:
             if ordinary
             else _sequence("vec", tuple([layout_of(x, number) for x in value]))
         )
+    if isinstance(value, Large):
+        of_place = number is is_any_number and value.numbers is None
+        if of_place or number is not is_any_number:
+            return _large("place" if of_place else "large", value.form)
     if isinstance(value, Mat):
         return _matrix(tuple([layout_of(row, number) for row in value.rows]))
     if isinstance(value, PAIRS):
@@ -297,6 +319,7 @@ def _in_words(layout: Layout) -> str:
         "truth": "a bool",
         "vec": f"a vector of {len(layout.parts)}",
         "mat": f"a matrix of {len(layout.parts)} rows",
+        "large": f"numbers in memory, {layout.detail}",
         "pair": "a number that carries more",
     }
     if layout.kind == "record":
@@ -355,6 +378,11 @@ def vector_layout(n: int) -> Layout:
 
 
 @functools.lru_cache(_MANY)
+def _large(kind: str, form: tuple[Any, ...]) -> Layout:
+    return Layout(kind, (), form)
+
+
+@functools.lru_cache(_MANY)
 def _matrix(rows: tuple[Layout, ...]) -> Layout:
     return Layout("mat", rows)
 
@@ -363,7 +391,7 @@ def is_static(value: Any) -> bool:
     """A tuple of plain constants, however nested."""
     if isinstance(value, tuple) and not isinstance(value, Vec):
         return all(map(is_static, value))
-    return not isinstance(value, (Vec, Mat, Record, Table, StandIn, *PAIRS))
+    return not isinstance(value, (Vec, Mat, Record, Table, Large, StandIn, *PAIRS))
 
 
 def leaves(value: Any, layout: Layout) -> list[Any]:
@@ -377,8 +405,10 @@ def _gather(value: Any, layout: Layout, found: list[Any]) -> None:
     """Append the numbers of a value."""
     if layout.kind in _SINGLE:
         found.append(value)
-    elif layout.kind == "table":
+    elif layout.kind in ("table", "place"):
         found.append(value.place)
+    elif layout.kind == "large":
+        found.extend(value.flat)
     elif layout.kind == "record":
         for name, part in zip(layout.detail[1], layout.parts, strict=True):
             if part.width:
@@ -406,6 +436,8 @@ def _places(layout: Layout, value: str) -> Iterator[str]:
         yield value
     elif layout.kind == "table":
         yield f"{value}.place"
+    elif layout.kind == "large":
+        yield f"*{value}.flat"
     elif layout.plain and layout.kind in ("vec", "tuple", "list"):
         yield f"*{value}"
     elif layout.width:
@@ -429,6 +461,10 @@ def build(layout: Layout, numbers: Iterator[Any]) -> Any:
     if layout.kind == "table":
         place = next(numbers)
         return Table.at(place.value if isinstance(place, Dual) else place)
+    if layout.kind == "place":
+        return Large.at(next(numbers), layout.detail)
+    if layout.kind == "large":
+        return from_numbers(layout.detail, list(itertools.islice(numbers, layout.width)))
     parts = [build(part, numbers) for part in layout.parts]
     if layout.kind == "pair":
         return paired(layout.detail, parts)

@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import InvalidType
 from .complex_numbers import Complex
 from .functions import sqrt
-from .numbers import Operand, StandIn, of_an_int
+from .numbers import InMemory, Operand, StandIn, of_an_int
 
 MANY = 1024
 """An array of more numbers is none of a formula, but samples."""
@@ -33,6 +33,8 @@ def _by_components(op: Callable[[Any, Any], Any], scalars: bool = False) -> Any:
         if type(other) is not Vec:
             if scalars and type(other) is float:
                 return _make(Vec, [op(x, other) for x in self])
+            if isinstance(other, InMemory):
+                return NotImplemented
             if isinstance(other, np.ndarray) and not other.ndim:
                 other = other.item()
             if scalars and not isinstance(other, _VECTORS):
@@ -427,6 +429,8 @@ class Mat(Operand):
         return self @ other
 
     def _by_rows(self, op: Callable[[Any, Any], Any], other: Any) -> Any:
+        if isinstance(other, InMemory):
+            return NotImplemented
         if are_samples(other, 2):
             return op(np.asarray(self), other)
         other = small(other)
@@ -482,6 +486,8 @@ class Mat(Operand):
         return Mat(*map(abs, self.rows))
 
     def __matmul__(self, other: Any) -> Any:
+        if isinstance(other, InMemory):
+            return NotImplemented
         if are_samples(other, 2):
             return np.asarray(self) @ other
         other = small(other)
@@ -573,6 +579,10 @@ def dot(a: Any, b: Any) -> Any:
     """Scalar product a . b.  a, b : (n,).  Raises InvalidType if the lengths differ, or for a
     matrix.
     """
+    if isinstance(a, InMemory):
+        return a.inner_with(b)
+    if isinstance(b, InMemory):
+        return b.inner_with(a)
     if len(a) != len(b):
         raise InvalidType(f"dot: the vectors have {len(a)} and {len(b)} components")
     total: Any = None

@@ -7,12 +7,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InvalidInput
+from ..errors import InvalidInput, NotDefined
 from ..formulas import Ambient, Complex, Element, Mat, Vec, mat, record, vec
 from ..formulas.sums import total
+from . import matrix_basis
+from .matrix_basis import MatrixBasis, SparseBasis, basis_of
 from .matrix_group import MatrixLieGroup, named_by_size, whole_number
 from .matrix_invariants import Invariants
 from .nearest import nearest_unitary
+
+WRITTEN_OUT = 9
+"""Rows up to which formulas of classical groups are written out: so(9) has 36 dimensions, so(10) 45."""
 
 
 @record
@@ -33,12 +38,49 @@ class ClassicalGroup(MatrixLieGroup):
     def __post_init__(self) -> None:
         object.__setattr__(self, "n", whole_number(type(self).__name__, self.n, self.smallest))
 
+    def _entries(self) -> tuple[np.ndarray, ...]:
+        """The entries of the basis that are not zero: which E_k, row, column, value."""
+        raise NotDefined(f"{type(self).__name__} must define the entries of its basis")
+
+    @cached_property
+    def generators(self) -> np.ndarray:
+        """The basis as an array, (dim, n, n): of large groups nobody needs it but who asks."""
+        k, i, j, values = self._entries()
+        found = np.zeros((int(k[-1]) + 1, self.n, self.n), dtype=values.dtype)
+        found[k, i, j] = values
+        return found
+
+    @cached_property
+    def generated(self) -> MatrixBasis:
+        """The basis and the constants that follow from it; of large matrices found from the entries
+        that are not zero.
+        """
+        if self.n <= min(matrix_basis.SMALL, WRITTEN_OUT):
+            return basis_of(self.generators, type(self).__name__)
+        return SparseBasis(repr(self), self.n, *self._entries())
+
     def _powers(self) -> tuple[int, ...]:
         """The exponents whose traces are independent Casimir functions."""
         return tuple(range(2, self.n + 1))
 
+    def _casimirs_of(self, m: np.ndarray) -> np.ndarray:
+        """The Casimirs from the matrix that stands for a momentum, (samples, n, n), of unitary groups
+        from its eigenvalues: where m = i l, i^-k tr(m^k) is the sum of the l^k.
+        """
+        if self.generated.complex:
+            values = np.linalg.eigvalsh(-1j * m)
+            return np.stack([(values**k).sum(axis=-1) for k in self._powers()], axis=-1)
+        power, found = m, []
+        for k in range(1, max(self._powers()) + 1):
+            power = m if k == 1 else power @ m
+            if k in self._powers():
+                found.append(np.trace(power, axis1=-2, axis2=-1))
+        return np.stack(found, axis=-1)
+
     def casimirs(self, mu: Vec) -> Vec:
         """The traces of powers of the matrix that stands for mu."""
+        if self.is_large:
+            return MatrixLieGroup.casimirs(self, mu)
         m = self.algebra.covector(mu)
         power = m
         values: list[Any] = []
@@ -118,17 +160,15 @@ class SO(ClassicalGroup):
 
     smallest: ClassVar[int] = 2
 
-    @cached_property
-    def generators(self) -> np.ndarray:
+    def _entries(self) -> tuple[np.ndarray, ...]:
         """E_ji - E_ij for i < j, (1, 2), (1, 3), ...; of SO(3) in the order and with the signs of
         the vector product.
         """
-        if self.n == 3:
-            return np.cross(np.eye(3)[:, None], np.eye(3)[None]).swapaxes(1, 2)
         i, j = np.triu_indices(self.n, 1)
-        e = np.zeros((len(i), self.n, self.n))
-        e[np.arange(len(i)), j, i], e[np.arange(len(i)), i, j] = 1.0, -1.0
-        return e
+        if self.n == 3:
+            i, j = np.array([1, 2, 0]), np.array([2, 0, 1])
+        k, ones = np.arange(len(i)), np.ones(len(i))
+        return _in_order((k, j, i, ones), (k, i, j, -ones))
 
     @cached_property
     def invariants(self) -> Invariants:
@@ -142,6 +182,8 @@ class SO(ClassicalGroup):
         The first is |mu|^2.  The Pfaffian, mu_12 mu_34 - mu_13 mu_24 + mu_14 mu_23 on SO(4),
         changes its sign under a reflection.
         """
+        if self.is_large:
+            return MatrixLieGroup.casimirs(self, mu)
         square = self.algebra.hat(mu) @ self.algebra.hat(mu)
         power = square
         values: list[Any] = []
@@ -150,6 +192,21 @@ class SO(ClassicalGroup):
             trace = total([power[i, i] for i in range(self.n)])
             values = [*values, 0.5 * trace if k % 2 == 0 else -0.5 * trace]
         return vec(*values, *([] if self.n % 2 else [pfaffian(-self.algebra.hat(mu))]))
+
+    def _casimirs_of(self, m: np.ndarray) -> np.ndarray:
+        """The same from the rates b_j in all planes, m = Q diag([[0, b_j], [-b_j, 0]]) Q^T: half the
+        traces are the sums of b_j^2k, the Pfaffian is det(Q) b_1 b_2 ...
+        """
+        from scipy.linalg import schur
+
+        found = []
+        for x in m:
+            blocks, q = schur(2.0 * x)  # hat(mu) is twice the matrix that stands for mu
+            rates = np.diag(blocks, 1)  # of which one is zero between two planes
+            values = [np.sum(rates ** (2 * k)) for k in range(1, (self.n + 1) // 2)]
+            planes = [] if self.n % 2 else [np.linalg.det(q) * np.prod(-rates[::2])]
+            found.append([*values, *planes])
+        return np.array(found)
 
     def further_invariants(self, mu: Any) -> tuple[float, ...]:
         """None: the Casimirs tell the angular velocities in all planes, for even n with the
@@ -196,10 +253,10 @@ class SL(ClassicalGroup):
 
     smallest: ClassVar[int] = 2
 
-    @cached_property
-    def generators(self) -> np.ndarray:
+    def _entries(self) -> tuple[np.ndarray, ...]:
         """E_ij, i != j, row by row, then E_ii - E_i+1,i+1."""
-        return np.concatenate([_off_diagonal(self.n), _differences(self.n)])
+        i, j = np.nonzero(~np.eye(self.n, dtype=bool))
+        return _in_order((np.arange(len(i)), i, j, np.ones(len(i))), *_differences(self.n, len(i)))
 
     @cached_property
     def invariants(self) -> Invariants:
@@ -227,10 +284,10 @@ class GL(ClassicalGroup):
 
     __repr__ = named_by_size
 
-    @cached_property
-    def generators(self) -> np.ndarray:
+    def _entries(self) -> tuple[np.ndarray, ...]:
         """E_ij, row by row."""
-        return np.eye(self.n**2).reshape(-1, self.n, self.n)
+        k = np.arange(self.n**2)
+        return k, k // self.n, k % self.n, np.ones(len(k))
 
     @cached_property
     def invariants(self) -> Invariants:
@@ -266,10 +323,10 @@ class SU(ClassicalGroup):
 
     smallest: ClassVar[int] = 2
 
-    @cached_property
-    def generators(self) -> np.ndarray:
+    def _entries(self) -> tuple[np.ndarray, ...]:
         """E_ij - E_ji, i (E_ij + E_ji) for each i < j, then i (E_jj - E_j+1,j+1)."""
-        return np.concatenate([_antihermitian(self.n), 1j * _differences(self.n)])
+        first = self.n * (self.n - 1)
+        return _in_order(*_antihermitian(self.n), *_differences(self.n, first, 1j))
 
     @cached_property
     def invariants(self) -> Invariants:
@@ -306,12 +363,11 @@ class U(ClassicalGroup):
 
     __repr__ = named_by_size
 
-    @cached_property
-    def generators(self) -> np.ndarray:
+    def _entries(self) -> tuple[np.ndarray, ...]:
         """E_ij - E_ji, i (E_ij + E_ji) for each i < j, then i E_jj."""
-        diagonal = np.zeros((self.n,) * 3, dtype=complex)
-        np.einsum("iii->i", diagonal)[:] = 1j
-        return np.concatenate([_antihermitian(self.n), diagonal])
+        k = np.arange(self.n)
+        diagonal = self.n * (self.n - 1) + k, k, k, np.full(self.n, 1j)
+        return _in_order(*_antihermitian(self.n), diagonal)
 
     @cached_property
     def invariants(self) -> Invariants:
@@ -370,14 +426,17 @@ class Sp(ClassicalGroup):
         """Om = [[0, 1], [-1, 0]].  (2n, 2n)"""
         return np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(self.n // 2))
 
-    @cached_property
-    def generators(self) -> np.ndarray:
-        """Om^-1 E_ii, then Om^-1 (E_ij + E_ji) for i < j."""
-        one = np.eye(self.n)
-        i, j = np.triu_indices(self.n, 1)
-        squares = np.einsum("ka,kb->kab", one, one)
-        symmetric = np.einsum("ka,kb->kab", one[i], one[j])
-        return -self.form @ np.concatenate([squares, symmetric + symmetric.swapaxes(1, 2)])
+    def _entries(self) -> tuple[np.ndarray, ...]:
+        """Om^-1 E_ii, then Om^-1 (E_ij + E_ji) for i < j: Om^-1 exchanges the halves of the rows, one
+        of them with its sign changed.
+        """
+        n, half, d = self.n, self.n // 2, np.arange(self.n)
+        i, j = np.triu_indices(n, 1)
+        k = n + np.arange(len(i))
+        found = []
+        for at, row, column in ((d, d, d), (k, i, j), (k, j, i)):
+            found.append((at, (row + half) % n, column, np.where(row < half, 1.0, -1.0)))
+        return _in_order(*found)
 
     @cached_property
     def invariants(self) -> Invariants:
@@ -386,6 +445,8 @@ class Sp(ClassicalGroup):
 
     def inverse(self, g: Element) -> Element:
         """Om^-1 g^T Om: blocks of g exchanged, the others with their sign changed."""
+        if self.is_large:
+            return MatrixLieGroup.inverse(self, g)
         n = self.n
         return mat(*[vec(*[self._entry_of_inverse(g, i, j) for j in range(n)]) for i in range(n)])
 
@@ -401,30 +462,27 @@ class Sp(ClassicalGroup):
 # ------------------------------------------------------------------ bases
 
 
-def _off_diagonal(n: int) -> np.ndarray:
-    """E_ij for i != j, row by row."""
-    i, j = np.nonzero(~np.eye(n, dtype=bool))
-    e = np.zeros((len(i), n, n))
-    e[np.arange(len(i)), i, j] = 1.0
-    return e
+def _in_order(*parts: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...]:
+    """Entries of a basis, one generator after the other."""
+    k, *rest = (np.concatenate(x) for x in zip(*parts, strict=True))
+    order = np.argsort(k, kind="stable")
+    return (k[order], *(x[order] for x in rest))
 
 
-def _differences(n: int) -> np.ndarray:
-    """E_ii - E_i+1,i+1."""
-    e = np.zeros((n - 1, n, n))
+def _differences(n: int, first: int, unit: complex = 1.0) -> list[tuple[np.ndarray, ...]]:
+    """E_ii - E_i+1,i+1, times a unit.  first : the number of the first of them."""
     k = np.arange(n - 1)
-    e[k, k, k], e[k, k + 1, k + 1] = 1.0, -1.0
-    return e
+    return [(first + k, at, at, np.full(n - 1, s * unit)) for at, s in ((k, 1.0), (k + 1, -1.0))]
 
 
-def _antihermitian(n: int) -> np.ndarray:
+def _antihermitian(n: int) -> list[tuple[np.ndarray, ...]]:
     """E_ij - E_ji, i (E_ij + E_ji) for each i < j."""
     i, j = np.triu_indices(n, 1)
-    e = np.zeros((2 * len(i), n, n), dtype=complex)
     k = 2 * np.arange(len(i))
-    e[k, i, j], e[k, j, i] = 1.0, -1.0
-    e[k + 1, i, j] = e[k + 1, j, i] = 1j
-    return e
+    return [
+        (k + part, row, column, np.full(len(i), value))
+        for part, row, column, value in ((0, i, j, 1 + 0j), (0, j, i, -1 + 0j), (1, i, j, 1j), (1, j, i, 1j))
+    ]  # fmt: skip
 
 
 def _polar(name: str, g: Ambient) -> np.ndarray:

@@ -4,6 +4,7 @@ NumPy finds once.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -12,6 +13,8 @@ from ..errors import InvalidType
 from ..formulas import Complex, Mat, Vec, mat, record, solve, solve3, vec
 from ..formulas.double_double import is_long
 from ..formulas.elimination import INFINITE, inverse, solve_matrix
+from ..formulas.large import Large
+from ..formulas.numbers import raise_if
 from ..formulas.sums import (
     antisymmetric_map,
     bilinear,
@@ -29,6 +32,7 @@ from .matrix_functions import (
     LOST,
     digits,
     expm1,
+    frobenius2,
     phi1m,
     plus,
 )
@@ -75,43 +79,61 @@ class MatrixLieAlgebra(LieAlgebra):
         return tuple(tuple(map(tuple, c)) for c in self.generated.structure_constants.tolist())
 
     def bracket(self, xi: Vec, eta: Vec) -> Vec:
-        """The commutator, over the structure constants that are not zero."""
-        if not self.generated.tabled:
+        """The commutator, over the structure constants that are not zero; of large matrices by
+        their products.
+        """
+        if self.is_large:
             x, y = self.hat(xi), self.hat(eta)
             return self.vee(x @ y - y @ x)
         return antisymmetric_map(self.generated.bracket_terms, xi, eta)
 
     def ad_star(self, xi: Vec, mu: Vec) -> Vec:
-        """The transpose of the bracket, over the structure constants that are not zero."""
-        if not self.generated.tabled:
+        """The transpose of the bracket, over the structure constants that are not zero; of large
+        matrices by their products.
+        """
+        if self.is_large:
             x, m = adjoint(self.hat(xi)), self.covector(mu)
             return self.pairing(x @ m - m @ x)
         return bilinear_map(self.generated.ad_star_terms, xi, mu)
 
     def hat(self, xi: Vec) -> Mat:
         """sum_i xi_i E_i."""
+        if self.is_large:
+            return self.generated.hat_map(xi)
         return self._assembled(self.generated.hat_terms, xi)
 
     def vee(self, matrix: Mat) -> Vec:
         """Coordinates by least squares: of a matrix outside the algebra, those of its orthogonal
         projection.
         """
+        if self.is_large:
+            return self.generated.vee_map(matrix)
         return vec(*[entries(terms, matrix) for terms in self.generated.vee_terms])
 
     def covector(self, mu: Vec) -> Mat:
         """The matrix M in the algebra that stands for a momentum, <mu, xi> = Re tr(M^H hat(xi)).
         mu : (dim,).
         """
+        if self.is_large:
+            return self.generated.covector_map(mu)
         return self._assembled(self.generated.covector_terms, mu)
 
     def pairing(self, matrix: Mat) -> Vec:
         """The momentum that a matrix stands for, mu_i = Re tr(M^H E_i): the inverse of `covector`.
         matrix : (n, n).
         """
+        if self.is_large:
+            return self.generated.pairing_map(matrix)
         return vec(*[entries(terms, matrix) for terms in self.generated.pairing_terms])
 
     def ad_size2(self, xi: Vec) -> float:
-        """A bound for the square of the Euclidean norm of ad_xi.  xi : (dim,)."""
+        """A bound for the square of the Euclidean norm of ad_xi, of large matrices that of their
+        Frobenius norms: |[x, y]|^2 <= 2 |x|^2 |y|^2.  xi : (dim,).
+
+        Source: Boettcher and Wenzel, Linear Algebra Appl. 429 (2008) 1864.
+        """
+        if self.is_large:
+            return 2.0 * frobenius2(self.hat(xi))
         return bilinear(self.generated.ad_size_terms, xi, xi)
 
     def _assembled(self, places: Any, v: Vec) -> Mat:
@@ -132,6 +154,10 @@ class MatrixLieAlgebra(LieAlgebra):
 
     def exp_Ad_star(self, xi: Vec, mu: Vec) -> Vec:
         """sum_k ad*_xi^k mu/k!, without forming a matrix unless xi is large."""
+        if self.is_large:
+            return self._moved(
+                expm1(self.hat(xi)), None if self.group._form else expm1(self.hat(-xi)), mu
+            )
         if self.ad_size2(xi) <= 4.0:
             return mu + _series(self.ad_star, xi, mu, self.ad_size2(xi), 0.0)
         g, group = self.group.exp(xi), self.group
@@ -153,6 +179,8 @@ class MatrixLieAlgebra(LieAlgebra):
         (...) = eta.
         """
         size2 = self.ad_size2(xi)
+        if self.is_large:
+            return _long_bernoulli_series(self.bracket, -xi, eta, size2)
         if size2 <= 1.0:
             return _bernoulli_series(self.bracket, -xi, eta, size2)
         return solve(phi1m(self.ad_matrix(-xi)), eta)
@@ -162,6 +190,8 @@ class MatrixLieAlgebra(LieAlgebra):
         (...) = mu.
         """
         size2 = self.ad_size2(xi)
+        if self.is_large:
+            return _long_bernoulli_series(self.ad_star, -xi, mu, size2)
         if size2 <= 1.0:
             return _bernoulli_series(self.ad_star, -xi, mu, size2)
         return solve(phi1m(self.ad_matrix(-xi).T), mu)
@@ -233,6 +263,16 @@ class MatrixLieAlgebra(LieAlgebra):
             for j in range(dim)
         ]
         return mat(*[vec(*[_sum(entry) for entry in row]) for row in rows]).T
+
+    def _moved(self, e: Mat, back: Mat | None, mu: Vec) -> Vec:
+        """mu moved by g, from e = g - 1 and g^-1 - 1 (None: e^H), to rounding of what is added.
+
+        g^H M g^-H = M + d + (M + d) (g^-H - 1) with d = (g - 1)^H M.
+        """
+        m, on_the_right = self.covector(mu), e if back is None else back.H
+        added = e.H @ m
+        added = added + (m + added) @ on_the_right
+        return mu + self.pairing(added)
 
     def _conjugated(self, g: Mat, back: Mat, xi: Vec) -> Vec:
         return self.vee(g @ self.hat(xi) @ back)
@@ -339,6 +379,8 @@ class MatrixLieAlgebra(LieAlgebra):
 
 def adjoint(m: Mat) -> Mat:
     """The conjugate transpose."""
+    if isinstance(m, Large):
+        return m.H
     if isinstance(m[0, 0], Complex):
         return mat(*[vec(*[x.conjugate() for x in row]) for row in m.T])
     return m.T
@@ -390,4 +432,37 @@ def _bernoulli_sum(
         power = action(x, power)
         change = change + b * power
         power = action(x, power)
+    return v + change
+
+
+FARTHEST = 20.0
+"""The square of the size of ad up to which the series of dexp^-1, which ends at 2 pi, is summed up."""
+
+FAR = (
+    *EVEN,
+    *[-2.0 * (1.0 + 0.25**k) / (-4.0 * math.pi**2) ** k for k in range(len(EVEN) + 1, 65)],
+)
+"""More of B_2k/(2k)! = -2 zeta(2k)/(-4 pi^2)^k, with zeta(2k) = 1 + 4^-k but for 9^-k.
+
+Source: NIST Handbook of Mathematical Functions, 25.2.1 and 25.6.2.
+"""
+
+
+def _long_bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) -> Vec:
+    """The same for |A|^2 up to 20.  Raises InvalidInput for larger ones."""
+    raise_if(
+        size2 > FARTHEST,
+        "dexp_inv: a displacement of large matrices whose commutators may be longer than 4.5; take a "
+        "shorter step",
+    )
+    power = action(x, v)
+    change, bound = -0.5 * power, size2
+    for k in range(len(FAR)):
+        b = FAR[k]
+        if bound * abs(b) <= 2.0**-56:
+            break
+        power = action(x, power)
+        change = change + b * power
+        power = action(x, power)
+        bound = bound * size2
     return v + change

@@ -50,6 +50,8 @@ def of_group(group: MatrixLieGroup, method: str, arguments: dict[str, Any]) -> A
             return g @ _cayley(basis, xi)
         case "cayley_inv", g if basis.without_cayley is None:
             return basis.vee(2.0 * np.linalg.solve(g + one, g - one))
+        case "casimirs", mu:
+            return casimirs(group, mu)
         case "defect", g:
             return _defects(group, g)
         case "contains", g:
@@ -113,6 +115,16 @@ def of_algebra(algebra: MatrixLieAlgebra, method: str, arguments: dict[str, Any]
         case "cayley_Ad_star", xi, mu:
             return _coadjoint(basis, _cayley(basis, xi), _cayley(basis, -xi), mu)
     return None
+
+
+def casimirs(group: MatrixLieGroup, mu: np.ndarray) -> np.ndarray:
+    """The Casimir functions of momenta, (samples, dim); of groups that are given by generators alone
+    none are looked for.
+    """
+    if not hasattr(group, "_casimirs_of"):
+        return np.zeros((len(mu), 0))
+    found: np.ndarray = group._casimirs_of(group.generated.covector(mu))
+    return found
 
 
 def _cayley(basis: MatrixBasis, xi: np.ndarray) -> np.ndarray:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType, LawViolation
+from ..errors import InvalidInput, InvalidType, LawViolation, NotDefined
+from ..formulas.large import LinearMap
 from ..formulas.sums import Terms
 
 SMALL = 12
@@ -236,15 +237,15 @@ class MatrixBasis:
         """Why the algebra is not closed under x y x; None if it is."""
         if self.core is not self:
             return self.core.without_cayley
-        e, n = self.generators, self.dim
         if self.large:
-            x, y = self.hat(np.random.default_rng(1).normal(size=(2, n)))
+            x, y = self.hat(np.random.default_rng(1).normal(size=(2, self.dim)))
             off = self.sticks_out(x @ y @ x) / (np.linalg.norm(x) ** 2 * np.linalg.norm(y))
             return (
                 None
                 if off <= CLOSED
                 else f"its algebra is not closed under x y x: generic elements stick out by {off:.1e}"
             )
+        e = self.generators
         t = np.einsum("iab,jbc,lcd->ijlad", e, e, e)
         # x y x for all x if and only if x y z + z y x for all x and z
         t = t + t.transpose(2, 1, 0, 3, 4)
@@ -385,6 +386,119 @@ class MatrixBasis:
         if self.large or self.without_cayley is not None:
             return False
         return sum(map(len, self.triple_terms)) <= self.n**3
+
+    # ---------------------------------------------------------------- of large matrices
+
+    @cached_property
+    def hat_map(self) -> LinearMap:
+        """hat of large vectors."""
+        return LinearMap(self._interleaved(self.columns), self._vector, self._matrix)
+
+    @cached_property
+    def vee_map(self) -> LinearMap:
+        """vee of large matrices."""
+        return LinearMap(self._interleaved(self.rows.T).T, self._matrix, self._vector)
+
+    @cached_property
+    def covector_map(self) -> LinearMap:
+        """covector of large vectors."""
+        return LinearMap(self._interleaved(self.rows.T), self._vector, self._matrix)
+
+    @cached_property
+    def pairing_map(self) -> LinearMap:
+        """pairing of large matrices."""
+        return LinearMap(self._interleaved(self.columns).T, self._matrix, self._vector)
+
+    @property
+    def _vector(self) -> tuple[Any, ...]:
+        return (self.dim,), False
+
+    @property
+    def _matrix(self) -> tuple[Any, ...]:
+        return (self.n, self.n), self.complex
+
+    def _interleaved(self, columns: Any) -> Any:
+        """Of complex matrices the imaginary parts behind the real ones, entry by entry, as they lie
+        in memory.
+        """
+        size = self.n**2
+        if not self.complex:
+            return columns
+        return columns.tocsr()[np.arange(2 * size).reshape(2, size).T.ravel()]
+
+
+class SparseBasis(MatrixBasis):
+    """A basis of large matrices, known to be closed and independent, of few entries each.
+
+    k, i, j, values : which E_k, row, column, value.
+    """
+
+    def __init__(
+        self, name: str, n: int, k: np.ndarray, i: np.ndarray, j: np.ndarray, values: np.ndarray
+    ) -> None:
+        self.name, self.n, self.balanced, self.large = name, n, True, True
+        self.dim, self.complex = int(k[-1]) + 1, np.iscomplexobj(values)
+        self._sparse = k, i, j, values
+
+    @cached_property
+    def generators(self) -> np.ndarray:  # type: ignore[override]
+        """E_1, E_2, ...: (dim, n, n), for those who ask."""
+        k, i, j, values = self._sparse
+        found = np.zeros((self.dim, self.n, self.n), dtype=values.dtype)
+        found[k, i, j] = values
+        return found
+
+    @cached_property
+    def columns(self) -> Any:
+        from scipy.sparse import coo_array
+
+        k, i, j, values = self._sparse
+        at, size = i * self.n + j, self.n**2
+        parts = np.concatenate([values.real, values.imag]) if self.complex else values
+        rows = np.concatenate([at, size + at]) if self.complex else at
+        there = np.flatnonzero(parts)
+        of = np.tile(k, 2)[there] if self.complex else k[there]
+        shape = (2 if self.complex else 1) * size, self.dim
+        return coo_array((parts[there], (rows[there], of)), shape=shape).tocsr()
+
+    @cached_property
+    def units(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.ones(self.dim), np.ones(self.n)
+
+    @cached_property
+    def rows(self) -> Any:
+        """The pseudo-inverse of `columns`: of generators that are orthogonal to all others each by
+        its length, of the others together.
+        """
+        from scipy.sparse import coo_array, csr_array
+
+        columns = self.columns.tocsc()
+        gram = (columns.T @ columns).tocsr()
+        alone = np.diff(gram.indptr) == 1
+        rest = np.flatnonzero(~alone)
+        scale = np.where(alone, 1.0 / gram.diagonal(), 0.0)
+        found = csr_array(columns.T.tocsr() * scale[:, None])
+        if len(rest):
+            block = columns[:, rest]
+            touched = np.unique(block.indices)
+            inverse = clean(np.linalg.pinv(block[touched].toarray(), rcond=1e-15))
+            i, j = np.nonzero(inverse)
+            more = coo_array((inverse[i, j], (rest[i], touched[j])), shape=found.shape)
+            found = csr_array(found + more.tocsr())
+        found.eliminate_zeros()
+        return found
+
+    @property
+    def shifts(self) -> tuple[Any, ...]:
+        return ()
+
+    @property
+    def tabled(self) -> bool:
+        return False
+
+    @cached_property
+    def ad_size_terms(self) -> Terms:
+        raise NotDefined(f"{self.name}: ad is measured by matrices")
 
 
 _known: dict[tuple[Any, ...], MatrixBasis] = {}

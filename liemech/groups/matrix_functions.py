@@ -11,6 +11,7 @@ from typing import Any
 from ..formulas import Mat, mat, vec
 from ..formulas.double_double import DoubleDouble, is_long
 from ..formulas.elimination import INFINITE, inverse
+from ..formulas.large import Large, inner
 from ..formulas.sums import abs2, total
 
 TINY = 2.0**-112
@@ -30,11 +31,15 @@ LOST = 52.0
 
 def frobenius2(m: Mat) -> float:
     """The sum of the squared absolute values of all entries."""
+    if isinstance(m, Large):
+        return inner(m, m)
     return total([abs2(x) for row in m for x in row])
 
 
 def plus(m: Mat, s: float) -> Mat:
     """m + s 1."""
+    if isinstance(m, Large):
+        return m.plus(s)
     return mat(
         *[vec(*[m[i, j] + s if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))]
     )

@@ -24,6 +24,7 @@ from ..formulas import (
     vec,
 )
 from ..formulas.elimination import determinant, inverse, solve_matrix
+from ..formulas.large import Large
 from ..formulas.sums import abs2, scaled, total
 from . import matrix_arrays
 from .casimir_polynomials import casimir_polynomials
@@ -126,12 +127,18 @@ class MatrixLieGroup(LieGroup):
 
     def identity(self) -> Element:
         """The unit matrix."""
-        return _constant(np.eye(self.generated.n, dtype=self.generated.generators.dtype))
+        return _constant(np.eye(self.generated.n, dtype=self._kind), self.is_large)
+
+    @property
+    def _kind(self) -> type:
+        return complex if self.generated.complex else float
 
     def inverse(self, g: Element) -> Element:
         """B^-1 g^T B where the group keeps a form B that makes this cheap, else by elimination."""
         b = self._form
-        if b is None:
+        if self.is_large and self.keeps_lengths:
+            return g.H
+        if b is None or self.is_large:
             return inverse(g)
         return mat(
             *[
@@ -156,6 +163,11 @@ class MatrixLieGroup(LieGroup):
             ):
                 return tuple(float(x) for x in np.real(diagonal))
         return None
+
+    @cached_property
+    def keeps_lengths(self) -> bool:
+        """Are all elements orthogonal or unitary?"""
+        return self._form is not None and min(self._form) == 1.0
 
     def Ad_star(self, g: Element, mu: Vec) -> Vec:
         """The momentum of g^H M g^-H, M the matrix that stands for mu."""
@@ -202,9 +214,8 @@ class MatrixLieGroup(LieGroup):
         """An element close to the identity, in no special direction."""
         direction = np.cos(np.arange(1.0, self.dim + 1.0))
         x = self.generated.hat(direction)
-        return _constant(
-            np.array(expm1(Mat.of((1e-3 / np.linalg.norm(x) * x).tolist()))) + np.eye(len(x))
-        )
+        small = _constant(1e-3 / np.linalg.norm(x) * x, self.is_large)
+        return _constant(np.array(expm1(small)) + np.eye(len(x)), self.is_large)
 
     # ---------------------------------------------------------------- Cayley map
 
@@ -230,12 +241,27 @@ class MatrixLieGroup(LieGroup):
         """cay(xi) - 1."""
         self._require_cayley()
         x = self.algebra.hat(xi)
+        if self.is_large:
+            return x.over(plus(-0.5 * x, 1.0))
         return solve_matrix(plus(-0.5 * x, 1.0), x)
 
     def cayley_inv(self, g: Element) -> Vec:
         """2 (g - 1)(g + 1)^-1; InvalidInput if -1 is an eigenvalue of g."""
         self._require_cayley()
         return self.algebra.vee(2.0 * (plus(g, -1.0) @ inverse(plus(g, 1.0))))
+
+    def why_not_isospectral(self) -> str | None:
+        """Why momenta, as matrices, do not move by conjugation and stay in the algebra under Cayley
+        maps; None if they do.
+        """
+        basis = self.generated
+        x = basis.hat(np.random.default_rng(2).normal(size=(basis.dim,)))
+        off = float(basis.sticks_out(np.conj(x.T)) / np.linalg.norm(x))
+        if off > 1e-10:
+            return f"its algebra is not closed under the adjoint: that of an element sticks out by {off:.1e}"
+        if basis.dim >= basis.n**2 - 1 and (self.keeps_lengths or not basis.complex):
+            return None  # the trace is kept by every conjugation
+        return self.why_no_cayley()
 
     # ---------------------------------------------------------------- Casimir functions
 
@@ -246,6 +272,8 @@ class MatrixLieGroup(LieGroup):
         As many as are independent; on a group without an invariant form there may be more of them
         than these.
         """
+        if self.is_large:
+            return Vec.of(matrix_arrays.casimirs(self, np.array(mu)[None])[0])
         linear, quadratic, powers, from_form = self._polynomials
         values = [dot(z, mu) for z in linear] + [dot(mu, q @ mu) for q in quadratic]
         if len(powers) > 0:
@@ -365,7 +393,7 @@ class MatrixLieGroup(LieGroup):
         """The invariants as constants of formulas, one kind after the other: tuples, whose content nobody
         has to compare.
         """
-        kind = self.generated.generators.dtype
+        kind = self._kind
         names = (
             "vectors",
             "covectors",
@@ -471,8 +499,10 @@ def whole_number(name: str, n: Any, smallest: int) -> int:
     return int(n)
 
 
-def _constant(array: np.ndarray) -> Any:
+def _constant(array: np.ndarray, large: bool = False) -> Any:
     """A vector or matrix of numbers that formulas take as they are."""
+    if large:
+        return Large(array)
     return Vec.of(array.tolist()) if array.ndim == 1 else Mat.of(array.tolist())
 
 

@@ -58,6 +58,7 @@ class GalerkinVariational(Implicit):
     Marthinsen, Found. Comput. Math. 16 (2016); Hall and Leok, Found. Comput. Math. 17 (2017).
     """
 
+    writes_out: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
 
     order: int = 4

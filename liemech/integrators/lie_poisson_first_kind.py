@@ -53,6 +53,7 @@ class FirstKindHamiltonJacobi(Implicit):
     80.
     """
 
+    writes_out: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
     of_momenta: ClassVar[bool] = True
     analytic: ClassVar[bool] = True

@@ -68,6 +68,7 @@ class LiePoissonHamiltonJacobi(Implicit):
 
     symmetric: ClassVar[bool] = True
     analytic: ClassVar[bool] = True
+    writes_out: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("hamiltonian",)
 

@@ -9,7 +9,7 @@ from ..formulas import Record, Vec, record, sqrt, vec
 from ..formulas.pytree import fields_of
 from ..formulas.sites import mean
 from ..retractions import Retraction
-from ..systems.system import State, System
+from ..systems.system import State, System, lies_in_memory
 
 
 @record
@@ -37,6 +37,8 @@ class Method(Record):
     shortens: ClassVar[bool] = False
     # is a step a power series in time, so that it sees an input from where it begins only?
     analytic: ClassVar[bool] = False
+    # does it need every number written out, for derivatives or Jacobians?
+    writes_out: ClassVar[bool] = False
     # does a step draw random numbers, which are known at its ends only?
     noisy: ClassVar[bool] = False
     # does a step add to the state, so that it is worth to remember what rounding takes from the sum?
@@ -121,6 +123,12 @@ class Method(Record):
         if not isinstance(system, System):
             raise IncompatibleSystem(
                 f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}"
+            )
+        if self.writes_out and lies_in_memory(system.group):
+            raise IncompatibleSystem(
+                f"{self!r} needs derivatives by every component, and {system.group!r} has "
+                f"{system.group.dim}, in memory. Isospectral(order=2), RKMK(order=4) and "
+                "CommutatorFree(order=4) go by products of matrices"
             )
         if system.noisy and not self.noisy:
             raise IncompatibleSystem(

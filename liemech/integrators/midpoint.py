@@ -22,6 +22,7 @@ from ..formulas import (
     vec,
     where,
 )
+from ..groups.matrix_group import MatrixLieGroup
 from ..groups.product import ProductGroup, spans
 from ..groups.so3 import SO3, plus
 from ..groups.unit_quaternions import UnitQuaternions
@@ -31,8 +32,10 @@ from ..solvers import fixed_point, newton
 from ..systems.double_bracket import DoubleBracket
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.stochastic import NoisyMotion
+from ..systems.system import lies_in_memory
 from ..tableaus.collocation import gauss
 from ..tableaus.trees import Row
+from . import isospectral_matrices
 from .implicit import Implicit
 from .memory import Memory, extrapolated
 from .method import Method
@@ -183,10 +186,13 @@ class Isospectral(Implicit):
         Q_i = 1 + h sum_j a_ij B_j Q_j,   Q = 1 + h sum_j b_j B_j Q_j,   mu_n+1 = Q mu_n,   g_n+1 = g_n Q^T
 
     order : 2, 4, 6, 8 or 10, twice the number of stages.  Of order 2 it is Algorithm 1 with the
-    Cayley map.  Symmetric, Poisson; spatial momentum and |mu| are kept to rounding, the energy
+    Cayley map.  Symmetric, Poisson; spatial momentum and Casimirs are kept to rounding, the energy
     oscillates without drift.
 
-    Rotations only, with any Hamiltonian.  Stages are iterated to rounding; raises NoConvergence.
+    Rotations, and groups of matrices of any size whose algebra is closed under the adjoint x^H: SO(n),
+    SU(n), U(n), SL(n), GL(n), Sp(2n), with any Hamiltonian.  There the momentum is the matrix W of
+    W' = [W, hat(xi)]; elements move too where the group has a Cayley map.  Stages are iterated to
+    rounding; raises NoConvergence.
     Source: Modin and Viviani, Lie-Poisson methods for isospectral flows, Found. Comput. Math. 20
     (2020).
     """
@@ -212,8 +218,16 @@ class Isospectral(Implicit):
         return f"Isospectral Gauss {self.order}"
 
     def require(self, system: Any) -> None:
-        """A Lie-Poisson system of rotations, by matrices: the step adds to them what it turns."""
+        """A Lie-Poisson system of rotations or of other matrices: the step adds to them what it turns."""
         super().require(system)
+        if by_matrices(system):
+            reason = system.group.why_not_isospectral()
+            if reason is not None:
+                raise IncompatibleSystem(
+                    f"{self!r} moves momenta as matrices by conjugation; {system.group!r}: {reason}. "
+                    f"{system.alternatives}"
+                )
+            return
         require_rotations(self, system)
         if isinstance(system.group, UnitQuaternions):
             raise IncompatibleSystem(
@@ -221,18 +235,56 @@ class Isospectral(Implicit):
                 "group=SO3(), or ImplicitMidpoint()"
             )
 
-    def first(self, system: Any, state: BodyState, h: float) -> tuple[Mat, ...]:
-        """h B at the start, for all stages."""
+    def beginning(self, system: Any, state: BodyState, h: float) -> Any:
+        """A past in which every step had the first guess as its unknown."""
+        first = self.first(system, state, h)
+        return (first,) * (6 if lies_in_memory(system.group) else 3)
+
+    def first(self, system: Any, state: BodyState, h: float) -> Any:
+        """h B at the start, for all stages; of large matrices and order 2 the momentum itself."""
+        if by_matrices(system):
+            if state.g is not None and system.group.why_no_cayley() is not None:
+                raise IncompatibleSystem(
+                    f"{self!r}: elements of {system.group!r} do not move by its steps, which leave the "
+                    "group; start without g, or take RKMK(order=4)"
+                )
+            w = isospectral_matrices.matrix_of(system, state.mu)
+            if self.order == 2:
+                return w
+            b = (-h) * isospectral_matrices.velocity_of(system, w)
+            both = (b,) if system.group.keeps_lengths else (b, -b)
+            return (both,) * (self.order // 2)
         first = system.group.algebra.hat(-h * system.velocity(state.mu))
         return tuple([first for _ in range(self.order // 2)])
 
     def step(self, system: Any, t: float, memory: Memory, h: float) -> Memory:
         """Iterate the stages from the extrapolated ones, then add what the step turns."""
+        if by_matrices(system):
+            return self._step_of_matrices(system, memory, h)
         state, guess = memory.state, [extrapolated(*stage) for stage in zip(*memory.past)]
         stages = self._iterated(system, h, state.mu, guess)
         turned = combination(self.tableau[1], stages)
         g = None if state.g is None else state.g + state.g @ turned.T
         return self.after(memory, BodyState(state.mu + turned @ state.mu, g), tuple(stages))
+
+    def _step_of_matrices(self, system: Any, memory: Memory, h: float) -> Memory:
+        """The same of momenta as matrices."""
+        state, guess = memory.state, continued(memory.past)
+        w = isospectral_matrices.matrix_of(system, state.mu)
+        g = state.g
+        if self.order == 2:
+            found, turned = isospectral_matrices.midpoint(system, w, guess, self, h)
+            change = -2.0 * turned
+            if g is not None:
+                g = g + g @ isospectral_matrices.midpoint_turn(system, found, h)
+        else:
+            found = isospectral_matrices.stages(system, self.tableau[0], w, guess, self, h)
+            q, r = isospectral_matrices.increments(system, self.tableau[1], found)
+            change = isospectral_matrices.conjugated(system, w, q, r)
+            if g is not None:
+                g = g + g @ r
+        mu = state.mu + isospectral_matrices.momentum_of(system, change)
+        return Memory(BodyState(mu, g), memory.node, (found, *memory.past[:-1]))
 
     def _iterated(self, system: Any, h: float, mu: Vec, guess: list[Mat]) -> list[Mat]:
         """The Z_j = h B_j Q_j, iterated until they change no more."""
@@ -251,6 +303,23 @@ class Isospectral(Implicit):
             for a, b in zip(new, old):
                 change, size = change + dot(a - b, a - b), size + dot(a, a)
         return stages, sqrt(change), sqrt(size)
+
+
+def by_matrices(system: Any) -> bool:
+    """Is it a Lie-Poisson system of a group of matrices that is given by generators?"""
+    return isinstance(system, LiePoissonSystem) and isinstance(system.group, MatrixLieGroup)
+
+
+def continued(past: tuple[Any, ...]) -> Any:
+    """The value that continues equidistant ones, three or six, the last first, by the polynomial
+    through them; of tuples part by part.
+    """
+    if isinstance(past[0], tuple):
+        return tuple([continued(part) for part in zip(*past)])
+    if len(past) == 3:
+        return extrapolated(*past)
+    a, b, c, d, e, f = past
+    return 6.0 * a - 15.0 * b + 20.0 * c - 15.0 * d + 6.0 * e - f
 
 
 def cofactors(q: Mat) -> Mat:

@@ -58,6 +58,8 @@ class Taylor(Method):
     equation for Omega).
     """
 
+    writes_out: ClassVar[bool] = True
+
     shortens: ClassVar[bool] = True
     analytic: ClassVar[bool] = True
 

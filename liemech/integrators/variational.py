@@ -55,6 +55,7 @@ class CovariantVariational(Implicit):
     Shkoller, Nonlinearity 12 (1999).
     """
 
+    writes_out: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("lagrangian",)
 

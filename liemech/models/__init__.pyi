@@ -20,6 +20,7 @@ from .heavy_top import ReducedHeavyTop as ReducedHeavyTop
 from .henon_heiles import HenonHeiles as HenonHeiles
 from .kirchhoff import KirchhoffBody as KirchhoffBody
 from .lotka_volterra import LotkaVolterra as LotkaVolterra
+from .manakov_body import ManakovBody as ManakovBody
 from .maxwell_bloch import MaxwellBloch as MaxwellBloch
 from .mutual_gravity import GravitatingBodies as GravitatingBodies
 from .mutual_gravity import MutualGravity as MutualGravity
@@ -44,3 +45,4 @@ from .surfaces import ParticleOnEllipsoid as ParticleOnEllipsoid
 from .toda import TodaLattice as TodaLattice
 from .water import SPC as SPC
 from .water import Gravity as Gravity
+from .zeitlin_sphere import ZeitlinSphere as ZeitlinSphere

@@ -189,10 +189,19 @@ def constants_and_terms(
     """The constants at all n samples; how large their terms are, sum_i |x_i dC/dx_i|, at the start,
     half-way and at the end.
 
-    All are computed at once, for the samples and for some with one coordinate varied.
+    All are computed at once, for the samples and for some with one coordinate varied.  Of many
+    coordinates all are varied at once, with signs by chance: the root of the sum of the squares of the
+    terms, about, instead of their sum.
     """
     bit, some = 2.0**-20, _some(n)
-    varied = [(part, i) for part in system.coordinates for i in range(states[part].shape[-1])]
+    varied: list[tuple[str, Any]] = [
+        (part, i) for part in system.coordinates for i in range(states[part].shape[-1])
+    ]
+    together = len(varied) > SEPARATE
+    if together:
+        rng, parts = np.random.default_rng(1), system.coordinates
+        signs = {part: rng.choice([-1.0, 1.0], (CHANCES, states[part].shape[-1])) for part in parts}
+        varied = [(part, sign) for part in parts for sign in signs[part]]
     longer: dict[str, np.ndarray] = {}
     for name, values in states.items():
         one, rows = values.shape[1:], n + len(varied) * len(some)
@@ -200,14 +209,21 @@ def constants_and_terms(
         whole[:n], more = values, whole[n:].reshape(len(varied), len(some), *one)
         more[:] = values[some]
         for row, (part, i) in zip(more, varied, strict=True):
-            if part == name:
+            if part == name and together:
+                row *= 1.0 + bit * i
+            elif part == name:
                 row[..., i] *= 1.0 + bit
     series, terms = {}, {}
     for name, values in system.constants(longer).items():
         here = values[:n][some]
         changes = np.abs(values[n:].reshape(len(varied), *here.shape) - here)
-        series[name], terms[name] = values[:n], np.maximum(np.abs(here), changes.sum(axis=0) / bit)
+        sums = changes.max(axis=0) if together else changes.sum(axis=0)
+        series[name], terms[name] = values[:n], np.maximum(np.abs(here), sums / bit)
     return series, terms
+
+
+SEPARATE, CHANCES = 512, 16
+"""Coordinates that are varied one by one; of more of them, how often all are together."""
 
 
 def _some(samples: int) -> list[int]:

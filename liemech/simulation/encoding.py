@@ -24,6 +24,7 @@ from ..formulas import Record
 from ..formulas.complex_numbers import Complex
 from ..formulas.fields import FrozenDict
 from ..formulas.frozen import frozen
+from ..formulas.large import Large
 from ..formulas.pytree import build, gatherer, layout_of
 from ..formulas.records import known, refilled
 from ..formulas.tables import Table
@@ -101,6 +102,8 @@ def encoded(value: Any, pool: Pool | None = None) -> Any:
         return {"vec": [encoded(x, pool) for x in value]}
     if isinstance(value, Mat):
         return {"mat": [encoded(row, pool) for row in value.rows]}
+    if isinstance(value, Large):
+        return {"large": encoded(np.array(value), pool)}
     if isinstance(value, Table):
         if pool is None or len(value) <= INLINE:
             return {"table": value.array.tolist()}
@@ -166,6 +169,7 @@ class Decoder:
             "mat": lambda given, _: Mat(*self._rows(given)),
             "complex": self._complex,
             "array": self._array,
+            "large": lambda given, _: Large(self(given)),
             "table": self._table,
             "tuple": lambda given, _: tuple(map(self, self._list(given))),
             "list": lambda given, _: [*map(self, self._list(given))],

@@ -229,7 +229,8 @@ class EqualRun(Run):
                 self.failures[i] = raised
 
         column, side = 0, execution.lanes
-        while column < count and not execution.ready(column / count):
+        in_memory = shape.layout.in_memory and bool(self.bodies)
+        while column < count and (in_memory or not execution.ready(column / count)):
             for i in range(column, min(column + side, count)):
                 plainly(i)
             column += side

@@ -65,15 +65,15 @@ def integrate(
     start : `system.state(...)`; with a leading axis an ensemble, which runs in SIMD lanes.
     record : the parts of the state to keep, such as ("mu",) or ("mu", "g"); what is not recorded is
     not computed.  Or functions of it, kept instead: methods of the system by name, ("energy",),
-    functions of t and state, and pairs [(name, function), ...].  Of many sites a function of t and one
-    site is summed over all of them, and [("mu", [0, 17])] keeps these sites only.
+    functions of t and state, and pairs [(name, function), ...].  Of many sites a function whose
+    second argument is called `site` is summed over all of them, and [("mu", [0, 17])] keeps these sites only.
     t_eval : (n,) times at which to keep the state; default: at the ends of steps.
     breaks : times at which the velocity jumps; no step goes across one: of a step of length h they
     make several.  Where a PiecewisePolynomial in a field of the system jumps is known.
     events : functions of t and state whose zeros are looked for; their attributes `terminal` (True:
     the first zero ends the run; 3: the third one) and `direction` (+1 only rising, -1 only falling
     zeros) mean what they do in SciPy.  Of an ensemble run.events[k][i] is what body i has met.  Of
-    many sites they are functions of t and of the totals that `record` names.
+    many sites one whose second argument is called `total` is of the totals that `record` names.
     compiled : True for native code, False for plain Python, None for native code as soon as it is
     there or pays; same bits.
     progress : True or False; None shows a bar when a run takes longer than a second.

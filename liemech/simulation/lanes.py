@@ -47,6 +47,8 @@ class Lanes:
                 self.own.append(thing.columns)
             things.append(thing)
         self.constants = numbers_of(*things, control)
+        if layout.in_memory:
+            side = 1
         self.mark = self.row.width - 1 if isinstance(control, Fictive) else 0
         self.arguments: Any = (*things, control, layout, self.row)
         call = advance, *self.arguments, 1, 1, *[COLUMNS] * 4, None
@@ -94,12 +96,24 @@ class Lanes:
 
         worth : steps of all bodies together that are worth a thread.
         """
+        if self.layout.in_memory and columns.shape[1] > 1:
+            return self._one_by_one(columns, out, turns, every, first, end)
         numbers, clocks, goals, *own = self.parts(columns)
         given = (turns, every), (*own, goals, numbers, clocks, out)
         call = functools.partial(self.stepping.run, self.constants, *given, columns.shape[1])
         work = turns * every, worth
         end = columns.shape[1] if end is None else end
         return share_out(call, first, end, self.stepping.lanes, size, work, workers)
+
+    def _one_by_one(
+        self, columns: np.ndarray, out: np.ndarray, turns: int, every: int, first: int, end: int | None,
+    ) -> int:  # fmt: skip
+        """The same of bodies whose numbers lie in memory: each has its own, side by side."""
+        for i in range(first, columns.shape[1] if end is None else end):
+            column, rows = columns[:, i : i + 1].copy(), out[..., i : i + 1].copy()
+            self.natively(column, rows, turns, 1, every)
+            columns[:, i : i + 1], out[..., i : i + 1] = column, rows
+        return 1
 
     def plainly(
         self, body: int, column: np.ndarray, out: np.ndarray, turns: int, failures: list[Any],

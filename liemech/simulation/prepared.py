@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..compiler import kernel
+from ..errors import IncompatibleSystem
 from ..formulas.frozen import frozen
 from ..formulas.pytree import (
     Layout,
@@ -124,6 +125,13 @@ class Steps:
 
     def remembering_of(self, system: Any, start: State) -> State:
         """The start of a body of this system, in the numbers of the run."""
+        if layout_of(start).in_memory:
+            if self.precision == "double-double" or self.compensated:
+                raise IncompatibleSystem(
+                    f"{system!r}: large matrices are in double precision, without compensation: "
+                    "leave out `precision` and `compensated`"
+                )
+            return start
         if self.precision == "double-double":
             return double_double(start)
         method = self.method
@@ -154,7 +162,7 @@ class Shape:
         self.given, self.started, self.example = given, started, example
         self.layout, self.shown = carried_layout(first), layout_of(example)
         native = steps.compiled is not False and side and kernel.available() is None
-        self.side = side if native else 1
+        self.side = side if native and not self.layout.in_memory else 1
         self.lanes: dict[Any, Lanes] = {}
         self.column: int | None = None
         self.place: Any = None  # of short runs in memory

@@ -109,6 +109,23 @@ class SitesOfPlan:
         """A function of one site or of totals, for which a run of any size goes by sites."""
         return next((name for name, of, _ in self.functions if of in OF_SITES), None)
 
+    def _require_places(self) -> None:
+        """Raise InvalidInput for a function of a site among events, and of totals where there are none."""
+        recorder, events = self.plan.recorder, self.plan.events
+        quantities = {} if recorder is None else recorder.quantities
+        for name, of, function in self.functions:
+            event = any(function is x for x in events)
+            if of == "site" and event:
+                raise InvalidInput(
+                    f"integrate: the event {name}(t, site) is of one site, and events are of totals over all "
+                    "that record= names, or of the state: events=[lambda t, total: total.spin[2]]"
+                )
+            if of == "total" and not (event and quantities):
+                raise InvalidInput(
+                    f"integrate: {name}(t, total) is an event of totals over all sites, which record= "
+                    'names: record=[("spin", lambda t, site: site.mu)]'
+                )
+
     def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
         """What is asked for that runs by sites do not have yet; None if nothing is."""
         plan, steps = self.plan, self.plan._steps
@@ -118,12 +135,7 @@ class SitesOfPlan:
                 f"function of the state of all sites, as {whole} is: with the arguments (t, site) it is "
                 "of one site, and summed over all; an event (t, total) is of such sums"
             )
-        event = next((name for name, of, _ in self.functions if of == "total"), None)
-        if event is not None and (plan.recorder is None or not plan.recorder.quantities):
-            raise InvalidInput(
-                f"integrate: {event} is of totals over all sites, and record= names no totals: "
-                'record=[("spin", lambda t, site: site.mu)]'
-            )
+        self._require_places()
         if plan.fictive:
             return "steps in fictive time"
         if plan.of_each:

@@ -17,6 +17,7 @@ from ..formulas.pytree import (
     carried_layout,
     layout_of,
     leaves,
+    names_of,
     rounded,
     with_fields,
     with_slopes,
@@ -83,6 +84,8 @@ class Prepared:
         self.memory, self.state = carried_layout(carry), layout_of(example)
         self.shown = self._shown(example, some, starts)
         events = plan.events
+        for event in events:
+            require_totals(event, self._named())
         self.sighted = Sighted(
             self.shown, events, carried_layout((0.0,) * len(events)), self._named()
         )
@@ -178,6 +181,20 @@ class Prepared:
             arguments = quantity, self.site, self.given, starts
             numbers.append(one_site(count, 0, _one_value, *arguments))
         return Shown(kept, self.state, found, carried_layout(tuple(numbers)))
+
+
+def require_totals(event: Any, named: Any) -> None:
+    """Raise InvalidInput for an event that asks for a total that `record` does not name."""
+    try:
+        event(0.0, named)
+    except AttributeError as error:
+        if error.obj is named:
+            kind: Any = type(named)
+            raise InvalidInput(
+                f"integrate: an event asks for total.{error.name}; record= names {', '.join(names_of(kind))}"
+            ) from None
+    except Exception:  # of zeros it may fail
+        return
 
 
 @functools.cache

@@ -97,13 +97,28 @@ class Coloured(Record):
         """The sites of each colour; none if there are no graphs."""
         return tuple([tuple(g.tolist()) for g in self.colouring.groups]) if self.graphs else ()
 
+    @property
+    def count(self) -> int:
+        """How many colours the sites have; none if there are no graphs."""
+        return self.colouring.count if self.graphs else 0
+
+    @cached_property
+    def of_bonds(self) -> tuple[np.ndarray, ...]:
+        """For each graph the colours of its edges of two sites."""
+        return tuple([colours_of_bonds(graph) for graph in self.graphs])
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """How many colours the edges of each graph have."""
+        return tuple([int(colours.max(initial=-1)) + 1 for colours in self.of_bonds])
+
     @cached_property
     def bonds(self) -> tuple[tuple[tuple[int, int, int, int], ...], ...]:
         """For each colour of edges of two sites: the graph, the edge, and its sites."""
         found: list[Any] = []
-        for k, graph in enumerate(self.graphs):
-            edges, colours = graph.edges, colours_of_bonds(graph)
-            for colour in range(int(colours.max(initial=-1)) + 1):
+        for k, (graph, colours) in enumerate(zip(self.graphs, self.of_bonds)):
+            edges = graph.edges
+            for colour in range(self.counts[k]):
                 some = np.flatnonzero(colours == colour).tolist()
                 found.append(tuple([(k, e, *edges[e].tolist()) for e in some]))
         return tuple(found)

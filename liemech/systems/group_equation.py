@@ -8,7 +8,7 @@ from ..errors import undefined
 from ..formulas import Element, Vec, record
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
-from .system import State, System, as_precise, frozen, members_of
+from .system import State, System, as_precise, frozen, large_members, lies_in_memory, members_of
 
 
 @record
@@ -66,9 +66,9 @@ class GroupEquation(System):
             members_of(self.group, g, f"{type(self).__name__}.state: g"),
             self.group.element_shape,
         )
-        return self.vouched(
-            Position(frozen(elements, shape, None if elements.shape == shape else len(elements)))
-        )
+        many = None if elements.shape == shape else len(elements)
+        large = lies_in_memory(self.group)
+        return self.vouched(large_members(Position(frozen(elements, shape, many, large)), large))
 
 
 @record

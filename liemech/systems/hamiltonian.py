@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from ..errors import undefined
-from ..formulas import Record, Vec, gradient, record
+from ..formulas import Mat, Record, Vec, gradient, record
 from ..formulas.derived import derived
 
 
@@ -29,3 +29,9 @@ class Hamiltonian(Record):
     def gradient(self, mu: Vec) -> Vec:
         """The velocity xi = dH/dmu.  mu : (dim,)."""
         return gradient(lambda m: self.energy(m), mu)
+
+    def velocity_matrix(self, algebra: Any, m: Mat) -> Mat:
+        """The velocity as a matrix, hat(dH/dmu), from the matrix M that stands for the momentum: what
+        methods for large matrices ask for.  An energy that knows it as a matrix writes it so.
+        """
+        return algebra.hat(self.gradient(algebra.pairing(m)))

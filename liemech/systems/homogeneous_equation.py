@@ -11,7 +11,7 @@ from ..formulas import Vec, record, vec
 from ..groups.actions import GroupAction
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
-from .system import State, System, as_precise, frozen, points
+from .system import State, System, as_precise, frozen, large_members, lies_in_memory, points
 
 
 @record
@@ -90,7 +90,8 @@ class HomogeneousEquation(System):
             except InvalidInput:  # so far off that no float says it
                 how = f"got {bad!r}"
             raise InvalidInput(f"{which} is no point of {self.action!r}: {how}")
-        return self.vouched(Point(frozen(array, one, None if array.shape == one else len(array))))
+        many, large = None if array.shape == one else len(array), lies_in_memory(self.group)
+        return self.vouched(large_members(Point(frozen(array, one, many, large)), large))
 
     def _shape(self, argument: str, kind: str) -> tuple[int, ...] | None:
         return self.action._shape(argument, kind)

@@ -11,8 +11,9 @@ import numpy as np
 from ..errors import InvalidInput
 from ..formulas import Mat, Vec, check_finite, dot, real_array, record, vectors
 from ..formulas.fields import OfEach
+from ..formulas.large import Large
 from ..formulas.of_each import Each, each
-from ..formulas.pytree import fill, laid_out
+from ..formulas.pytree import fields_of, fill, laid_out
 from ..formulas.vectors import small
 from .hamiltonian import Hamiltonian
 from .lagrangian import Lagrangian
@@ -42,10 +43,11 @@ class KineticEnergy(Hamiltonian, Lagrangian):
         if not len(self.inertia):
             raise InvalidInput(f"{type(self).__name__}: inertia is empty; got {self.inertia!r}")
         require_invertible(self.inertia)
-        if isinstance(self.inertia, vectors.Vec):
+        if isinstance(self.inertia, vectors.Vec) or np.ndim(self.inertia) == 1:
             inverse: Vec | Mat = 1.0 / self.inertia
         else:
-            inverse = Mat.of(np.linalg.inv(np.array(self.inertia)).tolist())
+            made = np.linalg.inv(np.array(self.inertia))
+            inverse = Large(made) if isinstance(self.inertia, Large) else Mat.of(made.tolist())
         object.__setattr__(self, "inverse", inverse)
 
     def energy(self, mu: Vec) -> float:
@@ -91,6 +93,43 @@ def _inverse_of_each(inertia: Each) -> Each:
         except InvalidInput as error:
             raise InvalidInput(f"{error} (value {i} of {inertia!r})") from None
     return each(np.linalg.inv(values))
+
+
+@record
+class KineticEnergyByEntries(KineticEnergy):
+    """A kinetic energy on large matrices whose velocity is the momentum entry by entry.
+
+    entries : the factors of the entries, real and imaginary parts apart.
+    """
+
+    entries: Any = None
+
+    def __repr__(self) -> str:
+        return f"KineticEnergy(inertia={self.inertia!r})"
+
+    def velocity_matrix(self, algebra: Any, m: Mat) -> Mat:
+        """The momentum, entry by entry."""
+        return self.entries * m
+
+
+def by_entries(energy: Any, group: Any) -> Any:
+    """A kinetic energy by principal moments as one by entries, where they are those of entries, as on
+    SO(n); anything else as it is.
+    """
+    if type(energy) is not KineticEnergy or np.ndim(energy.inertia) != 1:
+        return energy
+    basis, inverse = group.generated, np.array(energy.inverse)
+    if len(inverse) != basis.dim:
+        return energy
+    unit = np.random.default_rng(1).uniform(1.0, 2.0, (2, basis.dim))
+    m = [Large(basis.covector(one)).numbers for one in unit]
+    x = [Large(basis.hat(inverse * basis.pairing(basis.covector(one)))).numbers for one in unit]
+    with np.errstate(all="ignore"):
+        factors = np.where(m[0] == 0.0, 0.0, x[0] / m[0])
+    if not np.allclose(factors * m[1], x[1], rtol=1e-14, atol=0.0):
+        return energy
+    entries = Large.of(factors, basis.complex)
+    return fill(KineticEnergyByEntries, {**fields_of(energy), "entries": entries})
 
 
 def kinetic_energy(inertia: Vec | Mat) -> KineticEnergy:
@@ -163,7 +202,8 @@ def times(inertia: Vec | Mat, x: Any) -> Any:
     """The product of an inertia, where a Vec stands for a diagonal matrix, with a vector or another
     such matrix.
     """
-    return inertia @ x if isinstance(inertia, vectors.Mat) else inertia * x
+    by_rows = isinstance(inertia, vectors.Mat) or (isinstance(inertia, Large) and inertia.axes == 2)
+    return inertia @ x if by_rows else inertia * x
 
 
 def trace(inertia: Vec | Mat) -> float:

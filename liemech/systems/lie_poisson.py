@@ -7,22 +7,37 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
-from ..formulas import Element, Vec, record, vec
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType
+from ..formulas import Element, Record, Vec, record, vec
 from ..formulas.arrays import at_a_glance
-from ..formulas.pytree import fill, laid_out
+from ..formulas.large import Large
+from ..formulas.pytree import fields_of, fill, laid_out
 from ..formulas.remembered import Remembered
+from ..formulas.vectors import Mat
+from ..formulas.vectors import Vec as SmallVec
 from ..groups.lie_group import LieGroup
+from ..groups.matrix_group import MatrixLieGroup
 from ..groups.power import PowerGroup
 from ..groups.product import ProductGroup
 from ..groups.species import SpeciesGroup
 from ..retractions import Retraction
 from .agreement import require_one_body
 from .hamiltonian import Hamiltonian
+from .kinetic_energy import by_entries
 from .lagrangian import Lagrangian
 from .site_state import SiteState, rows_of_species, site_state, velocities_of_sites
 from .sums_of_terms import KineticTerms, hamiltonian_of, released
-from .system import State, System, as_precise, element_at_a_glance, frozen, members_of, points
+from .system import (
+    State,
+    System,
+    as_precise,
+    element_at_a_glance,
+    frozen,
+    large_members,
+    lies_in_memory,
+    members_of,
+    points,
+)
 
 
 @record
@@ -100,6 +115,11 @@ class LiePoissonMotion(System):
 
     def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
         """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
+        if isinstance(state.mu, Large):
+            raise IncompatibleSystem(
+                f"adaptive steps ask for the size of every component; {self.group!r} has "
+                f"{self.group.dim} in memory: take fixed steps, h=..."
+            )
         change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
         return (
             (change, size)
@@ -151,6 +171,8 @@ class LiePoissonSystem(LiePoissonMotion):
     def __post_init__(self) -> None:
         name = type(self).__name__
         energy = hamiltonian_of(name, self.group, self.hamiltonian)
+        if lies_in_memory(self.group):
+            energy = enlarged(by_entries(energy, self.group))
         if energy is not self.hamiltonian:
             object.__setattr__(self, "hamiltonian", energy)
         given: tuple[Any, ...] = self.group, self.hamiltonian, self.lagrangian or _NO_LAGRANGIAN
@@ -198,10 +220,17 @@ class LiePoissonSystem(LiePoissonMotion):
 
     @property
     def is_large(self) -> bool:
-        """Are there more sites than formulas would be written out for?"""
-        return self.group.is_large and isinstance(self.group, (PowerGroup, SpeciesGroup))
+        """Are there more sites than formulas would be written out for, or large matrices?"""
+        return self.group.is_large and isinstance(
+            self.group, (PowerGroup, SpeciesGroup, MatrixLieGroup)
+        )
 
     def _in_numpy(self, method: str, arguments: dict[str, Any]) -> Any:
+        if method in ("energy", "velocity") and lies_in_memory(self.group):
+            formula: Any = (
+                self.hamiltonian.energy if method == "energy" else self.hamiltonian.gradient
+            )
+            return np.array([np.asarray(formula(Large(mu))) for mu in arguments["mu"]])
         energy = self.hamiltonian if self.hamiltonian.is_large else None
         if method in ("energy", "velocity"):
             name = "energy" if method == "energy" else "gradient"
@@ -248,6 +277,15 @@ class LiePoissonSystem(LiePoissonMotion):
         return self.lagrangian.momentum(
             points(xi, f"{name}: xi", dim, f"a velocity on {self.group!r}")
         )
+
+
+def enlarged(energy: Any) -> Any:
+    """The energy of large momenta: vectors and matrices among its fields lie in memory too."""
+    if not isinstance(energy, Record):
+        return energy
+    fields = fields_of(energy)
+    large = {n: Large(x) for n, x in fields.items() if isinstance(x, (SmallVec, Mat)) and len(x)}
+    return fill(type(energy), vars(energy) | fields | large) if large else energy
 
 
 def in_a_row(system: System, state: State) -> State:
@@ -314,7 +352,8 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
     if isinstance(g, tuple) and isinstance(group, ProductGroup):
         g = _of_factors(name, group, g)
     dim, shape = group._sizes
-    quick = None if isinstance(group, SpeciesGroup) else at_a_glance(mu, dim)
+    large = lies_in_memory(group)
+    quick = None if large or isinstance(group, SpeciesGroup) else at_a_glance(mu, dim)
     if quick is not None and (g is None or (at := element_at_a_glance(group, g)) is not None):
         made = fill(BodyState, {"mu": quick, "g": None if g is None else at})
         return laid_out(made, (dim, None if g is None else shape))
@@ -330,6 +369,8 @@ def body_state(name: str, group: LieGroup, mu: Any, g: Any) -> Any:
     if len(set(counts)) > 1:
         raise InvalidInput(f"{name}: {counts[0]} momenta and {counts[1]} group elements")
     bodies = counts[0] if counts else None
-    return BodyState(
-        frozen(momenta, dim, bodies), None if elements is None else frozen(elements, shape, bodies)
+    made = BodyState(
+        frozen(momenta, dim, bodies, large),
+        None if elements is None else frozen(elements, shape, bodies, large),
     )
+    return large_members(made, large)

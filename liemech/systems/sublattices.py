@@ -15,7 +15,7 @@ from ..formulas.tables import Table
 from ..groups.lie_group import LieGroup
 from .bonds_at_site import BondsOfSite
 from .bound_terms import BoundTerm, slopes
-from .colouring import Places, colours_of_bonds
+from .colouring import Places
 from .kinds_of_terms import APART
 from .lie_poisson import BodyState
 from .sums_of_terms import MomentumTerms
@@ -144,7 +144,7 @@ class Sublattices(MotionsOfTerms):
     @property
     def count(self) -> int:
         """Colours, and terms of single sites."""
-        return len(self.groups) + len(self.lonely)
+        return self.terms.affine.count + len(self.lonely)
 
     @property
     def places(self) -> Places:
@@ -256,7 +256,7 @@ class Bonds(MotionsOfTerms):
     @property
     def count(self) -> int:
         """Colours, and terms of single sites."""
-        return len(self.groups) + len(self.lonely)
+        return sum(self.terms.pairs.counts) + len(self.lonely)
 
     @property
     def places(self) -> Places:
@@ -268,9 +268,9 @@ class Bonds(MotionsOfTerms):
         forms: list[Any] = []
         numbers: list[tuple[int, ...]] = []
         whole: Any = self.terms.of_site()
-        for part in [part for part in self.terms.parts if part.graph.arity == 2]:
-            colours = colours_of_bonds(part.graph)
-            numbers += [(len(forms), k, 0) for k in range(int(colours.max(initial=-1)) + 1)]
+        bonds, pairs = self.terms.pairs, [x for x in self.terms.parts if x.graph.arity == 2]
+        for part, colours, count in zip(pairs, bonds.of_bonds, bonds.counts):
+            numbers += [(len(forms), k, 0) for k in range(count)]
             forms.append(BondsOfSite.of(part, colours, whole.names, whole.own))
         for part in self.lonely:
             numbers.append((len(forms), 0, 0))

@@ -13,12 +13,14 @@ from ..formulas.arrays import at_a_glance
 from ..formulas.batches import MEMBERSHIP
 from ..formulas.double_double import DoubleDouble, is_long
 from ..formulas.fields import array_held, frozen_array
+from ..formulas.large import Large
 from ..formulas.pytree import exact, fields_of, names_of
 from ..formulas.remembered import Remembered
 from ..formulas.signatures import bare
 from ..formulas.vectors import Vec as SmallVec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
+from ..groups.matrix_group import MatrixLieGroup
 from ..retractions import Retraction
 from .trial import require_results
 
@@ -62,16 +64,23 @@ def state_of(kind: Any, arrays: Mapping[str, Any]) -> Any:
     return kind(*[arrays.get(name) for name in names_of(kind)])
 
 
-def small_state(kind: Any, arrays: Mapping[str, Any]) -> Any:
-    """The state of one body, as formulas take it."""
-    return state_of(kind, {name: small(np.asarray(x)) for name, x in arrays.items()})
+def small_state(kind: Any, arrays: Mapping[str, Any], large: bool = False) -> Any:
+    """The state of one body, as formulas take it.  large : do its numbers lie in memory?"""
+    taken = Large if large else small
+    return state_of(kind, {name: taken(np.asarray(x)) for name, x in arrays.items()})
 
 
 def member(state: Any, i: int) -> Any:
     """The state of one body, of an ensemble of the i-th."""
     if state.bodies is None:
         return state
-    return small_state(type(state), {name: x[i] for name, x in state.arrays.items()})
+    large = getattr(state, "large", False)
+    return small_state(type(state), {name: x[i] for name, x in state.arrays.items()}, large)
+
+
+def lies_in_memory(group: LieGroup) -> bool:
+    """Are momenta and elements of the group too large to be written out: large matrices?"""
+    return isinstance(group, MatrixLieGroup) and group.is_large
 
 
 def as_precise(omega: Vec, part: Any) -> Vec:
@@ -79,6 +88,8 @@ def as_precise(omega: Vec, part: Any) -> Vec:
     them: a velocity may be given in doubles, but tau(omega) is on the group to all digits of omega.
     part : a vector or a matrix.
     """
+    if isinstance(part, Large):
+        return omega
     first = part[0]
     while isinstance(first, (SmallVec, np.ndarray)):
         first = first[0]
@@ -312,12 +323,19 @@ def _other_rotation(found: tuple[int, ...], shape: tuple[int, ...]) -> str:
     return ""
 
 
-def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None) -> Any:
+def large_members(state: Any, large: bool) -> Any:
+    """The state, which remembers whether its members lie in memory."""
+    if large:
+        object.__setattr__(state, "large", True)
+    return state
+
+
+def frozen(array: np.ndarray, one: tuple[int, ...], bodies: int | None, large: bool = False) -> Any:
     """A field of a state: small for a single body, else an array of its own with a row for each
-    body that nobody can write to.
+    body that nobody can write to.  large : does that of a single body lie in memory?
     """
     if bodies is None:
-        return small(array)
+        return Large(array) if large else small(array)
     return frozen_array(np.broadcast_to(array, (bodies, *one)), "array")
 
 

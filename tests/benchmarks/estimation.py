@@ -37,7 +37,7 @@ def native(call: Callable[[], Any]) -> float:
     """Call until native code is there; the seconds that took, with the calls in plain Python."""
     begun = time.process_time()
     last = np.inf
-    while time.process_time() - begun < 20.0 and last > 1e-3:
+    while time.process_time() - begun < 20.0 and last > 5e-5:
         at = time.process_time()
         for _ in range(8):
             call()

@@ -136,6 +136,7 @@ def twist(m):
     return np.array([m[2, 1], m[0, 2], m[1, 0], *m[:3, 3]])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_smoothed_chain_of_poses_is_scipys_least_squares(side):
     """The same cost with expm and logm of matrices and differences for derivatives."""

@@ -103,8 +103,12 @@ def test_what_functions_are_of() -> None:
         lm.integrate(*many, record=[("spin", lambda t, state: state.mu[:3])], **way)
     with pytest.raises(lm.errors.IncompatibleSystem, match="no function of the state of all sites"):
         lm.integrate(*many, record=["mu"], events=[lambda t, state: state.mu[0]], **way)
-    with pytest.raises(lm.errors.InvalidInput, match="record= names no totals"):
+    with pytest.raises(lm.errors.InvalidInput, match="which record= names"):
         lm.integrate(*many, record=["mu"], events=[lambda t, total: total.spin[0]], **way)
+    with pytest.raises(lm.errors.InvalidInput, match=r"asks for total.spin; record= names squares"):
+        lm.integrate(*many, record=[SQUARES], events=[lambda t, total: total.spin[0]], **way)
+    with pytest.raises(lm.errors.InvalidInput, match="is of one site, and events are of totals"):
+        lm.integrate(*many, record=[SQUARES], events=[lambda t, site: site.mu[0]], **way)
 
 
 def test_at_is_told_by_name() -> None:

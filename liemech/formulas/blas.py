@@ -1,0 +1,120 @@
+"""BLAS and LAPACK as SciPy brings them: the routines by their addresses, which native code calls
+too, on one thread.
+
+Matrices are stored by rows here and by columns there: what is A B here is B^T A^T there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+ROUTINES = {"gemm": 13, "gesv": 8}
+"""The routines that are used, and how many arguments each has, all of them addresses."""
+
+
+@functools.cache
+def addresses() -> dict[str, int]:
+    """Where the routines are: dgemm, zgemm, ..."""
+    from scipy.linalg import cython_blas, cython_lapack
+
+    name, pointer = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
+    name.restype, name.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    found = {}
+    for kind in "dz":
+        for routine, library in (("gemm", cython_blas), ("gesv", cython_lapack)):
+            capsule = library.__pyx_capi__[kind + routine]
+            found[kind + routine] = pointer(capsule, name(capsule))
+    return found
+
+
+@functools.cache
+def _routine(name: str) -> Any:
+    """A routine that Python can call."""
+    of_addresses = [ctypes.c_void_p] * ROUTINES[name[1:]]
+    return ctypes.CFUNCTYPE(None, *of_addresses)(addresses()[name])
+
+
+@functools.cache
+def _threads() -> Any:
+    """OpenBLAS's functions that tell and set its number of threads; None of other libraries."""
+    import glob
+    import os
+
+    import scipy
+
+    beside = os.path.join(os.path.dirname(scipy.__file__), os.pardir, "scipy.libs")
+    for path in glob.glob(os.path.join(beside, "*openblas*")):
+        library = ctypes.CDLL(path)
+        for prefix in ("scipy_openblas", "openblas"):
+            with contextlib.suppress(AttributeError):
+                return (
+                    getattr(library, f"{prefix}_get_num_threads"),
+                    getattr(library, f"{prefix}_set_num_threads"),
+                )
+    return None
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """While this lasts, SciPy's BLAS works on one thread, which fixes the order of its sums."""
+    functions = _threads()
+    before = functions[0]() if functions is not None else 1
+    if before == 1:
+        yield
+        return
+    functions[1](1)
+    try:
+        yield
+    finally:
+        functions[1](before)
+
+
+def on_one_thread(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function while `one_thread` lasts."""
+
+    def alone(*args: Any) -> Any:
+        with one_thread():
+            return function(*args)
+
+    return alone
+
+
+_ONE, _ZERO = (ctypes.c_double * 2)(1.0, 0.0), (ctypes.c_double * 2)(0.0, 0.0)
+
+
+def product(a: np.ndarray, b: np.ndarray, is_complex: bool) -> np.ndarray:
+    """A B.  a : (m, k), b : (k, n), of complex ones with a last axis of 2, in one piece."""
+    (m, k), n = a.shape[:2], b.shape[1]
+    found = np.empty((m, n, *a.shape[2:]))
+    no, sizes = (
+        ctypes.byref(ctypes.c_char(b"N")),
+        [ctypes.byref(ctypes.c_int(x)) for x in (n, m, k)],
+    )
+    with one_thread():
+        _routine("zgemm" if is_complex else "dgemm")(
+            no, no, *sizes, _ONE, b.ctypes.data, sizes[0], a.ctypes.data, sizes[2], _ZERO,
+            found.ctypes.data, sizes[0],
+        )  # fmt: skip
+    return found
+
+
+def over(b: np.ndarray, a: np.ndarray, is_complex: bool) -> np.ndarray:
+    """B A^-1; nan if A is singular.  a : (n, n), b : (m, n), as of `product`."""
+    n, m = len(a), len(b)
+    factors, found, pivots, info = a.copy(), b.copy(), np.empty(n, dtype=np.int32), ctypes.c_int(0)
+    sizes = [ctypes.byref(ctypes.c_int(x)) for x in (n, m)]
+    with one_thread():
+        _routine("zgesv" if is_complex else "dgesv")(
+            *sizes, factors.ctypes.data, sizes[0], pivots.ctypes.data, found.ctypes.data, sizes[0],
+            ctypes.byref(info),
+        )  # fmt: skip
+    if info.value:
+        found[:] = np.nan
+    return found

@@ -1,0 +1,465 @@
+"""Vectors and matrices that are too large to be written out number by number: they lie in memory.
+
+Products of matrices and linear equations are BLAS's and LAPACK's, as SciPy brings them; everything
+else goes number by number, in loops.  Sums have one order: sixteen interleaved ones, then halves of
+them.  So plain Python, which lets NumPy do the loops, and native code give the same bits, on one
+machine and with one library.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..errors import InvalidType
+from . import blas
+from .numbers import InMemory, StandIn
+from .vectors import Vec
+
+TOGETHER = 16
+"""Sums are this many interleaved ones."""
+
+
+class Large(InMemory):
+    """A vector (k,) or a matrix (m, n), real or complex, in memory; `+ - * /` act number by number,
+    with real numbers too, `@` multiplies matrices.
+
+    numbers : float64, of a complex matrix with a last axis for real and imaginary part; None in
+    native code, which knows the place.
+    """
+
+    __slots__ = ("is_complex", "numbers", "place", "shape")
+
+    def __init__(self, array: Any) -> None:
+        array = np.asarray(array)
+        self.is_complex = array.dtype.kind == "c"
+        made = np.array(array, dtype=complex if self.is_complex else float, order="C")
+        self.shape: tuple[int, ...] = made.shape
+        self.numbers: Any = made.view(float).reshape(_inside(made.shape, self.is_complex))
+        self.place: Any = None
+
+    @staticmethod
+    def of(numbers: np.ndarray, is_complex: bool) -> Large:
+        """The vector or matrix of these numbers, which nobody else changes."""
+        made = object.__new__(Large)
+        made.numbers, made.is_complex, made.place = numbers, is_complex, None
+        made.shape = numbers.shape[:-1] if is_complex else numbers.shape
+        return made
+
+    @staticmethod
+    def at(place: Any, form: tuple[Any, ...]) -> Large:
+        """Of native code: the one of this form that lies at a place."""
+        made = object.__new__(Large)
+        (made.shape, made.is_complex), made.place, made.numbers = form, place, None
+        return made
+
+    # ---------------------------------------------------------------- its form
+
+    @property
+    def form(self) -> tuple[Any, ...]:
+        """The shape, and whether it is complex: what layouts and native code know of it."""
+        return self.shape, self.is_complex
+
+    @property
+    def size(self) -> int:
+        """How many real numbers it has."""
+        return size_of(self.form)
+
+    @property
+    def axes(self) -> int:  # type: ignore[override]
+        return len(self.shape)
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    @property
+    def flat(self) -> list[float]:
+        """Its real numbers in a row."""
+        made: list[float] = self.numbers.ravel().tolist()
+        return made
+
+    @property
+    def array(self) -> np.ndarray:
+        """It as an array of NumPy's."""
+        if self.numbers is None:
+            raise InvalidType("an array of numbers that are known at run time only")
+        if self.is_complex:
+            return np.asarray(self.numbers.view(complex)[..., 0])
+        return np.asarray(self.numbers)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(self.array, dtype=dtype)
+
+    def __iter__(self) -> Any:
+        return iter(Vec.of(self.array.tolist()) if len(self.shape) == 1 else self.array.tolist())
+
+    def __getitem__(self, index: Any) -> Any:
+        if self.numbers is None:
+            return self._engine.entry(self, index)
+        found = self.array[index]
+        return found.item() if np.ndim(found) == 0 else Large(found)
+
+    @property
+    def content(self) -> Any:
+        """What tells it from others; None in native code."""
+        return None if self.numbers is None else (self.form, self.numbers.tobytes())
+
+    def __eq__(self, other: object) -> Any:
+        return (
+            isinstance(other, Large)
+            and self.form == other.form
+            and self.numbers.tobytes() == other.numbers.tobytes()
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.form, self.numbers.tobytes()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Large, (np.array(self.array),)
+
+    def __repr__(self) -> str:
+        kind = "complex " if self.is_complex else ""
+        return f"Large({kind}{' x '.join(map(str, self.shape))})"
+
+    @property
+    def _engine(self) -> Any:
+        """Who makes native code of what it is asked."""
+        return self.place.emitter.large
+
+    # ---------------------------------------------------------------- arithmetic
+
+    def _by_numbers(self, op: Callable[[Any, Any], Any], a: Any, b: Any) -> Any:
+        """An operator, number by number, of two alike, or of one and a real number."""
+        engine = None
+        for x in (a, b):
+            if isinstance(x, Large):
+                if x.form != self.form:
+                    raise InvalidType(f"{self!r} cannot be combined with {x!r}")
+                engine = x._engine if x.numbers is None else engine
+            elif isinstance(x, StandIn):
+                engine = x.emitter.large  # type: ignore[attr-defined]
+            elif not isinstance(x, (int, float)) and np.shape(x) != self.shape:
+                return NotImplemented
+        if engine is not None:
+            return engine.by_numbers(op, a, b)
+        left, right = (
+            x if isinstance(x, (int, float)) else x.numbers if isinstance(x, Large) else Large(x).numbers
+            for x in (a, b)
+        )  # fmt: skip
+        with np.errstate(all="ignore"):
+            return Large.of(op(left, right), self.is_complex)
+
+    def __add__(self, other: Any) -> Any:
+        return self._by_numbers(operator.add, self, other)
+
+    def __radd__(self, other: Any) -> Any:
+        return (
+            self
+            if type(other) is int and other == 0
+            else self._by_numbers(operator.add, other, self)
+        )
+
+    def __sub__(self, other: Any) -> Any:
+        return self._by_numbers(operator.sub, self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return self._by_numbers(operator.sub, other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        return self._by_numbers(operator.mul, self, other)
+
+    def __rmul__(self, other: Any) -> Any:
+        return self._by_numbers(operator.mul, other, self)
+
+    def __truediv__(self, other: Any) -> Any:
+        return self._by_numbers(operator.truediv, self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self._by_numbers(operator.truediv, other, self)
+
+    def __neg__(self) -> Large:
+        made: Large = self._by_numbers(operator.mul, -1.0, self)
+        return made
+
+    def __pos__(self) -> Large:
+        return self
+
+    def __abs__(self) -> Large:
+        if self.numbers is None:
+            made: Large = self._engine.absolute(self)
+            return made
+        return Large.of(np.abs(self.numbers), self.is_complex)
+
+    def __bool__(self) -> bool:
+        raise InvalidType(f"{self!r} is neither true nor false")
+
+    def __rmatmul__(self, other: Any) -> Any:
+        return Large(other) @ self
+
+    def inner_with(self, other: Any) -> Any:
+        """The scalar product."""
+        return inner(self, other)
+
+    # ---------------------------------------------------------------- matrices
+
+    def __matmul__(self, other: Any) -> Any:
+        if isinstance(other, (Vec, np.ndarray)) and self.numbers is not None:
+            other = Large(other)
+        if not isinstance(other, Large):
+            return NotImplemented
+        if self.axes == 2 and other.axes == 1:  # a matrix of one column
+            columns: Large = (self @ other.reshaped((len(other), 1))).reshaped((len(self),))
+            return columns
+        if len(self.shape) + len(other.shape) != 4 or self.shape[1] != other.shape[0]:
+            raise InvalidType(f"{self!r} cannot multiply {other!r}")
+        if self.is_complex != other.is_complex:
+            raise InvalidType(f"{self!r} cannot multiply {other!r}: one is real, one complex")
+        if self.numbers is None or other.numbers is None:
+            return (self if self.numbers is None else other)._engine.product(self, other)
+        return Large.of(blas.product(self.numbers, other.numbers, self.is_complex), self.is_complex)
+
+    @property
+    def T(self) -> Large:
+        """The transpose; of a vector itself."""
+        return self._turned(False)
+
+    @property
+    def H(self) -> Large:
+        """The conjugate transpose."""
+        return self._turned(True)
+
+    def _turned(self, conjugate: bool) -> Large:
+        if len(self.shape) == 1:
+            return self
+        if self.numbers is None:
+            made: Large = self._engine.turned(self, conjugate and self.is_complex)
+            return made
+        found = np.ascontiguousarray(self.numbers.swapaxes(0, 1))
+        if self.is_complex and conjugate:
+            found[..., 1] = -found[..., 1]
+        return Large.of(found, self.is_complex)
+
+    def without_adjoint(self) -> Large:
+        """A - A^H."""
+        if self.numbers is None:
+            made: Large = self._engine.without_adjoint(self)
+            return made
+        turned = self.H
+        return Large.of(self.numbers - turned.numbers, self.is_complex)
+
+    def reshaped(self, shape: tuple[int, ...]) -> Large:
+        """The same numbers in another shape."""
+        if self.numbers is None:
+            return Large.at(self.place, (shape, self.is_complex))
+        return Large.of(self.numbers.reshape(_inside(shape, self.is_complex)), self.is_complex)
+
+    def plus(self, s: float) -> Large:
+        """A + s 1."""
+        if self.numbers is None:
+            made: Large = self._engine.plus(self, s)
+            return made
+        found = self.numbers.copy()
+        diagonal = np.arange(len(self))
+        found[(diagonal, diagonal, 0) if self.is_complex else (diagonal, diagonal)] += s
+        return Large.of(found, self.is_complex)
+
+    def over(self, a: Large) -> Large:
+        """B A^-1, by Gaussian elimination with pivots; nan if A is singular."""
+        if self.numbers is None or a.numbers is None:
+            made: Large = (self if self.numbers is None else a)._engine.over(self, a)
+            return made
+        return Large.of(blas.over(self.numbers, a.numbers, self.is_complex), self.is_complex)
+
+
+def _inside(shape: tuple[int, ...], is_complex: bool) -> tuple[int, ...]:
+    """The shape of the real numbers."""
+    return (*shape, 2) if is_complex else shape
+
+
+def size_of(form: tuple[Any, ...]) -> int:
+    """How many real numbers one of this form has."""
+    shape, is_complex = form
+    size = 2 if is_complex else 1
+    for n in shape:
+        size *= n
+    return size
+
+
+def from_numbers(form: tuple[Any, ...], numbers: Any) -> Large:
+    """The vector or matrix of this form with these real numbers in a row."""
+    return Large.of(np.array(numbers, dtype=float).reshape(_inside(*form)), form[1])
+
+
+def inner(a: Any, b: Any) -> Any:
+    """The sum of the products of the real numbers of two vectors or matrices: of matrices the real
+    part of tr(A^H B).
+    """
+    a, b = (x if isinstance(x, Large) else Large(x) for x in (a, b))
+    if a.form != b.form:
+        raise InvalidType(f"dot: of {a!r} and {b!r}")
+    for x in (a, b):
+        if x.numbers is None:
+            return x._engine.inner(a, b)
+    with np.errstate(all="ignore"):
+        return total((a.numbers * b.numbers).ravel())
+
+
+def distance2(a: Large, b: Large) -> Any:
+    """The sum of the squared differences of the real numbers of two vectors or matrices."""
+    for x in (a, b):
+        if x.numbers is None:
+            return x._engine.distance2(a, b)
+    with np.errstate(all="ignore"):
+        off = (a.numbers - b.numbers).ravel()
+        return total(off * off)
+
+
+def total(numbers: np.ndarray) -> float:
+    """The sum of numbers: sixteen interleaved ones, then halves of them, then what is left over."""
+    whole = len(numbers) // TOGETHER * TOGETHER
+    found = 0.0
+    with np.errstate(all="ignore"):
+        if whole:
+            sums = numbers[:whole].reshape(-1, TOGETHER).sum(axis=0)
+            while len(sums) > 1:
+                sums = sums[: len(sums) // 2] + sums[len(sums) // 2 :]
+            found = sums.item()
+    for x in numbers[whole:].tolist():
+        found = found + x
+    return found
+
+
+def sum_of(a: Large) -> Any:
+    """The sum of the real numbers of a vector or matrix."""
+    return total(a.numbers.ravel()) if a.numbers is not None else a._engine.sum(a)
+
+
+TABLES: dict[str, list[np.ndarray]] = {}
+"""The tables of all linear maps of this process, by their content: native code finds them here."""
+
+
+class LinearMap:
+    """A real linear map with few coefficients in a row, between vectors and matrices of two forms.
+
+    groups : of rows with equally many terms: the rows (m,), and (m, terms) coefficients and the
+    numbers that they multiply.  Other rows are zero.
+    """
+
+    __slots__ = ("content", "groups", "source", "target")
+
+    def __init__(self, matrix: Any, source: tuple[Any, ...], target: tuple[Any, ...]) -> None:
+        """matrix : of SciPy's, sparse, by rows; real numbers of complex ones one after the other."""
+        self.source, self.target = source, target
+        matrix = matrix.tocsr()
+        matrix.sort_indices()
+        counts = np.diff(matrix.indptr)
+        self.groups: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        for terms in np.unique(counts[counts > 0]).tolist():
+            rows = np.flatnonzero(counts == terms)
+            at = matrix.indptr[rows][:, None] + np.arange(terms)
+            self.groups.append(
+                (rows.astype(np.int64), np.ascontiguousarray(matrix.data[at], dtype=float),
+                 np.ascontiguousarray(matrix.indices[at], dtype=np.int64))
+            )  # fmt: skip
+        import hashlib
+
+        told = hashlib.sha256(repr((source, target)).encode())
+        for group in self.groups:
+            for array in group:
+                told.update(array.tobytes())
+        self.content = told.hexdigest()[:24]
+        TABLES[self.content] = [group[part] for group in self.groups for part in (2, 1, 0)]
+
+    def symbol(self, group: int, part: int) -> str:
+        """The name by which native code knows a table: places, coefficients or rows of a group."""
+        return f"liemech_table_{self.content}_{3 * group + part}"
+
+    def __call__(self, x: Any) -> Large:
+        """The image, each number the sum of its terms from left to right."""
+        x = x if isinstance(x, Large) else Large(x)
+        if x.form != self.source:
+            raise InvalidType(f"{x!r} where one of shape {self.source[0]} belongs")
+        if x.numbers is None:
+            made: Large = x._engine.mapped(self, x)
+            return made
+        numbers, found = x.numbers.ravel(), np.zeros(size_of(self.target))
+        with np.errstate(all="ignore"):
+            for rows, coefficients, places in self.groups:
+                sums = coefficients[:, 0] * numbers[places[:, 0]]
+                for k in range(1, coefficients.shape[1]):
+                    sums += coefficients[:, k] * numbers[places[:, k]]
+                found[rows] = sums
+        return Large.of(found.reshape(_inside(*self.target)), self.target[1])
+
+
+class DiagonalSolver:
+    """The solution X of equations along every diagonal of a matrix, each tridiagonal:
+
+        l_jk X_j-1,k-1 + d_jk X_jk + u_jk X_j+1,k+1 = B_jk,
+
+    of real coefficients, by elimination without pivots.  Where the main diagonal has no unique
+    solution (its last pivot is rounding) that of B without its trace is taken whose trace is zero.
+
+    lower, diagonal, upper : (n, n).  Source: Golub and Van Loan, Matrix Computations, 4th ed.,
+    section 4.3.6.
+    """
+
+    __slots__ = ("content", "down", "inverse", "shape", "singular", "up")
+
+    def __init__(self, lower: np.ndarray, diagonal: np.ndarray, upper: np.ndarray) -> None:
+        n = len(diagonal)
+        self.shape = n, n
+        pivots, down = diagonal.copy(), np.zeros((n, n))
+        for j in range(1, n):
+            down[j, 1:] = lower[j, 1:] / pivots[j - 1, :-1]
+            pivots[j, 1:] -= down[j, 1:] * upper[j - 1, :-1]
+        up = upper.copy()
+        up[-1] = up[:, -1] = 0.0
+        self.singular = bool(abs(pivots[-1, -1]) <= 1e-6 * abs(diagonal[-1, -1]))
+        if self.singular:
+            pivots[-1, -1] = np.inf
+        # of real and imaginary part
+        self.down, self.up, self.inverse = (
+            np.repeat(x[..., None], 2, axis=2) for x in (down, up, 1.0 / pivots)
+        )
+        import hashlib
+
+        tables = [self.down, self.up, self.inverse]
+        self.content = hashlib.sha256(b"".join([x.tobytes() for x in tables])).hexdigest()[:24]
+        TABLES[self.content] = tables
+
+    def symbol(self, part: int) -> str:
+        """The name by which native code knows a table: `down`, `up` or `inverse`."""
+        return f"liemech_table_{self.content}_{part}"
+
+    def __call__(self, b: Large) -> Large:
+        """X of a complex matrix B."""
+        if b.form != (self.shape, True):
+            raise InvalidType(f"{b!r} where a complex matrix of shape {self.shape} belongs")
+        if b.numbers is None:
+            made: Large = b._engine.along_diagonals(self, b)
+            return made
+        x, n = b.numbers.copy(), len(b)
+        with np.errstate(all="ignore"):
+            if self.singular:
+                _without_trace(x)
+            for j in range(1, n):
+                x[j, 1:] -= self.down[j, 1:] * x[j - 1, :-1]
+            x[-1] *= self.inverse[-1]
+            for j in range(n - 2, -1, -1):
+                x[j, :-1] -= self.up[j, :-1] * x[j + 1, 1:]
+                x[j] *= self.inverse[j]
+            if self.singular:
+                _without_trace(x)
+        return Large.of(x, True)
+
+
+def _without_trace(x: np.ndarray) -> None:
+    """Subtract from the main diagonal its mean.  x : (n, n, 2)."""
+    d, trace = np.arange(len(x)), np.array([0.0, 0.0])
+    for one in x[d, d]:
+        trace = trace + one
+    x[d, d] -= trace * (1.0 / len(x))

@@ -1,0 +1,173 @@
+"""Large groups of matrices, whose momenta and elements lie in memory: isospectral methods beside their
+laws, native code beside plain Python, and the same formulas on small vectors.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import liemech as lm
+from liemech.formulas.large import Large, inner, total
+
+RNG = np.random.default_rng(7)
+
+
+def body(group: Any, seed: int = 1) -> Any:
+    """A body whose energy is a sum of squares, no symmetry left."""
+    moments = np.random.default_rng(seed).uniform(1.0, 3.0, group.dim)
+    return lm.LiePoissonSystem(group, lm.KineticEnergy(moments))
+
+
+def start_of(system: Any, seed: int = 2) -> np.ndarray:
+    """A momentum of size 1."""
+    mu = np.random.default_rng(seed).normal(size=system.group.dim)
+    return mu / np.linalg.norm(mu)
+
+
+def reference(system: Any, mu: np.ndarray, t: float) -> np.ndarray:
+    """W' = [W, X] by SciPy: matrices that this library has not touched."""
+    basis, inverse = system.group.generated, 1.0 / np.array(system.hamiltonian.inertia)
+
+    def rate(_: float, mu: np.ndarray) -> np.ndarray:
+        w, x = np.conj(basis.covector(mu).T), basis.hat(inverse * mu)
+        return basis.pairing(np.conj((w @ x - x @ w).T))
+
+    return solve_ivp(rate, (0.0, t), mu, "DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
+
+
+GROUPS = [lm.SO(4), lm.SU(3), lm.SL(3), lm.Sp(4), lm.GL(2), lm.U(2), lm.SO(14), lm.SU(13)]
+
+
+@pytest.mark.sample(3)
+@pytest.mark.parametrize("group", GROUPS, ids=repr)
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_order_casimirs_and_spatial_momentum(group: Any, order: int) -> None:
+    system = body(group)
+    mu = start_of(system)
+    moves = group.why_no_cayley() is None
+    start = system.state(mu=mu, g=np.eye(group.generated.n) if moves else None)
+    exact, errors = reference(system, mu, 1.2), []
+    for h in (0.4, 0.2):
+        run = lm.integrate(
+            system, lm.Isospectral(order), start, h=h, steps=round(1.2 / h), compiled=False
+        )
+        errors.append(np.abs(run.mu[-1] - exact).max())
+        characteristic = [np.poly(group.generated.covector(m)) for m in run.mu[[0, -1]]]
+        assert np.abs(characteristic[1] - characteristic[0]).max() < 3e-15
+        if moves:
+            assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 3e-15
+            assert np.asarray(group.contains(run.g)).all()
+    assert order - 0.35 < np.log2(errors[0] / errors[1]) < order + 0.6
+
+
+NATIVE = [
+    (lm.SO(14), lm.Isospectral(2)),
+    *[
+        pytest.param(group, method, marks=pytest.mark.slow)
+        for group in (lm.SO(14), lm.SU(13), lm.SL(13), lm.Sp(14))
+        for method in (
+            lm.Isospectral(2),
+            lm.Isospectral(4),
+            lm.RKMK(order=4),
+            lm.CommutatorFree(order=4),
+        )
+    ],
+]
+
+
+@pytest.mark.parametrize(("group", "method"), NATIVE, ids=repr)
+def test_native_code_has_the_bits_of_plain_python(group: Any, method: Any) -> None:
+    system = body(group)
+    start = system.state(mu=start_of(system))
+    plain, native = (
+        lm.integrate(system, method, start, h=0.2, steps=7, compiled=c) for c in (False, True)
+    )
+    assert native.compiled and np.array_equal(plain.mu, native.mu)
+
+
+def test_small_and_large_steps_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """SO(6) written out, and in memory."""
+    from liemech.groups import matrix_basis
+
+    def final(method: Any) -> np.ndarray:
+        system = body(lm.SO(6))
+        start = system.state(mu=start_of(system), g=np.eye(6))
+        run = lm.integrate(system, method, start, h=0.3, steps=5, compiled=False)
+        return np.concatenate([run.mu[-1], run.g[-1].ravel()])
+
+    methods = lm.Isospectral(2), lm.Isospectral(4), lm.RKMK(order=4), lm.CommutatorFree(order=4)
+    small = [final(m) for m in methods]
+    monkeypatch.setattr(matrix_basis, "SMALL", 5)
+    for method, before in zip(methods, small, strict=True):
+        assert np.abs(final(method) - before).max() < 2e-15, method
+
+
+def test_runs_go_on_are_saved_and_are_many(tmp_path: Path) -> None:
+    system = body(lm.SO(14))
+    mu = np.array([start_of(system, k) for k in range(3)])
+    plan = lm.Plan(system, lm.Isospectral(2), h=0.2, compiled=True, progress=False)
+    whole = plan.run(system.state(mu=mu[0], g=np.eye(14)), steps=8)
+    half = plan.run(system.state(mu=mu[0], g=np.eye(14)), steps=4)
+    half.save(tmp_path / "run.npz")
+    for begun in (half, lm.Trajectory.load(tmp_path / "run.npz")):
+        on = plan.resume(begun, steps=4)
+        assert np.array_equal(on.mu[-1], whole.mu[-1]) and np.array_equal(on.g[-1], whole.g[-1])
+    many = plan.run(system.state(mu=mu), steps=8)
+    assert many.mu.shape == (9, 3, 91) and np.array_equal(many.mu[:, 0], whole.mu)
+    alone = plan.run(system.state(mu=mu[2]), steps=8)
+    assert np.array_equal(many.mu[:, 2], alone.mu)
+
+
+def test_what_cannot_be_says_why() -> None:
+    system = body(lm.SO(14))
+    start = system.state(mu=start_of(system))
+    cases: list[tuple[Any, dict[str, Any], str]] = [
+        (lm.CovariantVariational(lm.Cayley()), {"h": 0.1}, "products of matrices"),
+        (lm.RKMK(order=5), {"t_end": 1.0, "rtol": 1e-6}, "fixed steps"),
+        (lm.Isospectral(2), {"h": 0.1, "precision": "double-double"}, "double precision"),
+    ]
+    for method, options, words in cases:
+        steps = {} if "t_end" in options else {"steps": 2}
+        with pytest.raises(lm.errors.IncompatibleSystem, match=words):
+            lm.integrate(system, method, start, **options, **steps)
+    unitary = body(lm.SU(3))
+    with pytest.raises(lm.errors.IncompatibleSystem, match="without g"):
+        at = unitary.state(mu=start_of(unitary), g=np.eye(3))
+        lm.integrate(unitary, lm.Isospectral(2), at, h=0.1, steps=1)
+    upper = lm.MatrixLieGroup.of([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]]])
+    with pytest.raises(lm.errors.IncompatibleSystem, match="not closed under the adjoint"):
+        at = body(upper).state(mu=[0.1, 0.2])
+        lm.integrate(body(upper), lm.Isospectral(2), at, h=0.1, steps=1)
+
+
+def test_a_step_that_is_too_long_says_so() -> None:
+    system = body(lm.SO(14))
+    start = system.state(mu=start_of(system))
+    for compiled in (False, True):
+        with pytest.raises(lm.errors.NoConvergence, match="too large"):
+            lm.integrate(system, lm.Isospectral(2), start, h=60.0, steps=3, compiled=compiled)
+
+
+def test_arithmetic_in_memory_is_that_of_numpy() -> None:
+    a, b = RNG.normal(size=(2, 17, 17)) + 1j * RNG.normal(size=(2, 17, 17))
+    x, y = Large(a), Large(b)
+    assert np.allclose((x @ y).array, a @ b, rtol=1e-13)
+    assert np.allclose(x.over(y).array @ b, a, rtol=1e-10)
+    assert np.array_equal((2.0 * x - y / 4.0).array, 2.0 * a - b / 4.0)
+    assert np.array_equal(x.H.array, a.conj().T) and np.array_equal(x.T.array, a.T)
+    assert inner(x, y) == pytest.approx(np.sum(a.conj() * b).real, rel=1e-13)
+    numbers = RNG.normal(size=16 * 5 + 3)
+    sums = [0.0] * 16
+    for k in range(5):  # sixteen interleaved sums, halves, what is left
+        sums = [s + t if k else t for s, t in zip(sums, numbers[16 * k :].tolist())]
+    while len(sums) > 1:
+        sums = [s + t for s, t in zip(sums[: len(sums) // 2], sums[len(sums) // 2 :])]
+    for rest in numbers[80:].tolist():
+        sums[0] = sums[0] + rest
+    assert total(numbers) == sums[0]
+    assert np.isnan(Large(np.eye(14)).over(Large(np.zeros((14, 14)))).array).all()
