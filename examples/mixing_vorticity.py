@@ -18,10 +18,10 @@ levels = sphere.levels(run.mu[[0, -1]])
 print(f"the 64 values of the vorticity move by {np.abs(levels[1] - levels[0]).max():.1e}")
 
 latitude, longitude = np.linspace(-np.pi / 2, np.pi / 2, 181), np.linspace(-np.pi, np.pi, 361)
-figure, frames = plt.subplots(2, 2, figsize=(11, 6), subplot_kw={"projection": "mollweide"})
+figure, frames = plt.subplots(2, 2, figsize=(8, 4.4), subplot_kw={"projection": "mollweide"})
 for axes, t, mu in zip(frames.flat, run.t, run.mu):
     picture = sphere.vorticity(mu, latitude, longitude)
     axes.pcolormesh(longitude, latitude, picture, cmap="RdBu_r", vmin=-2, vmax=2, shading="gouraud")
     axes.set(title=f"t = {t:.1f}", xticks=[], yticks=[])
 figure.tight_layout()
-figure.savefig("mixing_vorticity.png", dpi=110)
+figure.savefig("mixing_vorticity.png", dpi=90)

@@ -60,7 +60,8 @@ def write_film(
             for t in np.linspace(0.0, scene.duration, pictures)
         ]
     if not gif:
-        films.mimwrite(file, shots, fps=fps, quality=8, macro_block_size=2)
+        codec = "libvpx-vp9" if file.suffix.lower() == ".webm" else "libx264"
+        films.mimwrite(file, shots, fps=fps, codec=codec, quality=8, macro_block_size=2)
         return file
     # one palette for all pictures, from some of them side by side
     some = pillow.fromarray(np.hstack([np.asarray(shot) for shot in shots[:: 1 + len(shots) // 6]]))

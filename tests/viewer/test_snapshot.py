@@ -70,3 +70,16 @@ def test_what_cannot_be_drawn_is_said(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(chromium, "find", lambda: None)
     with pytest.raises(MissingProgram, match="apt-get install chromium"):
         scene.snapshot(tmp_path / "a.png")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", ["mp4", "webm"])
+def test_a_film_has_its_pictures(browser: Chromium, tmp_path: Path, ending: str) -> None:
+    films = pytest.importorskip("imageio.v2", reason="needs the extra film")
+    pytest.importorskip("imageio_ffmpeg", reason="needs the extra film")
+    file = Scene(run(), show="momentum").write_film(
+        tmp_path / f"body.{ending}", size=(240, 160), fps=5, seconds=1.0
+    )
+    frames = [np.asarray(frame).astype(int) for frame in films.get_reader(file)]
+    assert len(frames) == 6 and frames[0].shape == (160, 240, 3)
+    assert all(np.abs(a - b).max() > 30 for a, b in pairwise(frames))
