@@ -222,7 +222,10 @@ def check_method(
         noisy = noisy_claims(method, system, start, h, compiled)  # type: ignore[arg-type]
         return finished(f"{method!r} on {system!r}", noisy, raises)
     place = Place("the start", method, system, start, 0.0, compiled)
-    matching(place.whole, method)
+    if place.fictive:
+        method.require(place.whole)
+    else:
+        matching(place.whole, method)
     base = place.base
     place = dataclasses.replace(place, t0=at_times("", base, start, (0.0,))[0].t)
     speed = pace(base, place.t0, start)

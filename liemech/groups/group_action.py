@@ -9,7 +9,18 @@ from typing import Any, final
 import numpy as np
 
 from ..errors import InvalidType, NotDefined, undefined
-from ..formulas import Element, Mat, Record, Vec, derivative, identity_matrix, mat, record, vec
+from ..formulas import (
+    Element,
+    Mat,
+    Record,
+    Vec,
+    derivative,
+    identity_matrix,
+    mat,
+    record,
+    vec,
+    vectors,
+)
 from ..formulas.batches import MEMBERSHIP
 from ..formulas.derived import derived
 from .lie_group import LieGroup
@@ -96,9 +107,10 @@ class GroupAction(Record):
         tangent space of its orbit.
 
         x : a point (k,);  returns (k, dim).  Its rank is the dimension of the orbit, its kernel the
-        algebra of the isotropy group.
+        algebra of the isotropy group.  Of points that are matrices the entries are in a row.
         """
-        return mat(*[self.infinitesimal(unit, x) for unit in identity_matrix(self.group.dim)]).T
+        units = identity_matrix(self.group.dim)
+        return mat(*[in_a_row(self.infinitesimal(unit, x)) for unit in units]).T
 
     def contains(self, x: Vec) -> bool:
         """Is an array a point of the space, up to rounding?  Its `defect` is at most 1e-6.
@@ -114,3 +126,8 @@ class GroupAction(Record):
 
     def _objection(self, argument: str, value: Any) -> str | None:
         return self.group._objection(argument, value)
+
+
+def in_a_row(x: Any) -> Any:
+    """The entries of a vector, or of a matrix row by row."""
+    return vec(*[entry for row in x for entry in row]) if isinstance(x, vectors.Mat) else x

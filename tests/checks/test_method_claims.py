@@ -266,6 +266,7 @@ ELSEWHERE = {
     # systems of their own: tests/timing, tests/joints, tests/poisson
     *(lm.MultipleTimeSteps, lm.LieRATTLE, lm.LagrangeDAlembert, lm.Boris),
     *(lm.SublatticeSplitting, lm.BondSplitting),  # tests/sites
+    *(lm.DiscreteGradient, lm.WongZakai, lm.NinomiyaVictoir),  # tests/noise
 }
 """Methods whose claims `check_method` does not look at."""
 

@@ -327,3 +327,12 @@ def test_elements_off_the_group_are_refused_however_many(action: lm.GroupAction,
     g[7] *= 1.1
     with pytest.raises(lm.errors.InvalidInput, match=r"g\[7\] is not in SO3"):
         action.act(g, x)
+
+
+def test_generators_at_points_that_are_matrices() -> None:
+    """Of rotations from the left every component of xi moves g: hat(e_i) g, in a row."""
+    action, g = lm.actions.LeftMultiplication(lm.SO3()), lm.SO3().exp([0.4, -0.3, 0.5])
+    found = np.asarray(action.generators(g))
+    expected = [(lm.SO3().algebra.hat(unit) @ g).ravel() for unit in np.eye(3)]
+    assert np.allclose(found, np.transpose(expected), rtol=0, atol=1e-15)
+    assert np.linalg.matrix_rank(found) == 3
