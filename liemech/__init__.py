@@ -29,7 +29,7 @@ def _evaluate_rows(batch: batches.Batch) -> Any:
 
 
 def _prepare(row: one_row.OneRow, args: tuple[Any, ...], result: Any) -> None:
-    """The same for a method called with one row, again and again."""
+    """Make native code for a method that is called with one row again and again."""
     from .compiler.one_row import prepare
 
     prepare(row, args, result)

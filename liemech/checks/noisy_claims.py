@@ -1,4 +1,4 @@
-"""What can be observed of a method for noisy systems: the error of paths, the error of means without
+"""Observations of a method for noisy systems: the error of paths, the error of means without
 statistics, and what every path keeps.
 """
 

@@ -14,7 +14,7 @@ def short(x: float) -> str:
 
 
 def called(thing: Any) -> str:
-    """What a system is called in a line: as it is written, or by its class alone where that is
+    """The name of a system in a line: as it is written, or by its class alone where that is
     long.
     """
     text = repr(thing)

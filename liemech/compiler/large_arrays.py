@@ -58,7 +58,7 @@ class Deferred(Large):
 
 
 class LargeArrays:
-    """What native code does with vectors and matrices in memory.
+    """Operations of native code on vectors and matrices in memory.
 
     used : numbers of the memory so far.  widest : of the largest piece.
     """

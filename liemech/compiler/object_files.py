@@ -72,7 +72,7 @@ def _alone(text: str, name: str) -> str:
 
 @frozen
 class Bound:
-    """What a step of a kernel does at most, whatever its numbers are, and a call beside its steps.
+    """The most operations of a step of a kernel, whatever its numbers are, and of a call beside its steps.
 
     instructions : of LLVM, each of which is one of the processor or a few.  arithmetic : sums,
     products and comparisons of doubles among them.  divisions : with square roots.  calls : of the C

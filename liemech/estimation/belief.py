@@ -1,4 +1,4 @@
-"""What is believed of a state: an element and the covariance of its error."""
+"""Beliefs about a state: an element and the covariance of its error."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Belief:
     accepted: Any = None
 
     def seen_from(self, side: str) -> Belief:
-        """The same belief with the error on this side: e_right = Ad_g e_left, P_right = Ad_g P Ad_g^T."""
+        """This belief with its error on the given side: e_right = Ad_g e_left, P_right = Ad_g P Ad_g^T."""
         check_side("Belief.seen_from", side)
         if side == self.side:
             return self

@@ -1,4 +1,4 @@
-"""What all filters on a group share: beliefs are predicted by a process and updated by sensors."""
+"""The base of all filters on a group: beliefs are predicted by a process and updated by sensors."""
 
 from __future__ import annotations
 

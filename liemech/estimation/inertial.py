@@ -83,7 +83,7 @@ class Imu(Process):
 
 @record
 class BiasedImu(Process):
-    """The same with biases that wander, on SE_2(3) x R^6: (w, a) are measured with (b_w, b_a) added.
+    """An inertial unit whose biases wander, on SE_2(3) x R^6: (w, a) are measured with (b_w, b_a) added.
 
     wander : (6,) densities of the random walks of the biases, of gyroscope and accelerometer.
 

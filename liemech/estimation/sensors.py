@@ -1,4 +1,4 @@
-"""What is measured: a value that an element predicts, and the residual of a measurement."""
+"""Sensors: a value that an element predicts, and the residual of a measurement."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Sensor(Record):
         def deviation(self) -> Any: ...
 
     def value(self, g: Element) -> Vec:
-        """What an exact sensor would measure at g."""
+        """The value that an exact sensor measures at g."""
         raise undefined(self, "value")
 
     def residual(self, g: Element, z: Ambient) -> Vec:
@@ -223,7 +223,7 @@ class OfPart(Sensor):
         return self.sensor.deviation
 
     def value(self, g: Element) -> Any:
-        """What the sensor would measure at the factor."""
+        """The value that the sensor measures at the factor."""
         return self.sensor.value(self.group.split(g)[self.part])
 
     def residual(self, g: Element, z: Ambient) -> Vec:

@@ -95,7 +95,7 @@ class Sight(Record):
         return sensor.residual(g, z), transpose(mat(*slopes)), sensor.covariance(g)
 
     def of(self, g: Any, z: Any) -> tuple[Any, Any, Any]:
-        """The same for many; one of them by itself is the quicker."""
+        """Values for many elements; a single one goes by itself, which is quicker."""
         if len(g) != 1:
             return self.factor(g, z)
         r, H, R = self.factor(g[0], z[0])
@@ -115,7 +115,7 @@ class Sight(Record):
 
 @record
 class Prior(Sensor):
-    """What is believed of an element beforehand, as a measurement of it.
+    """The belief about an element beforehand, as a measurement of it.
 
     Source: Dellaert and Kaess, Factor Graphs for Robot Perception (2017), section 6.
     """

@@ -104,7 +104,7 @@ class Large(InMemory):
 
     @property
     def content(self) -> Any:
-        """What tells it from others; None in native code."""
+        """Its form and bytes, by which it is compared; None in native code."""
         return None if self.numbers is None else (self.form, self.numbers.tobytes())
 
     def __eq__(self, other: object) -> Any:
@@ -251,7 +251,7 @@ class Large(InMemory):
         return Large.of(self.numbers - turned.numbers, self.is_complex)
 
     def reshaped(self, shape: tuple[int, ...]) -> Large:
-        """The same numbers in another shape."""
+        """These numbers in another shape."""
         if self.numbers is None:
             return Large.at(self.place, (shape, self.is_complex))
         return Large.of(self.numbers.reshape(_inside(shape, self.is_complex)), self.is_complex)

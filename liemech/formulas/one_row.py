@@ -76,7 +76,7 @@ MADE: set[Any] = set()
 """Formulas of classes that have native code in this process: other owners ask for it at once."""
 
 prepare: Callable[[OneRow, tuple[Any, ...], Any], None] | None = None
-"""What looks for native code, given a row, its arguments and the result: it sets `native`, or `next`, when to
+"""Looks for native code, given a row, its arguments and the result: it sets `native`, or `next`, when to
 ask again.  The package, which knows the compiler, puts it here.
 """
 

@@ -16,7 +16,7 @@ from .functions import cos, log, sin, sqrt
 ROUNDS = 10
 MULTIPLIERS = 0xD2511F53, 0xCD9E8D57
 WEYL = 0x9E3779B9, 0xBB67AE85
-"""What is added to the key before each round but the first: the golden ratio and sqrt(3) - 1, as fractions of 2^32."""
+"""Added to the key before each round but the first: the golden ratio and sqrt(3) - 1, as fractions of 2^32."""
 
 WORD = 2**32 - 1
 

@@ -194,7 +194,7 @@ class SO(ClassicalGroup):
         return vec(*values, *([] if self.n % 2 else [pfaffian(-self.algebra.hat(mu))]))
 
     def _casimirs_of(self, m: np.ndarray) -> np.ndarray:
-        """The same from the rates b_j in all planes, m = Q diag([[0, b_j], [-b_j, 0]]) Q^T: half the
+        """Casimirs from the rates b_j in all planes, m = Q diag([[0, b_j], [-b_j, 0]]) Q^T: half the
         traces are the sums of b_j^2k, the Pfaffian is det(Q) b_1 b_2 ...
         """
         from scipy.linalg import schur

@@ -449,7 +449,7 @@ Source: NIST Handbook of Mathematical Functions, 25.2.1 and 25.6.2.
 
 
 def _long_bernoulli_series(action: Callable[..., Vec], x: Vec, v: Vec, size2: float) -> Vec:
-    """The same for |A|^2 up to 20.  Raises InvalidInput for larger ones."""
+    """The series of Bernoulli numbers for |A|^2 up to 20.  Raises InvalidInput for larger ones."""
     raise_if(
         size2 > FARTHEST,
         "dexp_inv: a displacement of large matrices whose commutators may be longer than 4.5; take a "

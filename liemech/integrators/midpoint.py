@@ -268,7 +268,7 @@ class Isospectral(Implicit):
         return self.after(memory, BodyState(state.mu + turned @ state.mu, g), tuple(stages))
 
     def _step_of_matrices(self, system: Any, memory: Memory, h: float) -> Memory:
-        """The same of momenta as matrices."""
+        """A step of momenta that are matrices."""
         state, guess = memory.state, continued(memory.past)
         w = isospectral_matrices.matrix_of(system, state.mu)
         g = state.g

@@ -180,7 +180,7 @@ ENDS, TOUCH = carried_layout((0, 0, 0.0, 0)), carried_layout((0, 0.0, 0, 0.0))
 
 @record
 class LinkMemory(Record):
-    """What steps carry along for the body and the joint of one place: the state, and for every
+    """Numbers that steps carry along for the body and the joint of one place: the state, and for every
     substep the last three displacements and impulses.
     """
 
@@ -419,7 +419,7 @@ def nothing(some: Any) -> Any:
 
 
 def held_by_unknown(system: Any, work: Any) -> None:
-    """What the impulses take from a body in all."""
+    """The sum of all impulses on a body."""
     rows = system.rows
     save(below(work, rows.held), 0, pull_on(system, work), SIX)
 
@@ -539,7 +539,7 @@ def kicked(system: Any, h: float, old: Any, work: Any, state: Layout) -> None:
 
 
 def pull_on(system: Any, work: Any) -> Vec:
-    """What joints do to a body: one of which it is the first body, one of which it is the second,
+    """The pull of joints on a body: one of which it is the first body, one of which it is the second,
     and all others together.
     """
     wrenches = below(work, system.rows.wrench)
@@ -623,7 +623,7 @@ def wrench_of_unknown(system: Any, work: Any) -> None:
 
 
 def wrench_of_impulses(system: Any, work: Any) -> None:
-    """The same of those that elimination has found."""
+    """The wrench of the impulses that elimination has found."""
     save_wrench(system, work, load(below(work, system.rows.impulse), 0, vector(system.most)))
 
 
@@ -668,7 +668,7 @@ def correction_of_joint(system: Any, sign: float, work: Any) -> None:
 
 
 def mismatch_of_joint(system: Any, work: Any) -> None:
-    """What the conditions miss, with their rows as they were."""
+    """The mismatch of the conditions, with their rows as they were."""
     rows, n = system.rows, system.most
     first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
     g, k = poses_of(system, below(work, rows.pose), work, POSE)
@@ -724,7 +724,7 @@ def chosen(second: float, a: Mat, b: Mat) -> Mat:
 
 
 def excess_of(system: Any, work: Any) -> None:
-    """What leads off the constraint, G xi, and the answers of the bodies to impulses, J^-1 G*."""
+    """The rate off the constraint, G xi, and the answers of the bodies to impulses, J^-1 G*."""
     rows, n = system.rows, system.most
     first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
     alive = load(below(work, rows.alive), 0, vector(n))
@@ -795,7 +795,7 @@ def kick_of(one: Any, t: float, h: float, seen: Any, rates: Vec) -> tuple[Vec, M
 
 
 def excess_of_rates(system: Any, work: Any) -> None:
-    """What leads off the constraint, and how far rates are from those at which their kick was found;
+    """The rate off the constraint, and how far rates are from those at which their kick was found;
     the answers of bodies to impulses, and to a change of rates with the kick by it.
     """
     rows, n, m = system.rows, system.most + system.freedoms, system.most

@@ -1,4 +1,4 @@
-"""What acts on a spacecraft: formulas of force and torque, with and without an energy."""
+"""Effectors of a spacecraft: formulas of force and torque, with and without an energy."""
 
 from __future__ import annotations
 

@@ -272,7 +272,7 @@ def has_loops(ends: list[tuple[int, int]]) -> bool:
 def tables_of(
     ends: list[tuple[int, int]], filling: list[list[int]], places: int
 ) -> tuple[list[Table], int, dict[int, tuple[int, float, float, float]]]:
-    """What elimination does, as lists of numbers: couplings, pivots, belows and updates of `Links`;
+    """The plan of elimination, as lists of numbers: couplings, pivots, belows and updates of `Links`;
     how many blocks a place has; and of each joint the tie to a later one, of which the place has the
     blocks.
 

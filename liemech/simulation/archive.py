@@ -97,7 +97,7 @@ ORIGIN = "given", "start"
 
 
 def here() -> dict[str, str]:
-    """What writes a file, and when."""
+    """The versions, platform and date of the writer of a file."""
     versions = {
         "liemech": sys.modules[LIBRARY].__version__,
         "python": platform.python_version(),
@@ -108,7 +108,7 @@ def here() -> dict[str, str]:
 
 
 def told_apart(written: Any, now: dict[str, str]) -> str:
-    """What of a file's library, Python and machine is another one here; empty if nothing is."""
+    """How the library, Python and machine of a file differ from those here; empty if they do not."""
     if not isinstance(written, dict):
         return ""
     kept = {name: str(written.get(name, "?")) for name in ("liemech", "python", "platform")}
@@ -361,7 +361,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
 
 
 def _listed(told: Any) -> Any:
-    """What is told of many: in a list of its own, or as one thing."""
+    """The parts of a list or tuple in a list of its own; anything else as it is."""
     return [*told] if isinstance(told, (list, tuple)) else told
 
 

@@ -97,7 +97,7 @@ class Latency:
         self._on_the_way = collections.deque([self.first] * self.looks)
 
     def __call__(self, command: Any) -> Any:
-        """What arrives as this command is given."""
+        """The command that arrives as this one is given."""
         self._on_the_way.append(np.array(command) if type(command) is np.ndarray else command)
         return self._on_the_way.popleft()
 

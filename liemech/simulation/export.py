@@ -25,7 +25,7 @@ WORDS = 9
 
 @frozen(eq=False)
 class Exported:
-    """What `Plan.export` has written.
+    """The files that `Plan.export` has written.
 
     object, header, example : the files.  bound : what a step does at most, in operations; None if a
     step may take any number of turns, as where an equation is solved.  platform, processor : that it
@@ -216,7 +216,7 @@ class Header:
         return "\n".join(lines) + "\n"
 
     def _bound(self) -> list[str]:
-        """What a step does at most."""
+        """The bound on the operations of a step, as lines of the header."""
         if self.bound is None:
             return [
                 f"No bound on the time of a step: {type(self.plan.method).__name__} or the formulas go on in loops",

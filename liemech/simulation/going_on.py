@@ -107,7 +107,7 @@ def require_steps(plan: Any, carry: Any, what: str) -> None:
 
 
 def inner_of(carry: Any) -> Any:
-    """What the method carries along, in fictive time of the system with its clock."""
+    """The carry of the method itself; in fictive time that of the system with its clock."""
     return carry.inner if isinstance(carry, FictiveCarry) else carry
 
 

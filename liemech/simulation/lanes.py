@@ -108,7 +108,7 @@ class Lanes:
     def _one_by_one(
         self, columns: np.ndarray, out: np.ndarray, turns: int, every: int, first: int, end: int | None,
     ) -> int:  # fmt: skip
-        """The same of bodies whose numbers lie in memory: each has its own, side by side."""
+        """Run native code for bodies whose numbers lie in memory, one after another."""
         for i in range(first, columns.shape[1] if end is None else end):
             column, rows = columns[:, i : i + 1].copy(), out[..., i : i + 1].copy()
             self.natively(column, rows, turns, 1, every)

@@ -59,7 +59,7 @@ class LinksRun(SiteRun):
         return made
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
-        """What went wrong in a step, at which joint."""
+        """The reason for which a step failed, and at which joint."""
         if failures and not isinstance(failures[-1], NoConvergence):
             return failures[-1]
         rows, system = self.site.rows, self.plan._one

@@ -69,7 +69,7 @@ class ErrorControl:
 
 @frozen
 class Save:
-    """What is kept of a run, as a value of `save=`: every n-th state, or those at given times, or
+    """The samples to keep of a run, as a value of `save=`: every n-th state, or those at given times, or
     functions of them.
 
     every : n, of fixed steps.  at : (n,) times, what `t_eval` is.

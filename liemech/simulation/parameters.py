@@ -45,7 +45,7 @@ def parameter(system: Any, name: str, caller: str = "Plan.tangent") -> Any:
 
 
 def with_parameter(system: Any, name: str, value: Any) -> Any:
-    """The same system made with another parameter."""
+    """This system, made with another value of a parameter."""
     first, _, rest = name.partition(".")
     if type(system) in (tuple, list):
         others = [*system]
@@ -157,7 +157,7 @@ class Input:
         return array
 
     def value(self, numbers: Any) -> Any:
-        """What the system is made with, of its numbers."""
+        """The value of the parameter with these numbers."""
         return build(self.layout, iter([float(x) for x in numbers]))
 
     def in_system(self, system: Any, numbers: Any) -> Any:

@@ -98,7 +98,7 @@ class SitesOfPlan:
 
     @functools.cached_property
     def functions(self) -> list[tuple[str, str, Callable[..., Any]]]:
-        """What a user's functions are called, of what they are, and the functions themselves."""
+        """Names of the user's functions, of what they are, and the functions themselves."""
         recorder = self.plan.recorder
         found = [] if recorder is None else [*recorder.quantities.items()]
         found += [(name_of(event), event) for event in self.plan.events]

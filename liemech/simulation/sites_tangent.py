@@ -18,7 +18,7 @@ from .trajectory import TangentTrajectory
 
 
 class Along:
-    """What a run does otherwise when the numbers of its sites carry a derivative.
+    """How a run differs when the numbers of its sites carry a derivative.
 
     slopes : of the numbers of the start, (width, sites).
     """

@@ -156,7 +156,7 @@ class Stepper:
 
     @property
     def carry(self) -> Any:
-        """What the method carries along here, for `Plan.step` of `plan`; it does not change."""
+        """A copy of where it stands, for `Plan.step` of `plan`."""
         with self._lock:
             self._settle()
             return self._standing
@@ -322,7 +322,7 @@ class Stepper:
                 self._here = BodiesInPlace(steps, lanes, inner, self._plan.options.workers)
 
     def _slowly(self, steps: int) -> None:
-        """The same by `Plan.step`: in plain Python, and for a step that fails."""
+        """Go on by `Plan.step`: in plain Python, and for a step that fails."""
         self._settle()
         while steps:
             carry, some = self.carry, steps

@@ -324,7 +324,7 @@ class TurnsRun(SiteRun):
         self.totals[first : first + samples] = self._totals(rows, times)
 
     def _totals(self, rows: np.ndarray, times: Any) -> np.ndarray:
-        """What is recorded of states, (samples, width, sites), in total over all sites."""
+        """Recorded totals over all sites, of states (samples, width, sites)."""
         shown = self.shape.shown
         found = np.zeros((len(rows), shown.totals.width))
         if shown.quantities:

@@ -74,7 +74,7 @@ class DrivenHamiltonianSystem(PhaseSpace):
 # ------------------------------------------------------------------ on the dual of a Lie algebra
 
 _EMPTY: Any = fill(LiePoissonSystem, dict.fromkeys(("group", "hamiltonian", "lagrangian")))
-"""What formulas make a free system of."""
+"""An empty system, which formulas fill."""
 
 
 @record
@@ -135,7 +135,7 @@ class DrivenLiePoissonSystem(LiePoissonMotion):
         return LiePoissonSystem(self.group, self.hamiltonian.at(t))
 
     def _at(self, t: float) -> LiePoissonSystem:
-        """The same, unchecked, in formulas."""
+        """`at` for formulas, unchecked."""
         energy = self.hamiltonian.at(t)
         own = energy if isinstance(energy, KineticEnergy) else None
         made: LiePoissonSystem = with_fields(

@@ -11,7 +11,7 @@ from .driven_hamiltonian import DrivenHamiltonian
 from .kinetic_energy import KineticEnergy, times
 
 _EMPTY: Any = fill(KineticEnergy, dict.fromkeys(("inertia", "inverse")))
-"""What formulas make a kinetic energy of."""
+"""An empty kinetic energy, which formulas fill."""
 
 
 @record

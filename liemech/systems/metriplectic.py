@@ -20,7 +20,7 @@ from .poisson import PoissonSystem
 from .system import System, as_precise
 
 TOLERANCE = 2.0**-40
-"""What should vanish may be so large, relative to its terms, where a system is made."""
+"""Brackets that should vanish may be so large, relative to their terms, where a system is made."""
 
 
 @record

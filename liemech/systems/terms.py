@@ -232,7 +232,7 @@ class AtTime(Term):
 
 
 def at_time(energy: Any, t: float) -> Any:
-    """What holds terms that change with time, with them as they are then."""
+    """An energy with its terms that change with time as they are at time t."""
     changing = inside(energy, AtTime)
     moved = [with_fields(x, time=t) for x in changing]
     return exchanged(energy, AtTime, moved) if changing else energy

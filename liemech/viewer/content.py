@@ -60,13 +60,13 @@ class Content:
         return ASIDE if points is None else across(points)
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
-        """What its colours mean: each a "name" and a "color", of a "line" or of a dot, or for a
+        """The meaning of its colours: each a "name" and a "color", of a "line" or of a dot, or for a
         scale its "colors" and the texts at its "ends".
         """
         return []
 
     def note(self, motion: Motion) -> str:
-        """What the picture should say of itself, such as that it is not to scale."""
+        """A remark of the picture on itself, such as that it is not to scale."""
         return ""
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:

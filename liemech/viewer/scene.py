@@ -196,7 +196,7 @@ class Scene:
         return found
 
     def notes(self) -> list[str]:
-        """What is to be said of the runs: what the pictures leave out of them, what is not to
+        """Remarks on the runs: what the pictures leave out of them, what is not to
         scale, why one ended early.
         """
         found: list[str] = []
