@@ -16,6 +16,7 @@ from .carry import Carry
 from .control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME, go_on
 from .dense import Between
 from .events import Events
+from .fictive import FictiveCarry
 from .execution import LOOK
 from .keep import At, Every, Piece, Quantities
 from .lanes import Lanes
@@ -68,9 +69,8 @@ class Run:
     ) -> None:  # fmt: skip
         self.plan, self.way, self.checkpoint = plan, plan._steps, checkpoint
         self.start, self.bodies, self.count = start, start.bodies, start.bodies or 1
-        self.before: Carry | None = (
-            start if isinstance(start, Carry) else getattr(start, "inner", None)
-        )
+        inner = start.inner if isinstance(start, FictiveCarry) else start
+        self.before: Carry | None = inner if isinstance(inner, Carry) else None
         self.asked_for, self.fresh = plan.options.compiled, self.before is None
         self.t0 = np.full(self.count, t0 if self.fresh else start.t)
         self.over = np.zeros(self.count, dtype=bool)

@@ -17,6 +17,30 @@ SOURCE = Path(__file__).with_name("baseline.cpp")
 FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-shared", "-fPIC")
 CONTRACTIONS = ("off", "fast")
 
+
+def libraries(source: Path) -> dict[str, ctypes.CDLL]:
+    """The C++ of a file in each contraction mode, "off" and "fast", compiled for this processor; empty without
+    g++.
+    """
+    compiler = os.environ.get("CXX") or shutil.which("g++")
+    if not compiler:
+        return {}
+    folder, found = Path(tempfile.mkdtemp()), {}
+    for contraction in CONTRACTIONS:
+        library = folder / f"{source.stem}-{contraction}.so"
+        command = [
+            compiler,
+            *FLAGS,
+            f"-ffp-contract={contraction}",
+            str(source),
+            "-o",
+            str(library),
+        ]
+        subprocess.run(command, check=True)
+        found[contraction] = ctypes.CDLL(str(library))
+    return found
+
+
 METHODS = {
     "RKMK4": 0,
     "Algorithm 1, Cayley": 1,

@@ -16,21 +16,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from harness import cost
 
 import liemech as lm
 
 es = lm.estimation
-
-
-def cost(call: Callable[[], Any], rounds: int, calls: int) -> float:
-    """The least of so many rounds, in us a call."""
-    best = np.inf
-    for _ in range(rounds):
-        begun = time.process_time()
-        for _ in range(calls):
-            call()
-        best = min(best, (time.process_time() - begun) / calls)
-    return 1e6 * best
 
 
 def native(call: Callable[[], Any]) -> float:

@@ -12,22 +12,18 @@ import ctypes
 import importlib
 import importlib.util
 import json
-import os
-import shutil
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import baseline
 import harness
 import numpy as np
 
 import liemech as lm
 
 SOURCE = Path(__file__).with_suffix(".cpp")
-FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-shared", "-fPIC")
 SIZES = (10, 32, 100, 1000)
 METHODS: dict[str, Any] = {"leapfrog": lm.StormerVerlet(), "order 8": lm.Splitting(order=8)}
 DURATION = 0.15
@@ -54,23 +50,10 @@ def planets() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def opponents() -> dict[str, Any]:
     """The C++ of `gravity.cpp`, without and with contraction; empty without g++."""
-    compiler = os.environ.get("CXX") or shutil.which("g++")
-    if not compiler:
-        return {}
-    folder, found = Path(tempfile.mkdtemp()), {}
     array = np.ctypeslib.ndpointer(np.float64, flags="C")
-    for contraction in ("off", "fast"):
-        library = folder / f"gravity-{contraction}.so"
-        command = [
-            compiler,
-            *FLAGS,
-            f"-ffp-contract={contraction}",
-            str(SOURCE),
-            "-o",
-            str(library),
-        ]
-        subprocess.run(command, check=True)
-        call = ctypes.CDLL(str(library)).gravity
+    found = {}
+    for contraction, library in baseline.libraries(SOURCE).items():
+        call = library.gravity
         call.argtypes = [ctypes.c_long, array, array, array, ctypes.c_double, ctypes.c_long,
                          ctypes.c_long, array, array]  # fmt: skip
         found[contraction] = call

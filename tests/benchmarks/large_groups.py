@@ -11,15 +11,12 @@ of C++ are missing.
 import argparse
 import ctypes
 import json
-import os
-import shutil
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import baseline
 import numpy as np
 
 import liemech as lm
@@ -27,30 +24,16 @@ from liemech.formulas.blas import one_thread
 from liemech.integrators import isospectral_matrices
 
 SOURCE = Path(__file__).with_suffix(".cpp")
-FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-shared", "-fPIC")
 DURATION = 0.15
 """Seconds of one measurement, about."""
 
 
 def opponents() -> dict[str, Any]:
     """The C++ of `large_groups.cpp`, without and with contraction; empty without g++."""
-    compiler = os.environ.get("CXX") or shutil.which("g++")
-    if not compiler:
-        return {}
-    folder, found = Path(tempfile.mkdtemp()), {}
     array = np.ctypeslib.ndpointer(np.float64, flags="C")
-    for contraction in ("off", "fast"):
-        library = folder / f"{contraction}.so"
-        command = [
-            compiler,
-            *FLAGS,
-            f"-ffp-contract={contraction}",
-            str(SOURCE),
-            "-o",
-            str(library),
-        ]
-        subprocess.run(command, check=True)
-        call = ctypes.CDLL(str(library)).midpoint
+    found = {}
+    for contraction, library in baseline.libraries(SOURCE).items():
+        call = library.midpoint
         call.argtypes = [ctypes.c_long, array, array, ctypes.c_double, ctypes.c_long]
         call.restype = ctypes.c_double
         found[contraction] = call

@@ -10,12 +10,12 @@ Beside them SciPy's Rotation, where it has the function.
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
+from harness import cost
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
@@ -60,17 +60,6 @@ SCIPY = {
     "inverse": lambda a: a.inv(),
     "action on a point": lambda a, x: a.apply(x),
 }
-
-
-def cost(call: Callable[[], Any], rounds: int, calls: int) -> float:
-    """The least of so many rounds, in us a call."""
-    best = np.inf
-    for _ in range(rounds):
-        begun = time.process_time()
-        for _ in range(calls):
-            call()
-        best = min(best, (time.process_time() - begun) / calls)
-    return 1e6 * best
 
 
 def main() -> None:

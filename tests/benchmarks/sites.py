@@ -9,21 +9,17 @@ The last column is the difference from C++ after 20 steps.
 
 import argparse
 import ctypes
-import os
-import shutil
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import baseline
 import numpy as np
 
 import liemech as lm
 
 SOURCE = Path(__file__).with_suffix(".cpp")
-FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-shared", "-fPIC")
 H, FIELD = 0.05, np.array([0.0, 0.0, 0.1])
 WORK = 2_000_000
 """Sites times steps of one measurement, about."""
@@ -66,14 +62,8 @@ def spins(n: int) -> np.ndarray:
 
 def opponents() -> dict[str, Any]:
     """The C++ of `sites.cpp`, without and with contraction; empty without g++."""
-    compiler = os.environ.get("CXX") or shutil.which("g++")
-    if not compiler:
-        return {}
-    folder, found = Path(tempfile.mkdtemp()), {}
-    for name, flag in (("C++", "-ffp-contract=off"), ("C++ contracted", "-ffp-contract=fast")):
-        file = folder / f"{len(found)}.so"
-        subprocess.run([compiler, *FLAGS, flag, str(SOURCE), "-o", str(file)], check=True)
-        found[name] = ctypes.CDLL(str(file))
+    names = {"off": "C++", "fast": "C++ contracted"}
+    found = {names[mode]: library for mode, library in baseline.libraries(SOURCE).items()}
     return found
 
 

@@ -14,23 +14,19 @@ import ctypes
 import functools
 import importlib.util
 import json
-import os
-import shutil
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from baseline import libraries
 from scipy.spatial.transform import Rotation
 
 import liemech as lm
 
 M = lm.models
 SOURCE = Path(__file__).with_suffix(".cpp")
-FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-shared", "-fPIC")
 K, MASS, MOMENTS = 3.986004415e14, 750.0, np.array([900.0, 800.0, 600.0])
 POSITION, VELOCITY = np.array([7e6, 0.0, 0.0]), np.array([0.0, 6600.0, 3700.0])
 SIGMA, RATE = np.array([0.1, 0.2, -0.3]), np.array([0.01, -0.02, 0.03])
@@ -161,18 +157,9 @@ def basilisk(
 
 def baseline(steps: int) -> dict[str, Callable[[], Any]]:
     """The hub in C++, without and with contraction; empty without g++."""
-    compiler = os.environ.get("CXX") or shutil.which("g++")
-    if not compiler:
-        return {}
-    folder, found = Path(tempfile.mkdtemp()), {}
-    double = ctypes.POINTER(ctypes.c_double)
-    for contraction in ("off", "fast"):
-        library = folder / f"{contraction}.so"
-        subprocess.run(
-            [compiler, *FLAGS, f"-ffp-contract={contraction}", str(SOURCE), "-o", str(library)],
-            check=True,
-        )
-        hub = ctypes.CDLL(str(library)).hub
+    double, found = ctypes.POINTER(ctypes.c_double), {}
+    for contraction, library in libraries(SOURCE).items():
+        hub = library.hub
         hub.argtypes = (double, double, double, ctypes.c_double, ctypes.c_double, ctypes.c_long)
         found[f"C++ ({contraction})"] = functools.partial(_in_cpp, hub, steps)
     return found

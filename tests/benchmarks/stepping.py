@@ -46,6 +46,7 @@ def plan_of(steps: Steps) -> Any:
     """A Plan of any method and system, in fictive time too."""
     given = dict.fromkeys(Options._fields) | {"compiled": True, "progress": False}
     return SimpleNamespace(
+        recorder=None,
         system=steps.system, method=steps.method, events=(), of_each={}, count=Plan.count,
         options=Options(**given | {"workers": 1}), _steps=steps,
     )  # fmt: skip

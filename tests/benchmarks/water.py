@@ -22,6 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import baseline
 import gravity
 import harness
 import numpy as np
@@ -151,7 +152,7 @@ def pair_sums(side: int, rounds: int) -> list[list[Any]]:
     if not compiler:
         return []
     library = Path(tempfile.mkdtemp()) / "pairs.so"
-    flags = (*gravity.FLAGS, "-ffp-contract=off")
+    flags = (*baseline.FLAGS, "-ffp-contract=off")
     subprocess.run([compiler, *flags, str(SOURCE), "-o", str(library)], check=True)
     call = ctypes.CDLL(str(library)).pairs
     array = np.ctypeslib.ndpointer(np.float64, flags="C")

@@ -7,28 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from terms_of_spins import Exchange, Zeeman
 
 import liemech as lm
-
-
-@lm.record
-class Exchange(lm.Term):
-    """Neighbours that like to be parallel."""
-
-    J: float
-
-    def energy(self, a: Any, b: Any) -> Any:
-        return -self.J * lm.dot(a.mu, b.mu)
-
-
-@lm.record
-class Zeeman(lm.Term):
-    """Sites in a field."""
-
-    B: lm.Vec
-
-    def energy(self, a: Any) -> Any:
-        return -lm.dot(self.B, a.mu)
 
 
 @lm.record
