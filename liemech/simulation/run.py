@@ -16,8 +16,8 @@ from .carry import Carry
 from .control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME, go_on
 from .dense import Between
 from .events import Events
-from .fictive import FictiveCarry
 from .execution import LOOK
+from .fictive import FictiveCarry
 from .keep import At, Every, Piece, Quantities
 from .lanes import Lanes
 from .progress import Bar
