@@ -176,14 +176,20 @@ class Method:
         return f"{self.subject.thing!r:.60}.{self.name}"
 
 
+OF_LARGE_GROUPS = {"velocity_matrix"}
+"""Methods that are asked for where momenta are matrices in memory, and not on the groups here."""
+
+
 @functools.cache
 def methods() -> tuple[Method, ...]:
     found = []
     for subject in subjects():
         for name in dir(type(subject.thing)):
             member = inspect.getattr_static(type(subject.thing), name)
-            if not name.startswith("_") and (
-                inspect.isfunction(member) or isinstance(member, classmethod)
+            if (
+                not name.startswith("_")
+                and name not in OF_LARGE_GROUPS
+                and (inspect.isfunction(member) or isinstance(member, classmethod))
             ):
                 method = Method(subject, name)
                 if method.parameters:
