@@ -72,6 +72,11 @@ class AlongStep(Record):
 class NoisyEnergy(AlongStep, Hamiltonian):
     """The energy along a step: share H + sum_i weights_i H_i."""
 
+    @property
+    def coupled(self) -> bool:  # type: ignore[override]
+        """Is it that of one of many sites?  As that of the drift is."""
+        return bool(self.drift.coupled)
+
     def energy(self, mu: Vec) -> float:
         """share H(mu) + sum_i weights_i H_i(mu).  mu : (dim,)."""
         total: float = self.weighted(self.drift.energy(mu), lambda field: field.energy(mu))

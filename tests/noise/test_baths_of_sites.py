@@ -118,3 +118,24 @@ def test_saved_runs_go_on(tmp_path: object) -> None:
         plan.resume(one, steps=3).mu[-1] for plan, one in zip(plans, (run, loaded), strict=True)
     ]
     assert np.array_equal(*ends)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("inner", [lm.ImplicitMidpoint(), lm.SphericalMidpoint()], ids=repr)
+def test_midpoint_rules_follow_the_same_noise_without_damping(inner: lm.Method) -> None:
+    """Their equations are those of coupled sites, swept for all: beside RKMK4 on the same paths the
+    difference is of second order.
+    """
+    system = lm.Stochastic(ring(24), [[0.1, 0.0, 0.0]], seed=2)
+    start, apart = system.state(mu=directions(24)), []
+    for fine in (2, 1):  # the same increments, 40 of them
+        steps = 40 // fine
+        ends = [
+            lm.integrate(
+                system, lm.WongZakai(method, fine=fine), start, h=1.0 / steps, steps=steps,
+                every=steps, compiled=True,
+            ).mu[-1]
+            for method in (inner, lm.RKMK(order=4))
+        ]  # fmt: skip
+        apart.append(np.abs(ends[0] - ends[1]).max())
+    assert apart[0] / apart[1] == pytest.approx(4.0, rel=0.25)
