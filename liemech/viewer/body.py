@@ -7,7 +7,7 @@ from os import PathLike
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
 from ..models.even_boxes import box_of_inertia, inertia_of
@@ -116,7 +116,7 @@ class Body(Content):
             _octants(drawing, 0.5 * box_of_inertia(inertia_of(system)), color)
         else:
             edges = box_of_inertia(inertia_of(system))
-            _box(drawing, "body", edges, color)
+            edged(drawing, "body", edges, color)
             if isinstance(system, Spacecraft) and system.wheels is not None:
                 _wheels(drawing, np.array(system.wheels.axes), motion["g"][:, 12:], edges, color)
         if self.triad:
@@ -225,36 +225,35 @@ def _wheels(drawing: Drawing, axes: Array, angles: Array, edges: Array, color: s
     axes : (n, 3), unit vectors.  angles : (frames, n), in rad.  edges : of the box, (3,).
     """
     radius, thick = 0.3 * float(edges.min()), 0.1 * float(edges.min())
-    profile = [(0.0, 0.0), (radius, 0.0), (radius, thick), (0.0, thick)]
+    disc = turned(
+        [(0.0, 0.0), (radius, 0.0), (radius, thick), (0.0, thick)],
+        mixed(color, "#000000", 0.25),
+        32,
+    )
+    sizes = np.array([0.25 * radius, 0.9 * radius, 0.3 * thick])
     for k, a in enumerate(axes):
-        x, y, z, w = toward(a)
-        s, c = np.sin(0.5 * angles[:, k]), np.cos(0.5 * angles[:, k])
-        # toward(a), and before it the turn about the third axis
-        q = np.stack([c * x + s * y, c * y - s * x, c * z + s * w, c * w - s * z], axis=-1)
+        path, half = f"body/wheel {k + 1}", 0.5 * angles[:, [k]]
         face = 0.5 * (edges / np.maximum(np.abs(a), 1e-12)).min()
-        path = f"body/wheel {k + 1}"
-        drawing.add(
-            path,
-            turned(profile, mixed(color, "#000000", 0.25), 32),
-            position=face * a,
-            quaternion=q,
-        )
-        mark = box(
-            np.array([0.25 * radius, 0.9 * radius, 0.3 * thick]), mixed(color, "#000000", 0.75)
-        )
-        drawing.add(f"{path}/mark", mark, position=[0.0, 0.5 * radius, 1.05 * thick])
+        drawing.add(path, position=face * a, direction=a)
+        turn = np.concatenate([0.0 * half, 0.0 * half, np.sin(half), np.cos(half)], axis=1)
+        drawing.add(f"{path}/disc", disc, quaternion=turn)
+        mark = box(sizes, mixed(color, "#000000", 0.75))
+        drawing.add(f"{path}/disc/mark", mark, position=[0.0, 0.5 * radius, 1.05 * thick])
 
 
-def _box(drawing: Drawing, path: str, edges: Array, color: str) -> None:
+def edged(
+    drawing: Drawing, path: str, edges: Array, color: str, turn: ArrayLike = (0.0, 0.0, 0.0, 1.0)
+) -> None:
     """A box whose edges are seen."""
-    drawing.add(f"{path}/box", box(edges, color))
-    drawing.add(f"{path}/edges", box_edges(edges * 1.001, mixed(color, "#000000", 0.45)))
+    drawing.add(f"{path}/box", box(edges, color), quaternion=turn)
+    dark = mixed(color, "#000000", 0.45)
+    drawing.add(f"{path}/edges", box_edges(edges * 1.001, dark), quaternion=turn)
 
 
 def _sleigh(drawing: Drawing, color: str) -> None:
     """A deck on a blade, which is one unit behind the centre of mass, and a ball in that."""
     drawing.add("body/deck", position=[-0.35, 0.0, 0.45])
-    _box(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
+    edged(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
     drawing.add("body/blade", box(np.array([0.9, 0.05, 0.4]), "#333333"), position=[-1.0, 0.0, 0.2])
     drawing.add("body/centre", ball(0.16, "#333333"), position=[0.0, 0.0, 0.55])
 
