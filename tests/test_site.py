@@ -127,7 +127,7 @@ def test_words_stand_in_formulas_of_their_own_lines() -> None:
     assert read("rho = density exp(-z/height)", True) == (
         r"\rho = \text{ density }\exp (-z/\text{height})"
     )
-    assert read('y = u  first="kick"', True) == r"y = u\quad \text{ first=\"kick\"}"
+    assert read('y = u  first="kick"', True) == r'y = u\quad \text{ first="kick"}'
     lines = _typeset().lines
     assert lines(["body = plan.stepper(start)"]) is None
     assert lines(["for k in range(3):"]) is None
