@@ -8,6 +8,7 @@ sites there.  Both give the same bits.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterator
 from contextvars import copy_context
@@ -39,12 +40,24 @@ def padded(count: int) -> int:
     return TOGETHER * (-(-count // TOGETHER) | 1)
 
 
+LINE = 64
+"""Bytes of a line of the cache: eight numbers that begin on one are loaded at once."""
+
+
+def room(*shape: int, dtype: Any = np.float64) -> np.ndarray:
+    """An array of zeros that begins on a line of the cache, as all its rows then do."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    bytes_ = np.zeros(size + LINE, dtype=np.uint8)
+    begin = -bytes_.ctypes.data % LINE
+    return bytes_[begin : begin + size].view(dtype).reshape(shape)
+
+
 def rows_of(values: np.ndarray) -> np.ndarray:
     """Rows of numbers, one number for each site in the last axis, with the places behind the last
     site filled by it.
     """
     count = values.shape[-1]
-    rows = np.empty((*values.shape[:-1], padded(count)), dtype=values.dtype)
+    rows = room(*values.shape[:-1], padded(count), dtype=values.dtype)
     rows[..., :count], rows[..., count:] = values, values[..., -1:]
     return rows
 
