@@ -273,6 +273,10 @@ class TurnsRun(SiteRun):
     old: Any = None  # those at the node before it
     torn = False  # are the sites further than the steps that were looked into?
 
+    def _room_for(self, width: int) -> Planes:
+        """Memory for all sites: one copy, as they turn in place."""
+        return Planes.of_rows(width, self.count)
+
     @property
     def _looks(self) -> bool:
         """Is every step looked into, for zeros of events or for times inside of it?"""
