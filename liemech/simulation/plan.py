@@ -51,6 +51,7 @@ from .options import (
 from .prepared import Steps
 from .recorded import recorder_of
 from .short import advanced, short, short_steps, short_steps_of_many
+from .sites_between import SitesBetween
 from .sites_carry import SiteCarry
 from .stepper import Stepper
 from .systems import OfBodies, each_of, methods_of, of_body, systems_of
@@ -818,6 +819,9 @@ class Plan:
             if n not in ("system", "method") and x is not defaults[n].default
         ]
         return f"Plan({', '.join([repr(self.system), repr(self.method), *given])})"
+
+
+SitesBetween.planner = Plan
 
 
 def kind_of_many(start: Any) -> Any:

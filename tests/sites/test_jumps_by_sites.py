@@ -43,7 +43,7 @@ CASES: dict[str, Any] = {
     "table": (Pulse(TABLE), (0.33, 0.6), lambda t: [-float(TABLE(t)), 0.0, 0.0], ()),
     "breaks": (Switch(CUT), (CUT,), lambda t: [0.0, -0.7 if t < CUT else 1.3, 0.0], (CUT,)),
 }
-METHODS = lm.SublatticeSplitting(order=4), lm.BondSplitting()
+METHODS = lm.RKMK(order=4), lm.SublatticeSplitting(order=4), lm.BondSplitting()
 
 
 def spins() -> np.ndarray:
@@ -71,17 +71,16 @@ def exact(cuts: Any, field: Any, t_end: float) -> np.ndarray:
 
 
 @native
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("method", METHODS, ids=repr)
-def test_splittings_end_at_jumps(method: Any, case: str) -> None:
+def test_steps_end_at_jumps(method: Any, case: str) -> None:
     check(method, case)
 
 
 @native
-@pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
-def test_steps_of_one_site_end_at_jumps(case: str) -> None:
-    check(lm.RKMK(order=4), case)
+def test_bonds_end_at_breaks() -> None:
+    check(lm.BondSplitting(), "breaks")
 
 
 def check(method: Any, case: str) -> None:
