@@ -45,6 +45,7 @@ from .options import (
 from .prepared import Steps
 from .recorded import recorder_of
 from .short import advanced, short_run, short_steps
+from .sites_between import SitesBetween
 from .sites_carry import SiteCarry
 from .starts import started, started_by_sites
 from .stepper import Stepper
@@ -626,3 +627,6 @@ class Plan:
             if n not in ("system", "method") and x is not defaults[n].default
         ]
         return f"Plan({', '.join([repr(self.system), repr(self.method), *given])})"
+
+
+SitesBetween.planner = Plan

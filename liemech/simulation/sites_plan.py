@@ -19,7 +19,7 @@ from ..errors import (
 )
 from ..formulas.pytree import layout_of
 from ..groups.species import SpeciesGroup
-from ..integrators.ending_at_jumps import AT_ENDS
+from ..integrators.ending_at_jumps import AT_ENDS, uncut
 from ..integrators.rattle_of_links import Links
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import SiteValues, StateOfSites
@@ -140,15 +140,13 @@ class SitesOfPlan:
             return f"{next(iter(plan.of_each))} of each member"
         if members and kept is not None:
             return "checkpoint of members"
-        if plan.options.dense:
-            return "dense=True (t_eval keeps states at given times)"
+        if plan.options.dense and t_eval is not None:
+            return "dense=True beside t_eval"
         if plan.adaptive:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
-        if steps.breaks:
-            return "breaks of fixed steps (adaptive ones end there)"
+        method = uncut(steps.way_of(0))
         if isinstance(self.site, Links) and t_eval is not None:
             return "t_eval"
-        method = steps.way_of(0)
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
         return None
@@ -254,7 +252,7 @@ class SitesOfPlan:
         plan = self.plan
         if isinstance(self.site, Links):
             return LinksRun
-        by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), TermSplitting)
+        by_colour = not plan.adaptive and isinstance(uncut(plan._steps.way_of(0)), TermSplitting)
         return TurnsRun if by_colour else SiteRun
 
     @staticmethod
