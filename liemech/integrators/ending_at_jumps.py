@@ -132,7 +132,7 @@ class EndingAtJumps(Wrapping):
         at, end, lasting, going = t, t + h, h, True
         while going:
             to = self._next(system, at, end)
-            begin, s = self._kept_away(at, to, where(at == t and to == end, h, to - at))
+            begin, s = self.kept_away(at, to, where(at == t and to == end, h, to - at))
             if self.anew:
                 memory, lasting = self._begun(system, memory, lasting, s), s
             after = self.method.step(during(system, begin, s, self.beyond), begin, memory, s)
@@ -153,7 +153,7 @@ class EndingAtJumps(Wrapping):
             to = table.jump_ahead(t, to, self.every)
         return jump_ahead(self.breaks, 0, int(self.count), t, to)
 
-    def _kept_away(self, t: float, to: float, h: float) -> tuple[float, float]:
+    def kept_away(self, t: float, to: float, h: float) -> tuple[float, float]:
         """Where a step from t to `to`, of length h, begins, and its length, away from the times in
         `breaks`.
         """

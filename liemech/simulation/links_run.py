@@ -30,9 +30,9 @@ def linked_method(plan: Any) -> RattleOfLinks | None:
     if plan.recorder is not None and plan.recorder.quantities:
         return None
     method = plan._steps.way_of(0)
+    ending = None
     if isinstance(method, EndingAtJumps):
-        if cuts(method, system):
-            return None
+        ending = method if cuts(method, system) else None
         method = method.method
     shares: Any = [(1.0, 0.0)]
     base = method
@@ -43,7 +43,7 @@ def linked_method(plan: Any) -> RattleOfLinks | None:
     rows = [(share, node) for share, node in shares]
     table = Table(np.ravel(rows))
     return RattleOfLinks(
-        base.retraction, table, float(len(rows)), len(rows), site.most, repr(method)
+        base.retraction, table, float(len(rows)), len(rows), site.most, repr(method), ending
     )
 
 

@@ -146,7 +146,7 @@ class SitesOfPlan:
             return "dense=True (t_eval keeps states at given times)"
         if plan.adaptive:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
-        if steps.breaks:
+        if steps.breaks and not isinstance(self.site, Links):
             return "breaks of fixed steps (adaptive ones end there)"
         if isinstance(self.site, Links) and t_eval is not None:
             return "t_eval"
