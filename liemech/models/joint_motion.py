@@ -30,7 +30,7 @@ class JointMotion:
         return f"JointMotion({self.linkage.label(self.number)}, {len(self.run)} samples)"
 
     def only(self, force: Any) -> JointMotion:
-        """The same with the torque, power and work of one force alone, or of those of a class such
+        """This motion with the torque, power and work of one force alone, or of those of a class such
         as Motor.
         """
         some = [

@@ -9,8 +9,6 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from ..compiler.planes import Planes
 from ..errors import (
     IncompatibleSystem,
@@ -28,10 +26,10 @@ from ..systems.site_state import SiteValues, StateOfSites
 from ..systems.system import State
 from .events import name_of
 from .links_run import LinksRun, linked_method
+from .result import of_members
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
 from .sites_states import by_site
-from .stopped import Stopped
 from .trajectory import Trajectory
 
 LARGE = 300
@@ -127,7 +125,7 @@ class SitesOfPlan:
                 )
 
     def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
-        """What is asked for that runs by sites do not have yet; None if nothing is."""
+        """The first thing asked for that runs by sites do not have; None if they have all."""
         plan, steps = self.plan, self.plan._steps
         whole = next((name for name, of, _ in self.functions if of not in OF_SITES), None)
         if whole is not None:
@@ -249,7 +247,7 @@ class SitesOfPlan:
 
     @property
     def kind(self) -> Any:
-        """What a run is."""
+        """The class of the runs."""
         from .sites_run import SiteRun
         from .turns_of_sites import TurnsRun
 
@@ -285,43 +283,12 @@ class SitesOfPlan:
                 runs.append(run)
             if runs[-1] is None:
                 return None
-        return of_members(runs, stopped)
-
-
-def of_members(runs: list[Any], stopped: dict[int, Any]) -> Trajectory:
-    """The runs of members as one.  stopped : the errors of those that did not reach the end."""
-    longest = max(runs, key=len)
-    times = np.stack([_held(r.t, len(longest)) for r in runs], axis=1)
-    for i in stopped:
-        times[:, i] = longest.t
-    same = bool((times == times[:, :1]).all())
-    found = Trajectory(
-        system=longest.system,
-        method=longest.method,
-        h=longest.h,
-        t=times[:, 0].copy() if same else times,
-        states={
-            name: np.stack([_held(r.states[name], len(longest)) for r in runs], axis=1)
-            for name in longest.states
-        },
-        bodies=len(runs),
-        steps=max(r.steps for r in runs),
-        compiled=all(r.compiled for r in runs),
-        rejected=None if longest.rejected is None else sum(r.rejected for r in runs),
-        events=tuple(zip(*[r.events for r in runs], strict=True)),
-        observed=longest.observed,
-        stopped=Stopped({i: runs[i].steps for i in stopped}, stopped.__getitem__),
-    )
-    if stopped:
-        first = min(stopped)
-        warn(
-            f"integrate: {len(stopped)} of {len(runs)} members stopped early, the first is member "
-            f"{first} after {runs[first].steps} steps. {stopped[first]}",
-            RuntimeWarning,
-        )
-    return found
-
-
-def _held(rows: np.ndarray, count: int) -> np.ndarray:
-    """So many rows, the last one again and again."""
-    return rows[np.minimum(np.arange(count), len(rows) - 1)]
+        if stopped:
+            first = min(stopped)
+            warn(
+                f"integrate: {len(stopped)} of {len(runs)} members stopped early, the first is member "
+                f"{first} after {runs[first].steps} steps. {stopped[first]}",
+                RuntimeWarning,
+            )
+        made: Trajectory = of_members(runs, stopped)
+        return made

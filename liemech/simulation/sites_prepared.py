@@ -1,4 +1,4 @@
-"""What runs of many sites that begin alike have in common: layouts, and native code."""
+"""Layouts and native code that runs of many sites have in common which begin alike."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ class Prepared:
 
     @property
     def inner(self) -> Sighted:
-        """What is looked at inside of a step: the states, even if samples have none."""
+        """Everything looked at inside of a step: the states, even if samples have none."""
         whole: Sighted = with_fields(self.sighted, shown=with_fields(self.shown, kept=True))
         return whole
 
@@ -155,7 +155,7 @@ class Prepared:
         return self.memory.width - (self.memory.parts[2].width if self.plan.adaptive else 0)
 
     def taken_up(self, numbers: np.ndarray) -> np.ndarray:
-        """What sites carry along, of what was handed on."""
+        """Numbers that sites carry along, of those that were handed on."""
         way = self.memory.width - self.lasting
         if numbers.shape[0] != self.lasting:
             raise InvalidInput(
@@ -171,7 +171,7 @@ class Prepared:
         return totals_class(names)(*build(layout, iter([0.0] * layout.width)))
 
     def _shown(self, example: Any, count: int, starts: Planes) -> Shown:
-        """What samples have."""
+        """The content of samples."""
         recorder = self.plan.recorder
         kept = recorder is None or bool(recorder.parts or recorder.chosen)
         quantities = [] if recorder is None else [*recorder.quantities.values()]
@@ -205,7 +205,7 @@ def totals_class(names: tuple[str, ...]) -> Any:
 
 
 def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
-    """What a name or a function of a user's gives for one site."""
+    """The value for one site of a name or of a function of a user's."""
     if not isinstance(wanted, str):
         return OfSite(wanted)
     parts = tuple(inspect.signature(getattr(site, wanted)).parameters)

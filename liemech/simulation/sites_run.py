@@ -189,7 +189,7 @@ class SiteRun(Course):
         self.left = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.begun, found)
 
     def _begin(self) -> None:
-        """What the method carries along at the start."""
+        """Let the method begin at every site."""
         shape, done = self.shape, np.zeros(1)
         failures: list[Any] = []
         beginner = shape.method, self.site, shape.given, shape.started
@@ -370,7 +370,7 @@ class SiteRun(Course):
 
     @property
     def _memory(self) -> np.ndarray:
-        """What the method carries along for the sites, (width, sites)."""
+        """Numbers that the method carries along for the sites, (width, sites)."""
         width = self.shape.memory.width
         found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
         return found
@@ -525,7 +525,7 @@ class SiteRun(Course):
         return self._ended(error, f"in an event at t = {t:g}")
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
-        """What the formula of a site raises.  first : of those among which it is; -1 if all have
+        """The error that the formula of a site raises.  first : of those among which it is; -1 if all have
         failed together, or nobody knows.
         """
         if failures:

@@ -375,7 +375,7 @@ class SitesInPlace:
     most = arguments.MOST
 
     def __init__(self, plan: Any, begun: SiteCarry) -> None:
-        self.run = plan.by_hand(begun)
+        self.run = plan._sites.by_hand(begun)
 
     @property
     def taken(self) -> int:

@@ -25,7 +25,7 @@ TIMES = 0.0, 0.37, -0.73, 1.19, 7.3, 101.0
 
 @record
 class Kind(Record):
-    """What is seen of a term.
+    """The parts of a term that are looked at.
 
     affine : is it affine in the momentum of each site?  steady : does the velocity that it gives a
     single site stay as it is while the site moves along?  isotropic : is it a function of the
