@@ -771,6 +771,7 @@ def kicked(system: Any, h: float, old: Any, work: Any, state: Layout) -> None:
     if len(system.fields) > 0:
         force = force + system.on_body(work, lambda it: it.pull(plain(one.g)))
     mu = one.mu + h * force
+    mu = vec(*[where(h == 0.0, a, b) for a, b in zip(one.mu, mu)])  # rests of rounding as well
     save(old, 0, fitted(BodyState(mu, one.g), state), state)
     save(below(work, rows.force), 0, force, SIX)
     save(below(work, rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)

@@ -30,7 +30,7 @@ from .joint_forces import (
     LinkageForce,
     LinkagePotential,
 )
-from .joint_motion import JointMotion
+from .joint_motion import JointAngle, JointMotion
 from .joints import BallJoint, Joint, Joints, RevoluteJoint
 from .linked_joints import LinkedForm, linked
 from .mounting import (
@@ -423,6 +423,25 @@ class Linkage(ConstrainedBody):
         number = self.number(joint)
         forces = tuple(force for force in self.forces if self.number(force.joint) == number)
         return JointMotion(run, self, number, AtJoint(self.joints[number], forces))
+
+    def angle(
+        self, joint: str | int, level: float = 0.0, *, freedom: int = 0, terminal: int = 0,
+        direction: float = 0.0,
+    ) -> JointAngle:  # fmt: skip
+        """The angle of a joint less `level`, in rad, of a slider the shift in m, as a function of time
+        and state: an event, `events=[arm.angle("elbow", 0.5)]`.
+
+        Angles are seen within half a turn of the level.  freedom : of joints that leave several
+        motions free, which.  terminal : end the run at this zero; direction : 1.0 counts rising ones only,
+        -1.0 falling ones.
+        """
+        one = self.joints[number := self.number(joint)]
+        if not 0 <= freedom < one.freedoms:
+            raise InvalidInput(
+                f"Linkage.angle: {self.label(number)}, a {type(one).__name__}, has {one.freedoms} "
+                f"coordinates, numbered from 0; got freedom {freedom}"
+            )
+        return JointAngle(AtJoint(one, ()), freedom, float(level), terminal, float(direction))
 
     def poses(self, g: Any) -> np.ndarray:
         """The poses of the bodies.  g : (..., 16 N);  returns (..., N, 4, 4)."""

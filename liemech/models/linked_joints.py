@@ -94,7 +94,7 @@ class LinkedForm:
     """A linkage in memory.
 
     links : for the formulas.  fixed : the rows of numbers that do not change, (rows, places).  more :
-    how many rows there are behind them.  order : the joint in each place.
+    how many rows there are behind them.  order, joints : the joint in each place, and its formulas.
     has_loops : do joints close loops?
     """
 
@@ -102,6 +102,7 @@ class LinkedForm:
     fixed: np.ndarray
     more: int
     order: tuple[int, ...]
+    joints: tuple[LinkedJoint, ...]
     has_loops: bool
 
     @property
@@ -187,7 +188,12 @@ def linked(linkage: Any) -> LinkedForm:
         of_whole([len(more) // 3, *more]), *tables,
     )  # fmt: skip
     return LinkedForm(
-        links, fixed, rows.block - rows.note + blocks * size * size, order, has_loops(ends)
+        links,
+        fixed,
+        rows.block - rows.note + blocks * size * size,
+        order,
+        tuple(joints),
+        has_loops(ends),
     )
 
 
@@ -205,7 +211,7 @@ def on_bodies(linkage: Any) -> tuple[list[AtBody], OnAll | None]:
     if rest == [None, None]:
         return acts, None
     derived = rest[0] is not None and is_derived(bare(type(rest[0]).force))
-    return acts, OnAll(linkage.configurations, len(acts), *rest, derived)
+    return acts, OnAll(linkage.configurations, len(acts), rest[0], rest[1], derived)
 
 
 def inertia_of(link: Any, full: bool) -> np.ndarray:

@@ -23,6 +23,7 @@ from test_links_in_memory import (
 import liemech as lm
 from liemech.formulas import dot, sin, sqrt, vec
 from liemech.joints import BallJoint, Damper, Link, Linkage, Motor, Spring, chain
+from liemech.simulation.sites_carry import SiteCarry
 
 library: Any = lm
 
@@ -207,3 +208,100 @@ def test_forces_of_every_kind_act_together(monkeypatch: Any) -> None:
     one = by_loops(linkage, lm.LieRATTLE(), start, False, h=0.02, steps=2)
     two = written_out(monkeypatch, linkage, lm.LieRATTLE(), start, h=0.02, steps=2)
     np.testing.assert_allclose(one.g, two.g, rtol=0.0, atol=4e-15)
+
+
+def swinging(n: int = 4) -> tuple[Linkage, Any]:
+    linkage = chain(n, axis=TURN)
+    return linkage, linkage.state(angles={0: 0.9, n - 1: -0.4}, rates={1: 1.5})
+
+
+def side(t: float, state: Any) -> float:
+    return state.g[3] + 0.3  # type: ignore[no-any-return]
+
+
+ASKED = [0.0, 0.013, 0.02, 0.3234, 0.58, 0.6]
+
+
+@pytest.mark.parametrize(
+    "how", [pytest.param(False, marks=pytest.mark.slow), pytest.param(True, marks=needs_compiler)]
+)
+def test_samples_events_and_functions_of_runs_by_loops(how: bool, monkeypatch: Any) -> None:
+    """As of the same linkage written out; the steps know nothing of what is asked."""
+    linkage, start = swinging()
+    h = 0.04 if how is False else 0.02
+    plan = lm.Plan(linkage, lm.LieRATTLE(), h=h, compiled=how, progress=False)
+    steps = round(0.6 / h)
+    whole = plan.run(start, steps=steps)
+    asked = plan.replace(
+        events=(side, linkage.angle(0, np.arcsin(0.6))), record=["g", "energy", ("height", lambda t, s: s.g[11])]
+    ).run(start, steps=steps, t_eval=ASKED)  # fmt: skip
+    assert isinstance(asked.carry, SiteCarry) and asked.compiled is how
+    assert np.array_equal(asked.g[-1], whole.g[-1]) and np.array_equal(asked.t, ASKED)
+    assert np.array_equal(asked.height, asked.g[:, 11])
+    (at, there), (turned, _) = asked.events
+    assert len(at) == 1 and abs(there.g[0, 3] + 0.3) < 1e-15
+    # the first rod alone tells its side: both are one zero, of x = -sin(angle)/2
+    assert abs(turned[0] - at[0]) < 1e-14
+    first = plan.replace(events=(side,), every=5)
+    half = first.run(start, steps=4)
+    rest = first.resume(half, steps=steps - 4)
+    assert np.array_equal(rest.g[-1], whole.g[-1]) and rest.events[0][0] == at
+    ended = plan.replace(events=(linkage.angle(0, np.arcsin(0.6), terminal=1),)).run(
+        start, steps=steps
+    )
+    assert ended.ended == 0 and ended.t[-1] == turned[0] and ended.steps == len(ended) - 1
+    if how:
+        return
+    monkeypatch.setattr(Linkage, "small", 10**6)
+    one = lm.Plan(linkage, lm.LieRATTLE(), h=h, compiled=False, events=(side,))
+    out = one.run(start, steps=steps, t_eval=ASKED)
+    monkeypatch.undo()
+    np.testing.assert_allclose(asked.g, out.g, rtol=0.0, atol=4e-15)
+    assert abs(out.events[0][0][0] - at[0]) < 1e-14
+
+
+def test_functions_that_fail_leave_the_samples_before() -> None:
+    linkage, start = swinging(3)
+    plan = lm.Plan(linkage, lm.LieRATTLE(), h=0.05, compiled=False)
+
+    def late(t: float, state: Any) -> float:
+        return 1.0 / (0.0 if t > 0.08 else 1.0)
+
+    with pytest.raises(lm.errors.NotFinite, match=r"late.*t = 0.1") as told:
+        plan.replace(record=[late]).run(start, steps=4)
+    assert np.array_equal(told.value.trajectory.late, [1.0, 1.0])
+    with pytest.raises(ZeroDivisionError) as told:
+        plan.replace(events=(late,)).run(start, steps=4)
+    assert len(told.value.trajectory) == 2
+    with pytest.raises(lm.errors.InvalidInput, match="joint 1, a RevoluteJoint, has 1 coord"):
+        linkage.angle(1, freedom=1)
+
+
+@pytest.mark.parametrize("how", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_torques_of_motors_are_inputs_of_a_stepper(how: bool) -> None:
+    """Steps after a new input are those of a linkage made with it, from the state there."""
+
+    def made(torque: float, stiffness: float) -> Any:
+        rods = chain(3, axis=TURN)
+        forces = [Motor(0, torque), Spring(1, stiffness), Motor(1, 0.3), Motor(1, 0.1)]
+        linkage = Linkage(rods.links, rods.joints, forces=forces)
+        return lm.Plan(linkage, lm.LieRATTLE(), h=0.01, compiled=how)
+
+    plan = made(0.5, 1.0)
+    start = plan.system.state(angles={0: 0.3})
+    loop, other = plan.stepper(start), made(2.0, 5.0)
+    loop.step(2)
+    begun = other.stepper(plan.run(start, steps=2).last, t0=0.02)
+    loop.step(2, **{"forces.0.torque": 2.0, "forces.1.stiffness": 5.0})
+    begun.step(2)
+    assert np.array_equal(loop.g, begun.g) and np.array_equal(loop.mu, begun.mu)
+    loop.step(1, **{"links.1.mass": 3.0, "forces.3.torque": 0.2})  # a new system
+    assert loop.plan.system.forces[3].torque == 0.2 and loop.plan.system.forces[0].torque == 2.0
+    assert loop.inputs["links.1.mass"] == 3.0
+    loop.step(1, **{"forces.3.torque": 0.1})
+    there = loop.plan.stepper(loop.state, loop.t)
+    loop.step()
+    there.step()
+    np.testing.assert_allclose(loop.g, there.g, rtol=0.0, atol=1e-15)
+    with pytest.raises(lm.errors.InvalidInput, match="is a number"):
+        loop.step(1, **{"forces.0.torque": PULSE})
