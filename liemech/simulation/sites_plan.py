@@ -105,6 +105,8 @@ class SitesOfPlan:
     @functools.cached_property
     def of_sites(self) -> str | None:
         """A function of one site or of totals, for which a run of any size goes by sites."""
+        if isinstance(self.site, Links):
+            return None
         return next((name for name, of, _ in self.functions if of in OF_SITES), None)
 
     def _require_places(self) -> None:
@@ -126,14 +128,15 @@ class SitesOfPlan:
 
     def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
         """The first thing asked for that runs by sites do not have; None if they have all."""
-        plan, steps = self.plan, self.plan._steps
+        plan, steps, links = self.plan, self.plan._steps, isinstance(self.site, Links)
         whole = next((name for name, of, _ in self.functions if of not in OF_SITES), None)
-        if whole is not None:
+        if whole is not None and not links:
             return (
                 f"function of the state of all sites, as {whole} is: with the arguments (t, site) it is "
                 "of one site, and summed over all; an event (t, total) is of such sums"
             )
-        self._require_places()
+        if not links:
+            self._require_places()
         if plan.fictive:
             return "steps in fictive time"
         if plan.of_each:
@@ -145,8 +148,6 @@ class SitesOfPlan:
         if plan.adaptive:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         method = uncut(steps.way_of(0))
-        if isinstance(self.site, Links) and t_eval is not None:
-            return "t_eval"
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
         return None

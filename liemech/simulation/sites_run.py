@@ -142,6 +142,7 @@ class SiteRun(Course):
         self.march, self.look = np.array([0.0, np.nan, 0.0]), np.zeros(max(1, self.totals.shape[1]))
         self.values = np.full((2, max(1, len(plan.events))), np.nan)
         self.made = 0  # samples
+        self.found: dict[str, np.ndarray] = {}  # functions of all sites together, recorded
         self.failures: list[Any] = []
         self.notes, self.compiled = 0, False
         if fresh:
