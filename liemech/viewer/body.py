@@ -105,7 +105,7 @@ class Body(Content):
             _octants(drawing, 0.5 * box_of_inertia(inertia_of(system)), color)
         else:
             edges = box_of_inertia(inertia_of(system))
-            _box(drawing, "body", edges, color)
+            edged_box(drawing, "body", edges, color)
             if isinstance(system, Spacecraft) and system.wheels is not None:
                 _wheels(drawing, np.array(system.wheels.axes), motion["g"][:, 12:], edges, color)
         if self.triad:
@@ -207,7 +207,7 @@ def _wheels(drawing: Drawing, axes: Array, angles: Array, edges: Array, color: s
         drawing.add(f"{path}/mark", mark, position=[0.0, 0.5 * radius, 1.05 * thick])
 
 
-def _box(drawing: Drawing, path: str, edges: Array, color: str) -> None:
+def edged_box(drawing: Drawing, path: str, edges: Array, color: str) -> None:
     """A box whose edges are seen."""
     drawing.add(f"{path}/box", box(edges, color))
     drawing.add(f"{path}/edges", box_edges(edges * 1.001, mixed(color, "#000000", 0.45)))
@@ -216,7 +216,7 @@ def _box(drawing: Drawing, path: str, edges: Array, color: str) -> None:
 def _sleigh(drawing: Drawing, color: str) -> None:
     """A deck on a blade, which is one unit behind the centre of mass, and a ball in that."""
     drawing.add("body/deck", position=[-0.35, 0.0, 0.45])
-    _box(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
+    edged_box(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
     drawing.add("body/blade", box(np.array([0.9, 0.05, 0.4]), "#333333"), position=[-1.0, 0.0, 0.2])
     drawing.add("body/centre", ball(0.16, "#333333"), position=[0.0, 0.0, 0.55])
 
