@@ -14,10 +14,13 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, undefined
 from ..formulas import (
+    Mat,
     Record,
     Vec,
     check_finite,
     gradient,
+    jacobian,
+    mat,
     record,
     vec,
 )
@@ -137,6 +140,29 @@ class Term(Record, StandsForAnEnergy):
         energy.
         """
         return tuple([self.force(group, k, *sites) for k in range(len(sites))])
+
+    @derived
+    def stiffnesses(self, group: Any, *sites: Any) -> tuple[tuple[Mat, ...], ...]:
+        """How the forces fall as sites move: block (i, j) is -d/ds of the force on site i as site j
+        goes along g exp(s eta), (dim, dim).
+        """
+        n = group.dim
+
+        def held_back(eta: Vec) -> Vec:
+            there = [
+                with_fields(s, g=group.compose_exp(s.g, eta[n * k : n * k + n]))
+                for k, s in enumerate(sites)
+            ]
+            return vec(*[-x for f in self.forces(group, *there) for x in f])
+
+        slope = jacobian(held_back, vec(*[0.0 for _ in range(n * len(sites))]))
+        parts = [(n * k, n * k + n) for k in range(len(sites))]
+        return tuple(
+            [
+                tuple([mat(*[slope[r][a:b] for r in range(i, j)]) for a, b in parts])
+                for i, j in parts
+            ]
+        )
 
     def over(self, graph: Any = None, of: Any = None) -> Over:
         """The sum of the term over the edges of a graph, such as `neighbours.ring(100)`; of no graph
