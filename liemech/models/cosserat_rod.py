@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Mat, Vec, check_finite, dot, jacobian, mat, real_array, record, vec
-from ..formulas.of_each import each
+from ..formulas.of_each import Each, each
 from ..groups.se3 import SE3, join
 from ..groups.so3 import SO3
 from ..retractions import Exponential, Retraction
@@ -24,11 +24,6 @@ from .pendulums import check_positive
 from .rod_section import RodSection
 
 ENDS = "clamped", "hinged", "free"
-
-HEAVY = 2.0**100
-"""A hinged end has this many times the mass of its node: it turns, and its place stays as it is to
-the last digit.
-"""
 
 STRAIGHT = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """The strain of a straight rod along e3: no curvature, and every metre is a metre."""
@@ -94,8 +89,13 @@ class RodStrain(Term):
         by_b, by_a = (
             mat(*[tau.dtau_inv(group, y, unit) for unit in UNITS]).T for y in (x, -x)
         )
-        on_b = jacobian(lambda y: tau.dtau_inv_dual(group, y, self.wrench(y)), x)
-        on_a = jacobian(lambda y: tau.dtau_inv_dual(group, -y, self.wrench(y)), x)
+
+        def carried(y: Vec) -> Vec:
+            m = self.wrench(y)
+            return vec(*tau.dtau_inv_dual(group, -y, m), *tau.dtau_inv_dual(group, y, m))
+
+        slope = jacobian(carried, x)
+        on_a, on_b = mat(*slope[:6]), mat(*slope[6:])
         return (on_a @ by_a, -(on_a @ by_b)), (-(on_b @ by_a), on_b @ by_b)
 
 
@@ -187,7 +187,7 @@ class CosseratRod(MechanicalSystem):
     tip_moment: Vec = Vec(0.0, 0.0, 0.0)
     following: Vec = Vec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     damping: float = 0.0
-    rest: Any = None
+    rest: Any = Vec(*STRAIGHT)
     retraction: Retraction = Exponential()
 
     def __post_init__(self) -> None:
@@ -198,17 +198,13 @@ class CosseratRod(MechanicalSystem):
         if not self.closed:
             share[[0, -1]] *= 0.5
         J = share[:, None] * np.array(section.inertia)
-        heavy = J.copy()
-        for node, end in zip((0, -1), () if self.closed else self.ends):
-            if end == "hinged":
-                heavy[node, 3:] *= HEAVY
-        held = [int(nodes[k]) for k, end in zip((0, -1), self.ends) if end == "clamped"]
+        ends = zip((0, n), () if self.closed else self.ends)
+        by_end: dict[str, list[int]] = {"clamped": [], "hinged": [], "free": []}
+        for node, end in ends:
+            by_end[end].append(node)
         group = SE3() ** len(nodes)
-        kinetic: Any = PerSite(KineticEnergy(each(heavy)))
-        rest = np.array(STRAIGHT if self.rest is None else self.rest, dtype=float)
-        one = RodStrain(
-            l, section.stiffness, each(rest) if rest.ndim == 2 else rest, self.retraction
-        )
+        kinetic: Any = PerSite(KineticEnergy(each(J)))
+        one = RodStrain(l, section.stiffness, self.rest, self.retraction)
         pairs = np.stack([np.arange(n), (np.arange(n) + 1) % len(nodes)], axis=1)
         terms: list[Any] = [one.over(edges(pairs, sites=len(nodes), ordered=True))]
         pull, w, M = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 6)), np.zeros((len(nodes), 3))
@@ -221,7 +217,7 @@ class CosseratRod(MechanicalSystem):
         if self.damping or w.any() or M.any():
             load = PerSite(RodLoad(each(w), each(M), each(self.damping * J)))
         object.__setattr__(self, "body", LiePoissonSystem(group, kinetic))
-        object.__setattr__(self, "potential", Terms(*terms, held=() if self.closed else held))
+        object.__setattr__(self, "potential", Terms(*terms, held=by_end["clamped"], pinned=by_end["hinged"]))
         object.__setattr__(self, "load", load)
         super().__post_init__()
 
@@ -254,7 +250,7 @@ class CosseratRod(MechanicalSystem):
                 raise InvalidInput(f"{name}: {what} has shape {value.shape}; give {shape}")
         if self.damping < 0.0:
             raise InvalidInput(f"{name}: damping is not negative; got {self.damping:g}")
-        if self.rest is not None:
+        if not isinstance(self.rest, Each):
             rest = real_array(self.rest, f"{name}: rest")
             check_finite(rest, f"{name}: rest")
             if rest.shape not in ((6,), (self.elements, 6)):
@@ -262,6 +258,7 @@ class CosseratRod(MechanicalSystem):
                     f"{name}: rest is a strain, (6,), or one for each element, ({self.elements}, 6); "
                     f"got shape {rest.shape}"
                 )
+            object.__setattr__(self, "rest", Vec.of(rest) if rest.ndim == 1 else each(rest))
         if self.closed and (any(self.tip_force) or any(self.tip_moment) or any(self.following)):
             raise InvalidInput(f"{name}: a closed rod has no tip to load")
 
@@ -277,11 +274,10 @@ class CosseratRod(MechanicalSystem):
         """Where the frames are along the rod without force, (frames,), in m."""
         return np.arange(self.frames) * (self.length / self.elements)
 
-    @cached_property
-    def element(self) -> RodStrain:
-        """The energy of an element; of a rod with a rest shape of its own along the rod, of the first."""
-        over: Any = self.potential.parts[0]
-        return over.at_edge(0)
+    @property
+    def _rest(self) -> np.ndarray:
+        """u_0, (6,) or (N, 6)."""
+        return self.rest.values if isinstance(self.rest, Each) else np.array(self.rest)
 
     def shape(self, u: Any = None, start: Any = None) -> np.ndarray:
         """The frames of a rod with strain u, (frames, 4, 4): g_k+1 = g_k tau(l u_k).
@@ -290,8 +286,7 @@ class CosseratRod(MechanicalSystem):
         out.  start : the first frame, (4, 4); the identity if left out.
         """
         name, n = f"{type(self).__name__}.shape", self.elements
-        given = (STRAIGHT if self.rest is None else self.rest) if u is None else u
-        strain = real_array(given, f"{name}: u")
+        strain = self._rest if u is None else real_array(u, f"{name}: u")
         if strain.shape not in ((6,), (n, 6)):
             raise InvalidInput(f"{name}: u is (6,) or ({n}, 6); got shape {strain.shape}")
         found = np.empty((self.frames, 4, 4))
@@ -371,8 +366,7 @@ class CosseratRod(MechanicalSystem):
         """Moment and force in the elements, K (u - u_0), (..., N, 6), in N m and N, in their own
         axes.  g : (..., frames, 4, 4).
         """
-        rest = np.array(STRAIGHT if self.rest is None else self.rest)
-        return np.array(self.section.stiffness) * (self.strains(g) - rest)
+        return np.array(self.section.stiffness) * (self.strains(g) - self._rest)
 
     def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
         """Angular momentum about the origin and linear momentum of the whole rod in space, (..., 6)."""

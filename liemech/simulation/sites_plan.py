@@ -26,6 +26,7 @@ from ..integrators.rattle_of_links import Links
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import SiteValues, StateOfSites
 from ..systems.system import State
+from .chain_run import ChainRun, chained_method
 from .events import name_of
 from .links_run import LinksRun, linked_method
 from .sites_carry import SiteCarry
@@ -63,6 +64,7 @@ class SitesOfPlan:
     def __init__(self, plan: Any, site: Any) -> None:
         self.plan, self.site = plan, site
         self.known: dict[Any, Any] = {}
+        self.chain = chained_method(plan)
 
     @classmethod
     def of(cls, plan: Any) -> SitesOfPlan | None:
@@ -148,8 +150,10 @@ class SitesOfPlan:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         if steps.breaks:
             return "breaks of fixed steps (adaptive ones end there)"
-        if isinstance(self.site, Links) and t_eval is not None:
+        if (isinstance(self.site, Links) or self.chain is not None) and t_eval is not None:
             return "t_eval"
+        if self.chain is not None and plan.events:
+            return f"events of {plan.method!r}"
         method = steps.way_of(0)
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
@@ -168,7 +172,7 @@ class SitesOfPlan:
             return True
         if not self.knows(start):
             return False
-        if isinstance(self.site, Links):
+        if isinstance(self.site, Links) or self.chain is not None:
             return True
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
         few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
@@ -256,6 +260,8 @@ class SitesOfPlan:
         plan = self.plan
         if isinstance(self.site, Links):
             return LinksRun
+        if self.chain is not None:
+            return ChainRun
         by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), TermSplitting)
         return TurnsRun if by_colour else SiteRun
 

@@ -72,7 +72,8 @@ class Prepared:
             self.method = self.way = Embedded(steps.method, curves)
             self.h = 0.0
         else:
-            self.method, self.h = linked_method(plan) or steps.way_of(0), steps.h
+            self.method = linked_method(plan) or plan._sites.chain or steps.way_of(0)
+            self.h = steps.h
             self.way = Whole(self.method)
             self.started = layout_of(steps.remembering_of(site, first))
         self.beginner = self.method, site, self.given, self.started

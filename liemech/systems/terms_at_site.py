@@ -213,8 +213,8 @@ class TermsOfSite(Record):
     """Terms as one site has them, which asks the others for what it needs; abstract.
 
     roles : the terms, and the places in their energies.  names, own : parameters of the site.
-    moves : 1 for sites that move, 0 for those that are held; None: all move.  species : those of the
-    sites, if there are several.
+    moves : 1 for sites that move, 0 for those that are held, or so for each component; None: all move.
+    species : those of the sites, if there are several.
     """
 
     roles: tuple[RoleAtSite, ...]
@@ -309,8 +309,10 @@ class TermsOfSite(Record):
         """A velocity or a force; zero at sites that are held."""
         if self.moves is None:
             return x
-        moves = own(self.moves) > 0.5
-        return vec(*[where(moves, c, 0.0) for c in x])
+        moves: Any = own(self.moves)
+        if self.moves.dim is None:
+            return vec(*[where(moves > 0.5, c, 0.0) for c in x])
+        return vec(*[where(m > 0.5, c, 0.0) for m, c in zip(moves, x)])
 
 
 @record
