@@ -253,10 +253,14 @@ def pulled(
     return site, system.potential.if_it_moves(f)
 
 
-def carried(group: LieGroup, h: float, mu: Vec, f: Vec, x: Vec) -> Vec:
-    """(dexp_x)* mu + (h/2) (dexp_x/2)* f, right-trivialised."""
+def misfit(
+    group: LieGroup, h: float, x: Vec, p: Vec, mu: Vec, f: Vec
+) -> tuple[Vec, Mat]:
+    """p - (dexp_x)* mu - (h/2) (dexp_x/2)* f, right-trivialised, and its derivative by x."""
     tau = Exponential()
-    return tau.dtau_dual(group, -x, mu) + (0.5 * h) * tau.dtau_dual(group, -0.5 * x, f)
+    whole, _, slope = tau.residual(group, x, p, mu)
+    half, _, bend = tau.residual(group, 0.5 * x, 0.0 * p, f)
+    return whole + (0.5 * h) * half, slope + (0.25 * h) * bend
 
 
 def misfit_here(
@@ -266,7 +270,7 @@ def misfit_here(
     group = system.configurations
     start, x, g = middle_of(method, system, old, work, state)
     site, f = pulled(method, system, t, h, x, g, work)
-    r = site.body.lagrangian.momentum((1.0 / h) * x) - carried(group, h, plain(start.mu), f, x)
+    r, _ = misfit(group, h, x, site.body.lagrangian.momentum((1.0 / h) * x), plain(start.mu), f)
     rest = (-2.0 / h) * Exponential().dtau_inv_dual(group, -0.5 * x, r)
     save(below(work, method.rows.rest), 0, system.potential.if_it_moves(rest), vector(group.dim))
 
@@ -281,8 +285,8 @@ def block_here(
     site, f = pulled(method, system, t, h, x, g, work)
     mu, xi, units = plain(start.mu), (1.0 / h) * x, identity_matrix(n)
     tied, before = own(method.tied), own(method.before)
-    slope = jacobian(lambda y: carried(group, h, mu, f, y), x)
-    M = with_inertia(-slope, (1.0 / h) * site.body.lagrangian.hessian(xi))
+    _, slope = misfit(group, h, x, site.body.lagrangian.momentum(xi), mu, f)
+    M = with_inertia(slope, (1.0 / h) * site.body.lagrangian.hessian(xi))
     back = mat(*[tau.dtau_inv(group, 0.5 * x, unit) for unit in units]).T
     there = mat(*[tau.dtau_inv_dual(group, -0.5 * x, unit) for unit in units]).T
     D = load(below(work, rows.own), 0, matrix(n, n))

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Mat, Vec, check_finite, dot, jacobian, mat, real_array, record, vec
+from ..formulas import Mat, Vec, check_finite, dot, mat, real_array, record, vec
 from ..formulas.of_each import Each, each
 from ..groups.se3 import SE3, join
-from ..groups.so3 import SO3
+from ..integrators.variational import with_inertia
 from ..retractions import Exponential, Retraction
 from ..systems.graphs import edges
 from ..systems.kinetic_energy import KineticEnergy, times
@@ -84,19 +84,18 @@ class RodStrain(Term):
         return tau.dtau_inv_dual(group, -x, m), -tau.dtau_inv_dual(group, x, m)
 
     def stiffnesses(self, group: Any, *sites: Any) -> tuple[tuple[Mat, ...], ...]:
-        """With x' = dtau^-1_x eta_b - dtau^-1_-x eta_a the slope of (dtau^-1_x)* m along x'."""
+        """With x' = dtau^-1_x eta_b - dtau^-1_-x eta_a and n = (dtau^-1_x)* m, so that (dtau_x)* n = m,
+        n' = (dtau^-1_x)* (K/l x' - ((dtau_x)* n)' at fixed n).
+        """
         tau, x = self.retraction, self.displacement(*sites)
-        by_b, by_a = (
-            mat(*[tau.dtau_inv(group, y, unit) for unit in UNITS]).T for y in (x, -x)
-        )
-
-        def carried(y: Vec) -> Vec:
-            m = self.wrench(y)
-            return vec(*tau.dtau_inv_dual(group, -y, m), *tau.dtau_inv_dual(group, y, m))
-
-        slope = jacobian(carried, x)
-        on_a, on_b = mat(*slope[:6]), mat(*slope[6:])
-        return (on_a @ by_a, -(on_a @ by_b)), (-(on_b @ by_a), on_b @ by_b)
+        m, rigidity = self.wrench(x), (1.0 / self.length) * self.stiffness
+        found: list[Any] = []
+        for y, sign in ((x, -1.0), (-x, 1.0)):
+            by_end = mat(*[tau.dtau_inv(group, y, unit) for unit in UNITS])  # its transpose
+            _, weight, slope = tau.residual(group, -y, m, tau.dtau_inv_dual(group, y, m))
+            found = [*found, (by_end, by_end @ with_inertia((sign / weight) * slope, rigidity))]
+        (b, on_b), (a, on_a) = found
+        return (on_a @ a.T, -(on_a @ b.T)), (-(on_b @ a.T), on_b @ b.T)
 
 
 UNITS = tuple([vec(*[1.0 if i == k else 0.0 for i in range(6)]) for k in range(6)])
