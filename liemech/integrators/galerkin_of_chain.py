@@ -24,7 +24,18 @@ from typing import Any, ClassVar
 
 from ..compiler.planes import at, below, each, load, put, save
 from ..errors import NoConvergence
-from ..formulas import Mat, Record, Vec, dot, identity_matrix, jacobian, mat, plain, record, vec, where
+from ..formulas import (
+    Mat,
+    Record,
+    Vec,
+    dot,
+    identity_matrix,
+    jacobian,
+    mat,
+    plain,
+    record,
+    vec,
+)
 from ..formulas.pytree import Layout, fitted
 from ..formulas.sites import own
 from ..formulas.tables import entry
@@ -35,7 +46,7 @@ from ..systems.lie_poisson import BodyState
 from ..systems.terms_at_site import at_this_site, masked
 from .lie_rattle import LEAST, ROUNDING
 from .memory import Memory, extrapolated, followed, repeated
-from .rattle_of_links import NUMBER, inverted, matrix, vector
+from .rattle_of_links import inverted, matrix, vector
 from .solvability import CONTRACTION, INFINITY
 from .variational import with_inertia
 
@@ -133,7 +144,7 @@ class GalerkinOfChain(Record):
         """One step: Newton's method from the displacements that continue those before, with the
         derivative of the last correction while that is good enough.
         """
-        n, rows = system.configurations.dim, self.rows
+        n = system.configurations.dim
         each(sites, guessed, self, pasts, s, work, n)
         before, anew, tried, last = INFINITY, True, 0.0, False
         while True:
@@ -160,7 +171,6 @@ class GalerkinOfChain(Record):
             anew = not (shrinks or before == INFINITY) or (anew and length > FAR * whole)
             before = length
         if not last:
-            put(below(work, rows.told), 0, 0, worst(self, work), NUMBER)
             raise NoConvergence("no displacements found that fit the momenta and the forces")
         each(sites, ended, self, system, t, h, old, pasts, s, work, state)
 
@@ -253,9 +263,7 @@ def pulled(
     return site, system.potential.if_it_moves(f)
 
 
-def misfit(
-    group: LieGroup, h: float, x: Vec, p: Vec, mu: Vec, f: Vec
-) -> tuple[Vec, Mat]:
+def misfit(group: LieGroup, h: float, x: Vec, p: Vec, mu: Vec, f: Vec) -> tuple[Vec, Mat]:
     """p - (dexp_x)* mu - (h/2) (dexp_x/2)* f, right-trivialised, and its derivative by x."""
     tau = Exponential()
     whole, _, slope = tau.residual(group, x, p, mu)
@@ -378,7 +386,13 @@ def factored(method: Any, work: Any, n: int) -> None:
                     put(left, k + 1, 0, lower, square)
                     put(D, k + 1, 0, at(D, k + 1, 0, square) - lower @ above, square)
                 if k == end - 2:
-                    put(column, k + 1, 0, at(column, k + 1, 0, square) + at(right, k + 1, 0, square), square)
+                    put(
+                        column,
+                        k + 1,
+                        0,
+                        at(column, k + 1, 0, square) + at(right, k + 1, 0, square),
+                        square,
+                    )
                     put(row, k + 1, 0, at(row, k + 1, 0, square) + at(left, end, 0, square), square)
                 put(D, end, 0, at(D, end, 0, square) - factor @ beside, square)
             else:
@@ -400,7 +414,13 @@ def solved(method: Any, work: Any, n: int) -> None:
         if method.ring:
             put(rest, end, 0, at(rest, end, 0, layout) - at(row, k, 0, square) @ y, layout)
             if k < end - 1:
-                put(rest, k + 1, 0, at(rest, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y, layout)
+                put(
+                    rest,
+                    k + 1,
+                    0,
+                    at(rest, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y,
+                    layout,
+                )
         else:
             put(rest, k + 1, 0, at(rest, k + 1, 0, layout) - at(left, k + 1, 0, square) @ y, layout)
     put(answer, end, 0, at(D, end, 0, square) @ at(rest, end, 0, layout), layout)
@@ -423,13 +443,3 @@ def summed(method: Any, work: Any) -> tuple[float, float, float]:
     for k in range(1, int(method.sites)):
         total = total + at(told, k, 0, vector(3))
     return total[0], total[1], total[2]
-
-
-def worst(method: Any, work: Any) -> float:
-    """The site whose correction was the largest."""
-    told, found, most = below(work, method.rows.told), 0.0, 0.0
-    for k in range(int(method.sites)):
-        square = at(told, k, 0, NUMBER)
-        if not square <= most:
-            found, most = float(k), square
-    return found

@@ -32,8 +32,8 @@ from .pendulums import DoublePendulum as DoublePendulum
 from .pendulums import Pendulum as Pendulum
 from .planetary_system import PlanetarySystem as PlanetarySystem
 from .poisson_top import PoissonTop as PoissonTop
-from .rod_section import RodSection as RodSection
 from .reaction_wheels import ReactionWheels as ReactionWheels
+from .rod_section import RodSection as RodSection
 from .space_bodies import FallingBody as FallingBody
 from .space_bodies import OrbitingBody as OrbitingBody
 from .space_fields import GravityGradient as GravityGradient

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import field
 from functools import cached_property
 from typing import Any
@@ -22,6 +23,7 @@ from ..systems.potential import Force
 from ..systems.terms import PerSite, Term, Terms
 from .pendulums import check_positive
 from .rod_section import RodSection
+from .rod_statics import balance, equilibrium
 
 ENDS = "clamped", "hinged", "free"
 
@@ -99,7 +101,6 @@ class RodStrain(Term):
 
 
 UNITS = tuple([vec(*[1.0 if i == k else 0.0 for i in range(6)]) for k in range(6)])
-
 
 
 @record
@@ -191,32 +192,28 @@ class CosseratRod(MechanicalSystem):
 
     def __post_init__(self) -> None:
         self._check()
-        n, l, section = self.elements, self.length / self.elements, self.section
+        n = self.elements
         nodes = np.arange(n if self.closed else n + 1)
-        share = np.full(len(nodes), l)
-        if not self.closed:
-            share[[0, -1]] *= 0.5
-        J = share[:, None] * np.array(section.inertia)
+        J = self.inertias
         ends = zip((0, n), () if self.closed else self.ends)
         by_end: dict[str, list[int]] = {"clamped": [], "hinged": [], "free": []}
         for node, end in ends:
             by_end[end].append(node)
         group = SE3() ** len(nodes)
         kinetic: Any = PerSite(KineticEnergy(each(J)))
-        one = RodStrain(l, section.stiffness, self.rest, self.retraction)
+        one = self.element
         pairs = np.stack([np.arange(n), (np.arange(n) + 1) % len(nodes)], axis=1)
         terms: list[Any] = [one.over(edges(pairs, sites=len(nodes), ordered=True))]
-        pull, w, M = np.zeros((len(nodes), 3)), np.zeros((len(nodes), 6)), np.zeros((len(nodes), 3))
-        pull[:, 2] = -J[:, 5] * self.gravity
-        pull[-1] += np.array(self.tip_force)
-        w[-1], M[-1] = np.array(self.following), np.array(self.tip_moment)
+        pull, M, w = self.loads
         if pull.any():
             terms.append(DeadForce(each(pull)).over())
         load = None
         if self.damping or w.any() or M.any():
             load = PerSite(RodLoad(each(w), each(M), each(self.damping * J)))
         object.__setattr__(self, "body", LiePoissonSystem(group, kinetic))
-        object.__setattr__(self, "potential", Terms(*terms, held=by_end["clamped"], pinned=by_end["hinged"]))
+        object.__setattr__(
+            self, "potential", Terms(*terms, held=by_end["clamped"], pinned=by_end["hinged"])
+        )
         object.__setattr__(self, "load", load)
         super().__post_init__()
 
@@ -235,7 +232,7 @@ class CosseratRod(MechanicalSystem):
             raise InvalidInput(
                 f"{name}: elements must be a whole number from {least} on; got {self.elements!r}"
             )
-        ends = self.ends
+        ends: Any = self.ends
         if not isinstance(ends, (tuple, list)) or len(ends) != 2 or not {*ends} <= {*ENDS}:
             raise InvalidInput(f"{name}: ends are two of {ENDS}; got {ends!r}")
         object.__setattr__(self, "ends", tuple(ends))
@@ -273,8 +270,43 @@ class CosseratRod(MechanicalSystem):
         """Where the frames are along the rod without force, (frames,), in m."""
         return np.arange(self.frames) * (self.length / self.elements)
 
+    @cached_property
+    def element(self) -> RodStrain:
+        """The energy of an element."""
+        return RodStrain(
+            self.length / self.elements, self.section.stiffness, self.rest, self.retraction
+        )
+
     @property
-    def _rest(self) -> np.ndarray:
+    def inertias(self) -> np.ndarray:
+        """Of the frames, (frames, 6): those of half of the elements at each."""
+        share = np.full(self.frames, self.length / self.elements)
+        if not self.closed:
+            share[[0, -1]] *= 0.5
+        return np.asarray(share[:, None] * np.array(self.section.inertia))
+
+    @property
+    def loads(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Forces and moments in space, (frames, 3) each, and those that turn with the frames,
+        (frames, 6).
+        """
+        pull, moment = np.zeros((2, self.frames, 3))
+        following = np.zeros((self.frames, 6))
+        pull[:, 2] = -self.gravity * self.inertias[:, 5]
+        pull[-1] += np.array(self.tip_force)
+        moment[-1], following[-1] = np.array(self.tip_moment), np.array(self.following)
+        return pull, moment, following
+
+    @property
+    def free(self) -> np.ndarray:
+        """Which components of the displacements of the frames the ends leave free, (6 frames,)."""
+        found = np.ones((self.frames, 6), dtype=bool)
+        for k, end in zip((0, -1), () if self.closed else self.ends):
+            found[k, {"clamped": 0, "hinged": 3, "free": 6}[end] :] = False
+        return found.ravel()
+
+    @property
+    def rest_strain(self) -> np.ndarray:
         """u_0, (6,) or (N, 6)."""
         return self.rest.values if isinstance(self.rest, Each) else np.array(self.rest)
 
@@ -285,7 +317,7 @@ class CosseratRod(MechanicalSystem):
         out.  start : the first frame, (4, 4); the identity if left out.
         """
         name, n = f"{type(self).__name__}.shape", self.elements
-        strain = self._rest if u is None else real_array(u, f"{name}: u")
+        strain = self.rest_strain if u is None else real_array(u, f"{name}: u")
         if strain.shape not in ((6,), (n, 6)):
             raise InvalidInput(f"{name}: u is (6,) or ({n}, 6); got shape {strain.shape}")
         found = np.empty((self.frames, 4, 4))
@@ -322,7 +354,7 @@ class CosseratRod(MechanicalSystem):
         first = np.eye(3)[np.abs(t[0]).argmin()]
         across = [np.cross(np.cross(t[0], first), t[0])]
         order = [*range(self.frames), *([0] if self.closed else [])]
-        for i, k in zip(order, order[1:]):
+        for i, k in itertools.pairwise(order):
             v = x[k] - x[i]
             mirror = 2.0 * v / (v @ v)
             r, u = across[-1] - (mirror @ across[-1]) * v, t[i] - (mirror @ t[i]) * v
@@ -365,7 +397,34 @@ class CosseratRod(MechanicalSystem):
         """Moment and force in the elements, K (u - u_0), (..., N, 6), in N m and N, in their own
         axes.  g : (..., frames, 4, 4).
         """
-        return np.array(self.section.stiffness) * (self.strains(g) - self._rest)
+        return np.array(self.section.stiffness) * (self.strains(g) - self.rest_strain)
+
+    def stiffness(self, g: Any) -> Any:
+        """How the forces on all frames fall as these move, -df/dzeta with g exp(zeta): a sparse
+        matrix of SciPy, (6 frames, 6 frames).  g : (frames, 4, 4).
+
+        Where forces balance, the roots of its eigenvalues beside `inertias` are the frequencies of
+        small oscillations, for the components that `free` names.
+        """
+        return balance(self, self._frames("stiffness", g))[1]
+
+    def equilibrium(self, g: Any = None, stages: int = 10) -> np.ndarray:
+        """Frames at which all forces balance, (frames, 4, 4), by Newton's method, with the loads put
+        on in equal stages.
+
+        g : frames near by, (frames, 4, 4); those without force if left out.  A rod with a load that
+        nothing holds has none.  Raises NoConvergence.
+        """
+        near = self.shape() if g is None else self._frames("equilibrium", g)
+        return equilibrium(self, near, stages)
+
+    def _frames(self, name: str, g: Any) -> np.ndarray:
+        found = real_array(g, f"{type(self).__name__}.{name}: g")
+        if found.shape != (self.frames, 4, 4):
+            raise InvalidInput(
+                f"{type(self).__name__}.{name}: g is ({self.frames}, 4, 4); got shape {found.shape}"
+            )
+        return found
 
     def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
         """Angular momentum about the origin and linear momentum of the whole rod in space, (..., 6)."""

@@ -47,9 +47,7 @@ class RodSection(Record):
         coefficient.
         """
         if not -1.0 < poisson <= 0.5:
-            raise InvalidInput(
-                f"RodSection: poisson is above -1 and at most 1/2; got {poisson:g}"
-            )
+            raise InvalidInput(f"RodSection: poisson is above -1 and at most 1/2; got {poisson:g}")
         G = 0.5 * young / (1.0 + poisson)
         kGA = shear * G * area
         return cls(
@@ -58,9 +56,7 @@ class RodSection(Record):
         )
 
     @classmethod
-    def round(
-        cls, radius: float, young: float, density: float, poisson: float = 0.3
-    ) -> RodSection:
+    def round(cls, radius: float, young: float, density: float, poisson: float = 0.3) -> RodSection:
         """A full circle.  radius : in m.  young : Young's modulus, in Pa.  density : in kg/m^3.
         poisson : Poisson's ratio.
 
@@ -82,7 +78,9 @@ class RodSection(Record):
             )
         area = math.pi * (radius + inner) * (radius - inner)
         I = 0.25 * area * (radius**2 + inner**2)
-        m = (2.0 * radius * inner / (radius**2 + inner**2)) ** 2  # (2 m/(1 + m^2))^2, m = inner/radius
+        m = (
+            2.0 * radius * inner / (radius**2 + inner**2)
+        ) ** 2  # (2 m/(1 + m^2))^2, m = inner/radius
         shear = 6.0 * (1.0 + poisson) / (7.0 + 6.0 * poisson + m * (5.0 + 3.0 * poisson))
         return cls.of(area, I, I, 2.0 * I, shear, young, density, poisson)
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from types import NoneType
 from typing import Any
 
 import numpy as np
 
 from ..compiler.planes import Planes
-from ..errors import NoConvergence
+from ..errors import NoConvergence, OutsideChart
 from ..formulas.pytree import with_fields
 from ..formulas.sites import SiteArray, SiteTable
 from ..formulas.tables import Table
@@ -98,18 +99,20 @@ class ChainRun(SiteRun):
         """Two copies of what the method carries along, and what a step works with."""
         method = self.shape.method
         made = Planes.of_rows(2 * width + method.room, self.count)
-        self.worst = made.array[2 * width + method.rows.told]
+        self.squares = made.array[2 * width + method.rows.told]
         return made
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
         """The reason for which a step failed, and at which site."""
-        if failures and not isinstance(failures[-1], NoConvergence):
-            return failures[-1]
+        found = failures[-1] if failures else None
+        if not isinstance(found, (NoConvergence, OutsideChart, NoneType)):
+            return found
         error = NoConvergence(
             f"{self.plan.method!r}: Newton's method found no displacements that fit momenta and forces. "
             f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
         )
-        error.site = int(self.worst[0])  # type: ignore[attr-defined]
+        told = np.nan_to_num(self.squares[: self.count], nan=np.inf)
+        error.site = getattr(found, "site", int(told.argmax()))  # type: ignore[attr-defined]
         return error
 
     def _origin(self, error: Any, t: float) -> Any:

@@ -150,7 +150,12 @@ def parameters(terms: Terms, group: PowerGroup | SpeciesGroup) -> tuple[Any, ...
         tuple([name for name, x in terms.own.items() if not isinstance(x, dict) or k in x])
         for k in range(len(group.powers))
     ]
-    return terms.names, tuple(values), numbers_of(terms, "held", group), Species.of(group, tuple(has))
+    return (
+        terms.names,
+        tuple(values),
+        numbers_of(terms, "held", group),
+        Species.of(group, tuple(has)),
+    )
 
 
 def _require_many(name: str, value: Any, sites: int, whose: str) -> None:
@@ -185,9 +190,7 @@ def _of_species(name: str, value: Any, group: SpeciesGroup) -> Any:
     return each(np.concatenate([parts.get(k, x) for k, x in enumerate(blank)]))
 
 
-def numbers_of(
-    terms: Terms, name: str, group: PowerGroup | SpeciesGroup
-) -> tuple[int, ...]:
+def numbers_of(terms: Terms, name: str, group: PowerGroup | SpeciesGroup) -> tuple[int, ...]:
     """The sites that are held, or pinned, among all.  name : which."""
     found = []
     for one in getattr(terms, name):

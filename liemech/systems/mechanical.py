@@ -302,9 +302,7 @@ class MechanicalSystem(System):
             require_apart(name, self.potential, state.g)
             mu, field = np.asarray(state.mu), self.potential
             _require_rest(name, self.body.group, field.held, mu, "held: its momentum")
-            _require_rest(
-                name, self.body.group, field.pinned, mu, "pinned: its linear momentum", 3
-            )
+            _require_rest(name, self.body.group, field.pinned, mu, "pinned: its linear momentum", 3)
         return self._vouched(state)
 
     # elements are those of the configurations
@@ -342,8 +340,8 @@ def _require_rest(
     if not held:
         return
     mu = group.by_site(mu, "Vec") if mu.shape[-1:] == (group.dim,) else mu
-    moving = np.flatnonzero(mu[..., list(held), first:].any(axis=-1).reshape(-1, len(held)).any(axis=0))
+    moving = np.flatnonzero(
+        mu[..., list(held), first:].any(axis=-1).reshape(-1, len(held)).any(axis=0)
+    )
     if len(moving):
-        raise InvalidInput(
-            f"{name}: site {group.named(held[moving[0]])} is {what} must be zero"
-        )
+        raise InvalidInput(f"{name}: site {group.named(held[moving[0]])} is {what} must be zero")

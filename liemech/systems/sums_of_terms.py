@@ -139,7 +139,11 @@ class OfTerms(Record):
         """The energy of one body that each site has, if there is nothing else; None if there is.  Of
         several species those of a body of each, a tuple.
         """
-        if self.held or self.pinned or not all(isinstance(part.term, PerSite) for part in self.parts):
+        if (
+            self.held
+            or self.pinned
+            or not all(isinstance(part.term, PerSite) for part in self.parts)
+        ):
             return None
         ones = {part.of: part.term.energy_of_one for part in self.parts}
         if self.species is None:
@@ -447,7 +451,11 @@ def load_of(name: str, group: LieGroup, load: Any) -> Any:
 def released(system: Any) -> Any:
     """The system with sites that are held free to move: then forces are those of its energy."""
     held = inside(system, OfTerms)
-    return exchanged(system, OfTerms, [with_fields(x, held=(), pinned=()) for x in held]) if held else system
+    return (
+        exchanged(system, OfTerms, [with_fields(x, held=(), pinned=()) for x in held])
+        if held
+        else system
+    )
 
 
 def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
