@@ -97,7 +97,7 @@ def equilibrium(rod: Any, g: np.ndarray, stages: int) -> np.ndarray:
             size = np.abs(zeta / np.array([1.0] * 3 + [rod.length] * 3)).max()
             if not np.isfinite(size):
                 break
-            g = np.asarray(SE3().compose_exp(g, min(1.0, LONGEST / max(size, LONGEST)) * zeta))
+            g = moved(rod, g, min(1.0, LONGEST / max(size, LONGEST)) * zeta)
             done, last = last, size <= TOLERANCE
             if done:
                 break
@@ -108,3 +108,26 @@ def equilibrium(rod: Any, g: np.ndarray, stages: int) -> np.ndarray:
                 "which it bends"
             )
     return g
+
+
+def moved(rod: Any, g: np.ndarray, zeta: np.ndarray) -> np.ndarray:
+    """The frames after displacements to first order in zeta, (frames, 6).
+
+    Where an end is free it is the strains that change by what zeta says, so that a rod that bends
+    far does not stretch; else the frames go along exp.
+    """
+    if rod.closed or "free" not in rod.ends:
+        return np.asarray(SE3().compose_exp(g, zeta))
+    tau, group = rod.retraction, SE3()
+    x = np.asarray(tau.tau_inv(group, group.compose(group.inverse(g[:-1]), g[1:])))
+    x = x + np.asarray(tau.dtau_inv(group, x, zeta[1:])) - np.asarray(tau.dtau_inv(group, -x, zeta[:-1]))
+    found = np.empty_like(g)
+    if rod.ends[1] == "free":
+        found[0] = group.compose_exp(g[0], zeta[0])
+        for k in range(rod.elements):
+            found[k + 1] = tau.compose_tau(group, found[k], x[k])
+    else:
+        found[-1] = group.compose_exp(g[-1], zeta[-1])
+        for k in range(rod.elements - 1, -1, -1):
+            found[k] = tau.compose_tau(group, found[k + 1], -x[k])
+    return found
