@@ -43,7 +43,7 @@ from ..groups.lie_group import LieGroup
 from ..retractions import Exponential
 from ..solvers import NOISE
 from ..systems.lie_poisson import BodyState
-from ..systems.terms_at_site import at_this_site, masked
+from ..systems.terms_at_site import at_this_site
 from .lie_rattle import LEAST, ROUNDING
 from .memory import Memory, extrapolated, followed, repeated
 from .rattle_of_links import inverted, matrix, vector
@@ -212,10 +212,9 @@ def forces_here(method: Any, system: Any, old: Any, work: Any, state: Layout) ->
     me, meeting, seen = system.potential.met(None, g, None, method.edges)
     force = push = vec(*[0.0 for _ in range(group.dim)])
     for role in method.edges:
-        there = True if role.counts is None else own(role.counts) > 0.5
         ends = [me, *[seen(meeting.of(b, 0)) for b in role.others]]
         first, second = role.at_edge(0).forces(group, *ends)
-        force, push = force + masked(there, first), push + masked(there, second)
+        force, push = force + role.if_there(first), push + role.if_there(second)
     for role in method.alone:
         force = force + role.at_edge(0).forces(group, me)[0]
     save(below(work, rows.force), 0, force, vector(group.dim))
@@ -230,19 +229,15 @@ def slopes_here(method: Any, system: Any, old: Any, work: Any, state: Layout) ->
     me, meeting, seen = system.potential.met(None, g, None, method.edges)
     blocks = [mat(*[vec(*[0.0 for _ in range(n)]) for _ in range(n)]) for _ in range(4)]
     for role in method.edges:
-        there = True if role.counts is None else own(role.counts) > 0.5
         ends = [me, *[seen(meeting.of(b, 0)) for b in role.others]]
         (aa, ab), (ba, bb) = role.at_edge(0).stiffnesses(group, *ends)
-        blocks = [a + rows_masked(there, b) for a, b in zip(blocks, (aa, ab, ba, bb))]
+        blocks = [
+            a + mat(*[role.if_there(row) for row in b]) for a, b in zip(blocks, (aa, ab, ba, bb))
+        ]
     for role in method.alone:
         blocks = [blocks[0] + role.at_edge(0).stiffnesses(group, me)[0][0], *blocks[1:]]
     for place, block in zip((rows.own, rows.right, rows.back, rows.ahead), blocks):
         save(below(work, place), 0, block, matrix(n, n))
-
-
-def rows_masked(there: Any, m: Mat) -> Mat:
-    """A matrix; zero where the bond is not there."""
-    return mat(*[masked(there, row) for row in m])
 
 
 def force_on(method: Any, work: Any, n: int) -> Vec:

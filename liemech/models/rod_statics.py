@@ -120,7 +120,11 @@ def moved(rod: Any, g: np.ndarray, zeta: np.ndarray) -> np.ndarray:
         return np.asarray(SE3().compose_exp(g, zeta))
     tau, group = rod.retraction, SE3()
     x = np.asarray(tau.tau_inv(group, group.compose(group.inverse(g[:-1]), g[1:])))
-    x = x + np.asarray(tau.dtau_inv(group, x, zeta[1:])) - np.asarray(tau.dtau_inv(group, -x, zeta[:-1]))
+    x = (
+        x
+        + np.asarray(tau.dtau_inv(group, x, zeta[1:]))
+        - np.asarray(tau.dtau_inv(group, -x, zeta[:-1]))
+    )
     found = np.empty_like(g)
     if rod.ends[1] == "free":
         found[0] = group.compose_exp(g[0], zeta[0])
