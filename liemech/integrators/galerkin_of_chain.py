@@ -35,6 +35,7 @@ from ..formulas import (
     plain,
     record,
     vec,
+    where,
 )
 from ..formulas.pytree import Layout, fitted
 from ..formulas.sites import own
@@ -47,10 +48,10 @@ from ..systems.terms_at_site import at_this_site
 from .lie_rattle import LEAST, ROUNDING
 from .memory import Memory, extrapolated, followed, repeated
 from .rattle_of_links import inverted, matrix, vector
-from .solvability import CONTRACTION, INFINITY
+from .solvability import CONTRACTION, INFINITY, SHORTEST
 from .variational import with_inertia
 
-MOST = 50.0
+MOST = 500.0
 """Corrections in a step after which it is given up."""
 
 
@@ -59,6 +60,7 @@ class ChainRows(Record):
     """Where the numbers lie that a step works with: the row with which they begin."""
 
     unknown: int
+    slope: int
     force: int
     push: int
     rest: int
@@ -76,7 +78,7 @@ class ChainRows(Record):
     @classmethod
     def of(cls, n: int) -> ChainRows:
         """Those of a group of n dimensions."""
-        widths = [n, n, n, n, n, 3, *[n * n] * 7]
+        widths = [*[n] * 6, 3, *[n * n] * 7]
         places = [sum(widths[:k]) for k in range(len(widths) + 1)]
         return cls(*places)
 
@@ -142,35 +144,51 @@ class GalerkinOfChain(Record):
         state: Layout,
     ) -> None:  # fmt: skip
         """One step: Newton's method from the displacements that continue those before, with the
-        derivative of the last correction while that is good enough.
+        derivative of the last correction while that is good enough.  Where that leads nowhere the
+        solution is grown out of h = 0, in parts of the step.
         """
         n = system.configurations.dim
-        each(sites, guessed, self, pasts, s, work, n)
-        before, anew, tried, last = INFINITY, True, 0.0, False
+        each(sites, guessed, self, system, h, old, pasts, s, work, state)
+        reached, piece, part, tried = 0.0, 1.0, 1.0, 0.0
         while True:
-            each(sites, forces_here, self, system, old, work, state)
+            k = part * h
+            before, anew, last = INFINITY, True, False
+            while True:
+                each(sites, forces_here, self, system, old, work, state)
+                if last:
+                    break
+                each(sites, misfit_here, self, system, t, k, old, work, state)
+                if anew:
+                    each(sites, slopes_here, self, system, old, work, state)
+                    each(sites, block_here, self, system, t, k, old, work, state)
+                    factored(self, work, n)
+                solved(self, work, n)
+                each(sites, corrected, self, system, old, work, state)
+                length, whole, size = summed(self, work)
+                tried = tried + 1.0
+                shrinks = length <= CONTRACTION * before
+                small = length <= NOISE * NOISE * (whole + size)
+                if not (length < INFINITY and (shrinks or small or anew) and tried < MOST):
+                    break
+                if not (shrinks or small) and length > before:
+                    break
+                last = length <= ROUNDING * size or (
+                    before < INFINITY and length * (length / before) <= LEAST * whole
+                )
+                last = last or (small and not shrinks)
+                anew = not (shrinks or before == INFINITY) or (anew and length > FAR * whole)
+                before = length
             if last:
+                reached, piece = part, 2.0 * piece
+                if reached < 1.0:
+                    each(sites, sloped, self, 1.0 / part, work, n)
+            else:
+                piece = 0.5 * piece
+            part = min(1.0, reached + piece)
+            if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
                 break
-            each(sites, misfit_here, self, system, t, h, old, work, state)
-            if anew:
-                each(sites, slopes_here, self, system, old, work, state)
-                each(sites, block_here, self, system, t, h, old, work, state)
-                factored(self, work, n)
-            solved(self, work, n)
-            each(sites, corrected, self, system, old, work, state)
-            length, whole, size = summed(self, work)
-            tried = tried + 1.0
-            shrinks = length <= CONTRACTION * before
-            small = length <= NOISE * NOISE * (whole + size)
-            if not (length < INFINITY and (shrinks or small or anew)) or tried == MOST:
-                break
-            last = length <= ROUNDING * size or (
-                before < INFINITY and length * (length / before) <= LEAST * whole
-            )
-            last = last or (small and not shrinks)
-            anew = not (shrinks or before == INFINITY) or (anew and length > FAR * whole)
-            before = length
-        if not last:
+            each(sites, along_slope, self, part, work, n)
+        if reached < 1.0:
             raise NoConvergence("no displacements found that fit the momenta and the forces")
         each(sites, ended, self, system, t, h, old, pasts, s, work, state)
 
@@ -189,10 +207,27 @@ def copied(sites: Any, here: int, there: int, memory: Layout) -> None:
     save(sites, there, load(sites, here, memory), memory)
 
 
-def guessed(method: Any, pasts: Any, s: int, work: Any, n: int) -> None:
-    """The displacement that continues those of the last steps."""
+def guessed(
+    method: Any, system: Any, h: float, old: Any, pasts: Any, s: int, work: Any, state: Layout
+) -> None:
+    """The displacement that continues those of the last steps, and the slope with which it begins."""
+    rows, n = method.rows, system.configurations.dim
     past = [load(pasts, 3 * s + i, vector(n)) for i in range(3)]
-    save(below(work, method.rows.unknown), 0, extrapolated(*past), vector(n))
+    xi = at_this_site(system).velocity(plain(load(old, 0, state).mu))
+    save(below(work, rows.unknown), 0, extrapolated(*past), vector(n))
+    save(below(work, rows.slope), 0, h * xi, vector(n))
+
+
+def sloped(method: Any, factor: float, work: Any, n: int) -> None:
+    """The displacement over the part of the step, along which it goes on."""
+    x = load(below(work, method.rows.unknown), 0, vector(n))
+    save(below(work, method.rows.slope), 0, factor * x, vector(n))
+
+
+def along_slope(method: Any, part: float, work: Any, n: int) -> None:
+    """The displacement of a part of the step."""
+    slope = load(below(work, method.rows.slope), 0, vector(n))
+    save(below(work, method.rows.unknown), 0, part * slope, vector(n))
 
 
 def middle_of(method: Any, system: Any, old: Any, work: Any, state: Layout) -> tuple[Any, Vec, Any]:
@@ -328,7 +363,8 @@ def corrected(method: Any, system: Any, old: Any, work: Any, state: Layout) -> N
     dx = 2.0 * Exponential().dtau_inv(group, 0.5 * x, zeta)
     x = x + dx
     size = group.scale(plain(load(old, 0, state).g))
-    told = vec(dot(dx, momentum(dx)), dot(x, momentum(x)), dot(size, momentum(size)))
+    length = where(Exponential().is_chart(group, 0.75 * x), dot(dx, momentum(dx)), INFINITY)
+    told = vec(length, dot(x, momentum(x)), dot(size, momentum(size)))
     save(place, 0, x, layout)
     save(below(work, rows.told), 0, told, vector(3))
 
