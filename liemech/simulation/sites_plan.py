@@ -24,6 +24,7 @@ from ..integrators.rattle_of_links import Links
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import SiteValues, StateOfSites
 from ..systems.system import State
+from .chain_run import ChainRun, chained_method
 from .events import name_of
 from .links_run import LinksRun, linked_method
 from .result import of_members
@@ -61,6 +62,7 @@ class SitesOfPlan:
     def __init__(self, plan: Any, site: Any) -> None:
         self.plan, self.site = plan, site
         self.known: dict[Any, Any] = {}
+        self.chain = chained_method(plan)
 
     @classmethod
     def of(cls, plan: Any) -> SitesOfPlan | None:
@@ -147,6 +149,10 @@ class SitesOfPlan:
             return "dense=True beside t_eval"
         if plan.adaptive:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
+        if self.chain is not None and t_eval is not None:
+            return "t_eval"
+        if self.chain is not None and plan.events:
+            return f"events of {plan.method!r}"
         method = uncut(steps.way_of(0))
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
@@ -165,7 +171,7 @@ class SitesOfPlan:
             return True
         if not self.knows(start):
             return False
-        if isinstance(self.site, Links):
+        if isinstance(self.site, Links) or self.chain is not None:
             return True
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
         few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
@@ -253,6 +259,8 @@ class SitesOfPlan:
         plan = self.plan
         if isinstance(self.site, Links):
             return LinksRun
+        if self.chain is not None:
+            return ChainRun
         by_colour = not plan.adaptive and isinstance(uncut(plan._steps.way_of(0)), TermSplitting)
         return TurnsRun if by_colour else SiteRun
 

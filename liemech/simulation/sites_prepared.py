@@ -76,7 +76,8 @@ class Prepared:
             self.method = self.way = Embedded(steps.method, curves)
             self.h = 0.0
         else:
-            way, self.h = linked_method(plan) or steps.way_of(0), steps.h
+            way: Any = linked_method(plan) or plan._sites.chain or steps.way_of(0)
+            self.h = steps.h
             self.method, self.ending = uncut(way), None if uncut(way) is way else way
             self.way = Whole(self.method, self.ending)
             self.started = layout_of(steps.remembering_of(site, first))
