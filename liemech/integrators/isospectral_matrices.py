@@ -35,7 +35,7 @@ def momentum_of(system: Any, w: Mat) -> Any:
 def velocity_of(system: Any, w: Mat) -> Mat:
     """X = hat(dH/dmu)."""
     m = w if system.group.keeps_lengths else adjoint(w)
-    return system.hamiltonian.velocity_matrix(system.group.algebra, m)
+    return system.velocity_matrix(m)
 
 
 def midpoint(system: Any, w0: Mat, guess: Mat, method: Any, h: float) -> tuple[Mat, Mat]:

@@ -30,6 +30,7 @@ from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley
 from ..solvers import fixed_point, newton
 from ..systems.double_bracket import DoubleBracket
+from ..systems.isospectral_flow import IsospectralFlow
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.stochastic import NoisyMotion
 from ..systems.system import lies_in_memory
@@ -303,7 +304,8 @@ class Isospectral(Implicit):
 
 def by_matrices(system: Any) -> bool:
     """Is it a Lie-Poisson system of a group of matrices that is given by generators?"""
-    return isinstance(system, LiePoissonSystem) and isinstance(system.group, MatrixLieGroup)
+    served = isinstance(system, (LiePoissonSystem, IsospectralFlow))
+    return served and isinstance(system.group, MatrixLieGroup)
 
 
 def continued(past: tuple[Any, ...]) -> Any:

@@ -61,7 +61,8 @@ class GroupEquation(System):
     def variation(self, state: Position, omega: Vec) -> tuple[Any, Any]:
         """The displacement, beside what counts as large at g."""
         if isinstance(omega, InMemory):
-            return (omega,), (0.0 * omega + 1.0,)
+            still: Any = omega
+            return (still,), (0.0 * still + 1.0,)
         return omega, self.group.scale(state.g)
 
     @final

@@ -122,11 +122,12 @@ class LiePoissonMotion(System):
         """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is; of large
         matrices each part by itself.
         """
-        if isinstance(state.mu, InMemory):
-            change, size = (self.group.ad_star(omega, state.mu),), (abs(state.mu),)
+        mu: Any = state.mu
+        if isinstance(mu, InMemory):
+            changes, sizes = (self.group.ad_star(omega, mu),), (abs(mu),)  # type: ignore[arg-type, var-annotated]
             if state.g is None:
-                return change, size
-            return (*change, omega), (*size, 0.0 * omega + 1.0)
+                return changes, sizes
+            return (*changes, omega), (*sizes, 0.0 * omega + 1.0)
         change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
         return (
             (change, size)
@@ -203,6 +204,10 @@ class LiePoissonSystem(LiePoissonMotion):
     def velocity(self, mu: Vec) -> Vec:
         """The body velocity xi = dH/dmu.  mu : (dim,)."""
         return self.hamiltonian.gradient(mu)
+
+    def velocity_matrix(self, m: Mat) -> Mat:
+        """hat(dH/dmu) from the matrix that stands for the momentum, on groups of matrices.  m : (n, n)."""
+        return self.hamiltonian.velocity_matrix(self.group.algebra, m)
 
     @final
     def energy(self, mu: Vec) -> float:
