@@ -80,7 +80,8 @@ class Blocks:
         lanes, count = self.lanes, starts.shape[1]
         whole = -(-count // self.side) * self.side
         some = np.minimum(np.arange(whole), count - 1)  # lanes that are left over repeat the last
-        starts, body, first, last = starts[:, some], body[some], first[some], last[some]
+        starts = np.ascontiguousarray(starts[:, some])
+        body, first, last = body[some], first[some], last[some]
         table = np.zeros((lanes.height, whole))
         numbers, clocks, goals, *own = lanes.parts(table)
         varying = [
@@ -102,7 +103,9 @@ class Blocks:
             column += self.side
         if column < whole:
             if self.order is not None:
-                numbers[:, column:] = starts[self.order, column:]
+                numbers[:, column:] = np.where(
+                    self.order[:, None] < 0, 0.0, starts[self.order, column:]
+                )
             else:
                 buffers = *own, starts, clocks, numbers, out[0]
                 self.beginning.run(lanes.constants, (), buffers, whole, column, whole)

@@ -25,6 +25,7 @@ import numpy as np
 from ..errors import GradientWarning, IncompatibleSystem, InvalidInput, warn
 from ..formulas.frozen import frozen
 from ..formulas.pytree import layout_of
+from ..formulas.tables import Table
 from ..integrators.ending_at_jumps import ending_at_jumps, overshoot
 from ..systems.system import State, member
 from ..systems.tabulated import NEAR, PiecewisePolynomial, inputs
@@ -36,7 +37,7 @@ from .parameters import full_name, parameter, shape_of
 from .prepared import Steps
 from .progress import Bar
 from .systems import OfBodies
-from .tangent import frames_of, parameter_moves, real_numbers, slope, with_step
+from .tangent import StepsOfARun, frames_of, parameter_moves, real_numbers, slope, with_step
 from .trajectory import Trajectory
 from .varied import Varied, VariedInput
 
@@ -147,11 +148,15 @@ class Directions:
         one = self._dressed(several[0])
         for table in self.tables:
             table.find(one)
-        moved = [place for table in self.tables for place in table.places[:-3].tolist()]
+        moved = [place for table in self.tables for place in table.places["moved"].tolist()]
         dressed = [self._dressed(system) for system in several]
         self.systems = Varied(dressed, self._slopes(dressed, by_system, self._dressed), moved)
         self.raw, self.things = methods, several
-        wrapped = [ending_at_jumps(method, one, way.breaks) for method in methods]
+        wrapped = (
+            methods
+            if way.clock != "t"
+            else [ending_at_jumps(method, one, way.breaks) for method in methods]
+        )
         slopes = self._slopes(methods, by_method, lambda method: method)
         more = layout_of(wrapped[0]).width - slopes.shape[2]
         self.methods = Varied(wrapped, np.pad(slopes, ((0, 0), (0, 0), (0, more))))
@@ -175,7 +180,8 @@ class Directions:
         known = [p.varied for p in self.parameters if p.varied and p.varied.number == number]
         found = known[0] if known else VariedInput(number, table)
         values = last == "values"
-        if values and (table.degree > 1 or (table.degree == 1 and table.jumping)):
+        broken = np.asarray(table.jumps)[: int(table.jumping)] > np.asarray(table.knots)[0]
+        if values and (table.degree > 1 or (table.degree == 1 and broken.any())):
             raise InvalidInput(
                 f"Plan.gradient: {name}: values are those of steps (PiecewisePolynomial.constant) and of "
                 f"straight lines (.linear); of {table!r} ask for {before}.coefficients, from which those "
@@ -257,6 +263,38 @@ def forwards(plan: Any, start: State, steps: int, t0: float, length: int) -> For
     return Forward(plan, run, edges, t0)
 
 
+class ForwardAdaptive(Forward):
+    """A run by an error estimate, which has kept all steps, in blocks of some of them; step number n is made
+    at the time n by a method that knows when it began and how long it was.
+    """
+
+    def __init__(self, plan: Any, run: Trajectory, length: int) -> None:
+        steps = len(run.t) - 1
+        edges = np.minimum(np.arange(-(-steps // length) + 1) * length, steps)
+        self.begun = plan.begun
+        self.lengths = run.t[1:] - self.begun
+        some = dataclasses.replace(
+            run, t=run.t[edges], states={name: x[edges] for name, x in run.states.items()}
+        )
+        super().__init__(plan, some, edges, 0.0)
+
+    def times(self, body: int) -> tuple[np.ndarray, ...]:
+        first, last = self.edges[:-1], self.edges[1:] - 1
+        begun, lengths = self.begun, self.lengths
+        return begun[first], lengths[first], begun[last], lengths[last]
+
+
+def in_steps(plan: Any, run: Trajectory) -> Any:
+    """The plan of fixed steps that makes those of a run by an error estimate, their lengths held fixed."""
+    way, begun = plan._steps, plan._steps.begun(run.t)
+    tables = Table([*begun, 0.0]), Table([*(run.t[1:] - begun), 0.0])
+    steps = Steps(
+        way.system, StepsOfARun(way.method, *tables), 1.0, 1, False, "double", way.compiled,
+        way.progress, 1, clock="step",
+    )  # fmt: skip
+    return like(plan, _steps=steps, begun=begun)
+
+
 def block_length(steps: int, many: int, intervals: int, width: int, every: int) -> int:
     """How many steps a block has.
 
@@ -299,7 +337,10 @@ class Met:
         """Those of one body, as its steps see them from inside."""
         begin, h, end, last = forward.times(body)
         ends = [np.stack([t, t + s]) for t, s in ((begin, h), (end, last))]
-        slack = [NEAR * np.abs(x).max(axis=0) + 0.0 for x in ends]
+        inside = (
+            1.0 if forward.plan._steps.clock == "t" else -4.0
+        )  # beyond the ends, as in any of them
+        slack = [inside * NEAR * np.abs(x).max(axis=0) for x in ends]
         low = np.minimum(ends[0].min(axis=0) + slack[0], begin + 0.5 * h)
         high = np.maximum(ends[1].max(axis=0) - slack[1], end + 0.5 * last)
         if h[0] < 0.0:
@@ -377,7 +418,9 @@ class Backward:
         k, i, d = (x.ravel() for x in np.indices((many, bodies, each)))
         moves = np.zeros((many, bodies, each, basis.shape[-1]))
         moves[:, :, :count] = basis[:-1]
-        lanes = [(k, i, np.where(d < count, -1, d - count), moves.reshape(len(k), -1), None)]
+        lanes: list[Any] = [
+            (k, i, np.where(d < count, -1, d - count), moves.reshape(len(k), -1), None)
+        ]
         for number, table in enumerate(directions.tables):
             lanes.append(self._lanes_of_table(number, table, begin, end))
         jacobians = self._through(begin, lanes[0], parts, done).reshape(many, bodies, each, count)
@@ -409,8 +452,7 @@ class Backward:
         which, interval = np.repeat(which, table.width), np.repeat(interval, table.width)
         component = np.tile(np.arange(table.width), len(which) // table.width)
         k, i = k[which], i[which]
-        counting = np.stack([interval, *self._counting(number, begin + k, i)])
-        return k, i, np.full(len(k), -1), None, (number, component, interval, counting)
+        return k, i, np.full(len(k), -1), None, (number, component, interval)
 
     def _counting(self, number: int, block: np.ndarray, body: np.ndarray) -> Any:
         """The first and the last interval of a table that may count in blocks."""
@@ -460,9 +502,10 @@ class Backward:
             for n, own in enumerate(directions.tables):
                 mine = table is not None and table[0] == n
                 component = table[1][some] if mine else np.full(len(body), -1)
-                counting = self._counting(n, begin + block, body)
-                intervals = table[3][:, some] if mine else np.stack([counting[0], *counting])
-                own.write(directions.systems, systems, component, intervals)
+                interval = table[2][some] if mine else component
+                part = np.stack(self._counting(n, begin + block, body))
+                tables = [own.of(system) for system in directions.things]
+                own.write(directions.systems, systems, component, interval, part, body, tables)
             first, last = forward.edges[begin + block], forward.edges[begin + block + 1]
             out = self.blocks.run(
                 starts, body, first.astype(float), last.astype(float), systems, methods, done
@@ -477,12 +520,12 @@ class Backward:
 
 def gradient_of(
     plan: Any, start: State, steps: int, t0: float, names: tuple[str, ...], every: int | None,
-    loss: Any, along: Any, cotangent: Any,
+    loss: Any, along: Any, cotangent: Any, run: Any = None,
 ) -> Gradient:  # fmt: skip
     """The derivative of a loss, or of the product of a cotangent with the run, by the named parameters.
 
     start : with the parts that the run needs.  every : between the samples that count; None for the last
-    state only.
+    state only.  run : by an error estimate; of fixed steps it is made here.
     """
     many = start.bodies or 1
     one = member(start, 0)
@@ -495,7 +538,11 @@ def gradient_of(
     width = max([table.width for table in directions.tables], default=1)
     each = many * (count + directions.count)
     length = block_length(max(1, steps), each, intervals, width, every or max(1, steps))
-    forward = forwards(plan, start, steps, t0, length)
+    forward: Forward = (
+        forwards(plan, start, steps, t0, length)
+        if run is None
+        else ForwardAdaptive(plan, run, length)
+    )
     last = forward.basis(slice(-1, None))
     compiled = plan.options.compiled
 
@@ -557,6 +604,21 @@ DOUBTFUL = 1e-6
 def digits(growth: float) -> int:
     """The decimal digits that a growth leaves."""
     return max(0, math.floor(-math.log10(growth * EPSILON))) if math.isfinite(growth) else 0
+
+
+def adaptive_gradient_of(
+    plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...], *asked: Any
+) -> Gradient:
+    """The gradient of a run of one body by an error estimate, the lengths of its steps held fixed."""
+    if "h" in names:
+        raise InvalidInput(
+            "Plan.gradient: h is for fixed steps; the lengths of adaptive ones are held fixed"
+        )
+    run = plan._in_pieces(start, t0, steps, t_end, None, None)
+    every, loss, along, cotangent = asked
+    return gradient_of(
+        in_steps(plan, run), start, len(run.t) - 1, 0.0, names, every, loss, along, cotangent, run
+    )
 
 
 class Cotangent:

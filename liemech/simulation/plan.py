@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..compiler import kernel
 from ..errors import (
+    IncompatibleSystem,
     IntegrationInterrupted,
     InvalidInput,
     InvalidType,
@@ -719,7 +720,7 @@ class Plan:
         along: Any, cotangent: Any,
     ) -> Gradient:  # fmt: skip
         """The gradient of a loss, or by a cotangent."""
-        from .gradient import gradient_of
+        from .gradient import adaptive_gradient_of, gradient_of
 
         if self.recorder is not None or self.events:
             other = "records no functions of the state" if self.recorder else "looks for no events"
@@ -738,10 +739,47 @@ class Plan:
             every = arguments.count(every, "every", 1)
         elif along is not None:
             every = self.options.every
+        asked = every, loss, along, cotangent
+        if self._sites is not None and self._sites.takes(start):
+            return self._gradient_by_sites(what, start, steps, t_end, t0, names, asked)
         start = self._started(start)
-        steps = self._count(steps, t_end, t0)
+        if self.fictive:
+            raise IncompatibleSystem(
+                f"Plan.{what}: steps in fictive time depend on how the run began; plan.tangent "
+                "differentiates them"
+            )
         with self._beginning(start, t0):
-            return gradient_of(self, start, steps, t0, names, every, loss, along, cotangent)
+            if not self.adaptive:
+                return gradient_of(self, start, self._count(steps, t_end, t0), t0, names, *asked)
+            if start.bodies is not None:
+                raise IncompatibleSystem(
+                    f"Plan.{what}: with adaptive steps each body has steps of its own: give one body at a "
+                    "time, or fixed steps"
+                )
+            return adaptive_gradient_of(self._of_body(0), start, steps, t_end, t0, names, *asked)
+
+    def _gradient_by_sites(
+        self, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: Any, asked: Any
+    ) -> Gradient:
+        """The product of a cotangent with the run of many sites, by `tangent`."""
+        from .gradient import Gradient
+
+        every, _, _, cotangent = asked
+        if (
+            cotangent is None
+            or every is not None
+            or names != ("start",)
+            or isinstance(cotangent, dict)
+        ):
+            raise IncompatibleSystem(
+                f"Plan.{what}: of many sites there is the product with a cotangent of the last state by "
+                "the start: plan.pullback(cotangent, start, steps=...), with (N,) numbers: of the momenta of "
+                "all sites, then of eta of all"
+            )
+        count = self._count(steps, t_end, t0)
+        ends = self.replace(every=max(1, count))
+        run = ends.tangent(start, steps=count, t0=t0, against=cotangent)
+        return Gradient(None, {"start": run.tangent["against"][-1]}, run, math.nan)
 
     def _of_body(self, i: int) -> Plan:
         """The plan of one body."""

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..compiler.kernel import Several
-from ..formulas import Vec
 from ..formulas.dual import Dual
 from ..formulas.pytree import build, exchanged, layout_of, leaves
+from ..formulas.tables import Table
 from ..systems.tabulated import PiecewisePolynomial, inputs
 from ..systems.varied_table import varied
 from .tangent import LEVEL
@@ -36,6 +36,8 @@ class Varied:
         moves = self.slopes.any(axis=(0, 1))
         moves[[*moved]] = True
         self.moves = np.flatnonzero(moves)
+        self.tables = [j for j, kind in enumerate(self.layout.kinds) if kind == "table"]
+        self.known = [Table.at(x) for x in {*self.values[:, self.tables].ravel().tolist()}]
         self.example = self._built(self.values[0], np.zeros(len(moves)))
         # the numbers of a thing in turn: a value, and behind it its slope if it has one
         self.place = np.arange(len(moves)) + np.cumsum(moves) - moves
@@ -46,7 +48,17 @@ class Varied:
         numbers: list[Any] = values.tolist()
         for j in self.moves.tolist():
             numbers[j] = Dual(numbers[j], slopes.item(j), LEVEL)
-        return build(self.layout, iter(numbers))
+        parts = [
+            self._part(numbers[j]) for j in self.tables
+        ]  # are alive as long as they are built in
+        made = build(self.layout, iter(numbers))
+        del parts
+        return made
+
+    def _part(self, place: float) -> Table:
+        """The table, or the part of one, that lies here."""
+        whole = max((t for t in self.known if t.place <= place), key=lambda t: t.place)
+        return whole.part(int(place - whole.place)) if whole.place < place else whole
 
     @property
     def argument(self) -> Any:
@@ -79,7 +91,7 @@ class VariedInput:
     def __init__(self, number: int, table: PiecewisePolynomial) -> None:
         self.number, self.table = number, table
         self.width = (table.degree + 1) * max(table.size, 1)
-        self.places = np.empty(0, dtype=int)
+        self.places: dict[str, np.ndarray] = {}
 
     def of(self, system: Any) -> PiecewisePolynomial:
         """The table in a system."""
@@ -102,26 +114,64 @@ class VariedInput:
         ends[:, 1:] += found[:, :, 1] / width
         return ends
 
-    def in_system(self, system: Any, mark: float = 0.0) -> Any:
+    def in_system(self, system: Any) -> Any:
         """The system with the table as it carries a derivative."""
         tables = inputs(system)
-        own = tables[self.number]
-        moved = Vec(*[mark] * self.width)
-        tables[self.number] = varied(own, moved, mark, mark, mark)
+        tables[self.number] = varied(tables[self.number])
         return exchanged(system, PiecewisePolynomial, tables)
 
     def find(self, system: Any) -> None:
-        """Find the places of its numbers: the moved ones, and the three intervals."""
-        one, other = (
-            np.array(leaves(x, layout_of(x))) for x in (system, self.in_system(system, 1.0))
-        )
-        self.places = np.flatnonzero(one != other)
+        """Find the places of its numbers in those of a system that has it so."""
+        mine = inputs(system)[self.number]
+        layout, at = layout_of(mine), self._begin(layout_of(system), [self.number])
+        for name, part in zip(layout.detail[1], layout.parts, strict=True):
+            self.places[name] = np.arange(at, at + part.width)
+            at += part.width
+
+    def _begin(self, layout: Any, left: list[int]) -> int:
+        """Where the numbers of the table begin, as far as this part of the layout has it.  left : how many
+        tables come before.
+        """
+        at = 0
+        for part in layout.parts:
+            if part.kind == "record" and issubclass(part.detail[0], PiecewisePolynomial):
+                if left[0] == 0:
+                    left[0] = -1
+                    return at
+                left[0] -= 1
+            elif left[0] >= 0:
+                inner = self._begin(part, left)
+                if left[0] < 0:
+                    return at + inner
+            at += part.width
+        return at
 
     def write(
-        self, systems: Varied, columns: np.ndarray, component: np.ndarray, intervals: np.ndarray
-    ) -> None:
-        """Write into columns which component is moved, -1 for none, and the three intervals, (3, ...)."""
-        where = systems.place[self.places]
-        columns[where[-3:]] = intervals
+        self, systems: Varied, columns: np.ndarray, component: np.ndarray, interval: np.ndarray,
+        part: np.ndarray, body: np.ndarray, tables: list[Any],
+    ) -> None:  # fmt: skip
+        """Write into columns which component is moved, -1 for none, in which interval, and the part of the
+        table that counts: its first and last interval, (2, ...).  tables : of all systems.
+        """
+        rows = {name: systems.place[places] for name, places in self.places.items()}
         some = np.flatnonzero(component >= 0)
-        columns[where[component[some]] + 1, some] = 1.0
+        columns[rows["moved"][component[some]] + 1, some] = 1.0
+        columns[rows["where_moved"]] = interval
+        if self.table.outside == "repeat":
+            return
+        columns[rows["where_moved"]] -= part[0]
+        for i, table in enumerate(tables):
+            mine = slice(None) if len(tables) == 1 else np.flatnonzero(body == i)
+            first, last = part[:, mine]
+            knots, jumps = np.asarray(table.knots), np.asarray(table.jumps)[: int(table.jumping)]
+            before = np.searchsorted(jumps, knots[first], "left")
+            many = np.searchsorted(jumps, knots[last + 1], "right") - before
+            places = {
+                "knots": table.knots.place + first,
+                "coefficients": table.coefficients.place + first * self.width,
+                "jumps": table.jumps.place + np.where(many > 0, before, 0),
+                "jumping": many, "intervals": last - first + 1, "last": last - first + 1,
+                "at_begin": first == 0, "at_end": last == int(table.intervals) - 1,
+            }  # fmt: skip
+            for name, numbers in places.items():
+                columns[rows[name][0], mine] = numbers

@@ -9,31 +9,40 @@ from typing import Any
 from ..errors import InvalidInput
 from ..formulas import Vec, record, where
 from ..formulas.pytree import fields_of, fill
-from .tabulated import PiecewisePolynomial
+from ..formulas.tables import entry
+from .tabulated import ROUNDING, PiecewisePolynomial
 
 
 @record
 class VariedTable(PiecewisePolynomial):
-    """A table whose coefficients in one interval are moved by something that is zero and has a slope.
+    """The part of a table that some steps meet, whose coefficients in one interval are moved by
+    something that is zero and has a slope.
 
-    A part of a run knows from its times which intervals it meets; a formula that asks elsewhere, such as
-    one of a delay or of a place, would have a derivative that nobody looks for, and is refused.
+    A formula that asks elsewhere, such as one of a delay or of a place, would have a derivative that
+    nobody looks for, and is refused.
 
-    moved : (degree + 1) * size numbers by which the coefficients are moved.  where_moved : the interval.
-    from_interval, to_interval : the first and the last one that count.
+    moved : (degree + 1) * size numbers by which the coefficients are moved.  where_moved : the number
+    of the interval in this part.  at_begin, at_end : is the beginning, and the end, that of the whole?
     """
 
     moved: Any = None
     where_moved: float = 0.0
-    from_interval: float = 0.0
-    to_interval: float = 0.0
+    at_begin: float = 1.0
+    at_end: float = 1.0
 
-    def _terms_of(self, i: Any) -> list[Any]:
-        if not (self.from_interval <= i <= self.to_interval):
+    def _inside(self, t: Any, low: Any, high: Any, period: Any) -> Any:
+        first, last = entry(self.knots, 0), entry(self.knots, int(self.intervals))
+        slack = ROUNDING * max(abs(first), abs(last))
+        if (self.at_begin == 0.0 and t < first - slack) or (
+            self.at_end == 0.0 and t > last + slack
+        ):
             raise InvalidInput(
                 "Plan.gradient: a formula asks a table at other times than those of its step, such as "
-                "with a delay, and has no gradient by its values; plan.run of moved tables tells it"
+                "with a delay, and has no gradient by its values; runs with moved tables tell it"
             )
+        return super()._inside(t, low, high, period)
+
+    def _terms_of(self, i: Any) -> list[Any]:
         here, width = where(i == self.where_moved, 1.0, 0.0), max(self.size, 1)
         rows = [self.moved[k * width : (k + 1) * width] for k in range(self.degree + 1)]
         return [
@@ -42,9 +51,12 @@ class VariedTable(PiecewisePolynomial):
         ]
 
 
-def varied(table: PiecewisePolynomial, moved: Any, *intervals: float) -> VariedTable:
-    """The table with moved coefficients.  intervals : where they are moved, and from which to which one
-    it counts.
-    """
-    names = "moved", "where_moved", "from_interval", "to_interval"
-    return fill(VariedTable, fields_of(table) | dict(zip(names, (moved, *intervals))))
+PART = "knots", "coefficients", "intervals", "jumps", "jumping", "last"
+"""The fields that say which part of a table is meant."""
+
+
+def varied(table: PiecewisePolynomial) -> VariedTable:
+    """The whole table, moved nowhere."""
+    width = (table.degree + 1) * max(table.size, 1)
+    return fill(VariedTable, fields_of(table) | {"moved": Vec(*[0.0] * width), "where_moved": -1.0,
+                                                 "at_begin": 1.0, "at_end": 1.0})  # fmt: skip
