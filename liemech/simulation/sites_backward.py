@@ -1,0 +1,192 @@
+"""The drivers of runs of many sites backwards: states of a block of steps, the way back through them,
+and the derivatives by parameters of the terms, edge by edge.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..compiler.driver import accepted, attempt, itself, read, reason, write
+from ..compiler.planes import at, each, load, save
+from ..formulas import Record, derivative, gradient, record, vec
+from ..formulas.fields import OfEach
+from ..formulas.pytree import NUMBER, exchanged, fitted, inside
+from ..formulas.sites import SiteArray, own
+from ..formulas.vectors import Vec as SmallVec
+from ..integrators.backward import Asked, fresh, step_back
+from ..systems.canonical import CanonicalState
+from ..systems.lie_poisson import BodyState
+from ..systems.terms import at_time
+from ..systems.terms_at_site import at_this_site, in_shape
+from .sites_driver import require_finite
+
+# ------------------------------------------------------------------ steps
+
+
+def forward_sites(
+    method: Any, system: Any, state: Any, h: float, t0: float, first: int, steps: int, states: Any,
+    done: Any, failures: Any,
+) -> None:  # fmt: skip
+    """The driver: the states after each of so many steps from number `first` on, one behind the other;
+    `done` is then how many there are.
+
+    state : the layout of that of one site.  states : the first row is the one to begin from.
+    """
+    for n in range(steps):
+        t = t0 + (first + n) * h
+        trial = attempt(each, states, one_forward, method, system, state, t, h, states, n)
+        if not accepted(trial, itself):
+            if failures is not None:
+                failures.append(reason(trial))
+            break
+        write(done, 0, float(n + 1), NUMBER)
+
+
+def one_forward(
+    method: Any, system: Any, state: Any, t: float, h: float, states: Any, n: int
+) -> None:
+    """A step of one site."""
+    new = fresh(method, at_this_site(system), t, load(states, n, state), h)
+    require_finite(new)
+    save(states, n + 1, fitted(new, state), state)
+
+
+@record
+class WayBack(Record):
+    """The layouts of the way back: of the state of a site, of derivatives by it, and of what is kept
+    for the parameters; of the last how many there are in a step.
+    """
+
+    state: Any
+    felt: Any
+    momentum: Any
+    element: Any
+    momenta: int
+    elements: int
+    kept: bool
+
+
+def backward_sites(
+    method: Any, system: Any, free: Any, way: WayBack, h: float, t0: float, first: int, steps: int,
+    states: Any, felt: Any, given: Any, counts: Any, momenta: Any, elements: Any,
+) -> None:  # fmt: skip
+    """The driver: the derivative by the state after the last of so many steps becomes the one by the
+    state before the first of them.
+
+    counts : how many derivatives are given at the state before each step, which lie one behind the
+    other in `given`, those of the last step first.  momenta, elements : where energies were asked.
+    """
+    met = 0
+    for k in range(steps):
+        n = steps - 1 - k
+        t = t0 + (first + n) * h
+        each(
+            states, one_back, method, system, free, way, t, h, states, n, felt, momenta, elements
+        )  # fmt: skip
+        for _ in range(int(read(counts, n, NUMBER))):
+            each(states, one_given, way, felt, given, met)
+            met = met + 1
+
+
+def one_back(
+    method: Any, system: Any, free: Any, way: WayBack, t: float, h: float, states: Any, n: int,
+    felt: Any, momenta: Any, elements: Any,
+) -> None:  # fmt: skip
+    """The way of one site back through one step."""
+    state, w = load(states, n, way.state), load(felt, 0, way.felt)
+    back = step_back(method, at_this_site(system), at_this_site(free), t, state, w, h)
+    save(felt, 0, fitted(back.w, way.felt), way.felt)
+    if way.kept:
+        for j, asked in enumerate(back.momenta):
+            save(momenta, n * way.momenta + j, asked, way.momentum)
+        for j, asked in enumerate(back.elements):
+            save(elements, n * way.elements + j, asked, way.element)
+
+
+def one_given(way: WayBack, felt: Any, given: Any, k: int) -> None:
+    """A derivative that is given, of one site."""
+    w, more = load(felt, 0, way.felt), load(given, k, way.felt)
+    save(felt, 0, added(w, more), way.felt)
+
+
+def added(w: Any, more: Any) -> Any:
+    """The sum of derivatives by a state."""
+    if isinstance(w, CanonicalState):
+        return CanonicalState(w.q + more.q, w.p + more.p)
+    return BodyState(w.mu + more.mu, None if w.g is None else w.g + more.g)
+
+
+# ------------------------------------------------------------------ parameters
+
+
+@record
+class Varied(Record, OfEach):
+    """A parameter of a term by which is differentiated: its values at all edges."""
+
+    array: SiteArray
+    shape: tuple[int, ...]
+
+
+@record
+class EdgesAsked(Record):
+    """A term as its edges have it.
+
+    group : of one site.  site : one of which nothing is known.  own : of every end the parameters of
+    sites.  ends : of every edge the sites.  in_momenta : is it a function of momenta?
+    """
+
+    term: Any
+    group: Any
+    site: Any
+    own: tuple[tuple[Any, ...], ...]
+    ends: Any
+    in_momenta: bool
+
+    def energy(self, term: Any, found: list[Asked], e: float) -> float:
+        """That of an edge whose ends have moved by e along what was asked."""
+        sites: list[Any] = []
+        for asked, own_values in zip(found, self.own):
+            if self.in_momenta:
+                mu, g = asked.place + e * asked.along, None
+            else:
+                mu, g = None, self.group.compose_exp(asked.place, e * asked.along)
+            sites = [*sites, type(self.site)(mu, g, None, *own_values)]
+        return term.energy(*sites)
+
+
+def edges_back(
+    edges: EdgesAsked, asked: Any, total: Any, slots: int, steps: int, used: Any, sums: Any
+) -> None:
+    """The driver: to the sum of every edge d/dp D_along E of all that was asked in so many steps."""
+    each(sums, one_edge, edges, asked, total, slots, steps, used, sums)
+
+
+def one_edge(
+    edges: EdgesAsked, asked: Any, total: Any, slots: int, steps: int, used: Any, sums: Any
+) -> None:
+    """Those of one edge."""
+    here = at_this_site(edges)
+    varied = inside(here.term, Varied)
+    numbers = vec(*[x for one in varied for x in numbers_of(one)])
+    found = load(sums, 0, total)
+    for k in range(steps * slots):
+        ends = [at(used, own(edges.ends, i), k, asked) for i in range(len(here.own))]
+        found = found + gradient(lambda p: sensed(here, varied, ends, p), numbers)
+    save(sums, 0, found, total)
+
+
+def sensed(edges: EdgesAsked, varied: list[Varied], ends: list[Asked], p: Any) -> float:
+    """D_along E of an edge with these parameters."""
+    values, begin = [], 0
+    for one in varied:
+        width = len(numbers_of(one))
+        values = [*values, in_shape(p[begin : begin + width] if one.shape else p[begin], one.shape)]
+        begin = begin + width
+    term = at_time(exchanged(edges.term, Varied, values), ends[0].t)
+    return derivative(lambda e: edges.energy(term, ends, e), 0.0)
+
+
+def numbers_of(one: Varied) -> list[Any]:
+    """The numbers of a parameter at an edge."""
+    found = own(one.array)
+    return [*found] if isinstance(found, SmallVec) else [found]
