@@ -28,22 +28,58 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import IncompatibleSystem
-from ..formulas import Record, Vec, derivative, dot, gradient, identity_matrix, plain, record, vec
+from ..errors import undefined
+from ..formulas import (
+    Record,
+    Vec,
+    derivative,
+    dot,
+    gradient,
+    identity_matrix,
+    plain,
+    record,
+    vec,
+    where,
+)
 from ..formulas.derivatives import tangent
 from ..formulas.pytree import exchanged, inside, with_fields
+from ..formulas.sites import own
+from ..retractions import Exponential
 from ..systems.canonical import CanonicalState
 from ..systems.driven import DrivenLiePoissonSystem
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.separable_sites import SeparableSite
+from ..systems.sublattices import FieldAtSite, turned
 from ..systems.sums_of_terms import DrivenTerms
+from ..systems.terms import at_time
 from ..systems.terms_at_site import TermsOfSite
 from .composition import Composition
 from .kick_drift import FieldSplitting
 from .method import Method
 from .rkmk import RKMK, combination
 from .separable import SeparableSplitting
+from .sublattices import SublatticeSplitting
+
+
+@record
+class Part(Record):
+    """A part of a step, all numbers: which of the `Motion`s it is, when it begins, and how long it is.
+
+    given : is a derivative by the state before it given?  momenta, elements : of what is kept of the
+    energies that were asked, the row of the first.  begin, end : the places of the sites that turn,
+    and term : what turns them.
+    """
+
+    kind: float
+    t: float
+    h: float
+    given: float = 0.0
+    momenta: float = 0.0
+    elements: float = 0.0
+    begin: float = 0.0
+    end: float = 0.0
+    term: float = 0.0
 
 
 @record
@@ -60,8 +96,8 @@ class Asked(Record):
 
 @record
 class Back(Record):
-    """J^T w of a step, and where the Hamiltonian and the potential were asked: d/dp of the sums of
-    D_along H and of D_along V is the derivative by their parameter p.
+    """J^T w of a part of a step, and where the Hamiltonian and the potential were asked: d/dp of the
+    sums of D_along H and of D_along V is the derivative by their parameter p.
     """
 
     w: Any
@@ -69,22 +105,62 @@ class Back(Record):
     elements: tuple[Asked, ...]
 
 
-def refused(method: Any, system: Any) -> str:
-    """Why the steps of a method have no way back here; empty if they have one."""
+@record
+class Motion(Record):
+    """A part of a step that has a way back, of one site; abstract.
+
+    momenta, elements : how often it asks energies, `Back`.  A subclass writes `moved` and `back`.
+    joins : do two in turn make one of the sum of their lengths?
+
+    Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., section 3.2.
+    """
+
+    @property
+    def momenta(self) -> int:
+        """How often it asks energies of momenta."""
+        return 0
+
+    @property
+    def elements(self) -> int:
+        """How often it asks potentials."""
+        return 0
+
+    @property
+    def joins(self) -> bool:
+        """Kicks and turns do."""
+        return True
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The state after it."""
+        raise undefined(self, "moved")
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """J^T w.  free : the system with held sites `released`.  w : components at the state after it,
+        as a state.
+        """
+        raise undefined(self, "back")
+
+
+def refused(method: Any, site: Any) -> str:
+    """Why the steps of a method have no way back here; empty if they have one.  site : the form of the
+    system at one site.
+    """
     if not isinstance(
-        system, (LiePoissonSystem, DrivenLiePoissonSystem, MechanicalSystem, SeparableSite)
+        site, (LiePoissonSystem, DrivenLiePoissonSystem, MechanicalSystem, SeparableSite)
     ):
-        return f"of {type(system).__name__}"
-    if isinstance(system, MechanicalSystem) and (system.load is not None or system.in_space):
+        return f"of {type(site).__name__}"
+    if isinstance(site, MechanicalSystem) and (site.load is not None or site.in_space):
         return "with a load, whose forces have no symmetric derivative"
     if isinstance(method, RKMK):
         return "" if method.tableau.explicit else "with an implicit tableau"
     if isinstance(method, Composition):
-        return refused(method.base, system)
+        return refused(method.base, site)
     if isinstance(method, FieldSplitting):
         free: Any = method.free  # type: ignore[attr-defined]
         known = free.symplectic and free.symmetric and not free.of_momenta
         return "" if known or isinstance(free, RKMK) else f"with drifts of {free!r}"
+    if isinstance(method, SublatticeSplitting):
+        return ""
     return "" if isinstance(method, SeparableSplitting) else f"of {method!r}"
 
 
@@ -94,21 +170,29 @@ def released(site: Any) -> Any:
     return exchanged(site, TermsOfSite, [with_fields(x, moves=None) for x in terms])
 
 
-def step_back(
-    method: Any, system: Any, free: Any, t: float, state: Any, w: Any, h: float
-) -> Back:
-    """J^T w of a step from a state.  free : the system with held sites `released`.  w : components
-    at the state after the step, as a state.
+def parts_of(method: Any, site: Any) -> tuple[tuple[Motion, ...], list[tuple[int, float, float]]]:
+    """The motions that a step is made of; of each part in turn which it is, when it begins and how long
+    it is, as shares of the step.
     """
-    if isinstance(method, RKMK):
-        return _rkmk(method, system, free, t, state, w, h)
     if isinstance(method, Composition):
-        return _composition(method, system, free, t, state, w, h)
-    if isinstance(method, FieldSplitting):
-        return _kicks(method, system, free, t, state, w, h)
-    if isinstance(method, SeparableSplitting):
-        return _separable(method, system, free, t, state, w, h)
-    raise IncompatibleSystem(f"{method!r} has no way back")
+        motions, inner = parts_of(method.base, site)
+        rows = [
+            (k, node + share * begin, share * length)
+            for share, node in zip(method.tableau.gamma, method.tableau.nodes)
+            for k, begin, length in inner
+        ]
+        return motions, rows
+    if isinstance(method, (FieldSplitting, SeparableSplitting)):
+        tableau: Any = method.tableau  # type: ignore[attr-defined]
+        in_a_field = isinstance(method, FieldSplitting)
+        free: Any = Drift(method.free) if in_a_field else PointDrift()  # type: ignore[attr-defined]
+        nodes = tableau.nodes if in_a_field else [0.0 for _ in tableau.kicks]
+        rows = []
+        for i, b in enumerate(tableau.kicks):
+            rows += [(0, nodes[i], b)] if b != 0.0 else []
+            rows += [(1, nodes[i], tableau.drifts[i])] if i < len(tableau.drifts) else []
+        return (Kick() if in_a_field else PointKick(), free), rows
+    return (RungeKutta(method, isinstance(site, MechanicalSystem)),), [(0, 0.0, 1.0)]
 
 
 def fresh(method: Method, system: Any, t: float, state: Any, h: float) -> Any:
@@ -126,41 +210,88 @@ def moving(energy: Any, along: Vec) -> Vec:
 # ------------------------------------------------------------------ Runge-Kutta
 
 
-def _rkmk(
-    method: RKMK, system: Any, free: Any, t: float, state: Any, w: Any, h: float
-) -> Back:
-    """The stages once more, and then backwards: with k_i for w_k_i,
+@record
+class RungeKutta(Motion):
+    """A step of an explicit Runge-Kutta-Munthe-Kaas method.  Backwards, with k_i for w_k_i,
 
         k_i = h b_i w_Omega + h sum_(j > i) a_ji w_Omega_j.
+
+    Source: Sanz-Serna, SIAM Review 58 (2016), section 3; Hairer, Lubich, Wanner, algorithm IV.8.4.
     """
-    tableau, start = method.tableau.bare, plain(system.essential_part(state))
-    slopes: list[Vec] = []
-    found: list[Any] = []
-    for row, c in zip(tableau.A, tableau.c):
-        omega = combination(row, slopes, h)
-        place = start if omega is None else system.displaced(method.retraction, start, omega)
-        xi = system.rate(t + c * h, place)
-        slopes = [*slopes, xi if omega is None else method.in_chart(system, omega, xi)]
-        found = [*found, (omega, place, xi)]
-    omega = combination(tableau.b, slopes, h)
-    w, bent = _displaced(method.retraction, system, state, omega, w)
-    felt: list[Any] = [None if b == 0.0 else (b * h) * bent for b in tableau.b]
-    momenta: list[Asked] = []
-    elements: list[Asked] = []
-    for i in range(len(found) - 1, -1, -1):
-        if felt[i] is not None:
-            omega, place, xi = found[i]
-            along, now = felt[i], t + tableau.c[i] * h
-            if omega is not None:
-                along = gradient(lambda x: dot(felt[i], method.in_chart(system, omega, x)), xi)
-            there, of_momenta, of_elements = _rate(system, free, now, place, along)
-            momenta, elements = [*momenta, *of_momenta], [*elements, *of_elements]
-            if omega is not None:
-                chart = gradient(lambda x: dot(felt[i], method.in_chart(system, x, xi)), omega)
-                there, more = _displaced(method.retraction, system, start, omega, there)
-                felt = _combined(felt, tableau.A[i], chart + more, h)
-            w = _added(w, there)
-    return Back(w, tuple(momenta), tuple(elements))
+
+    method: RKMK
+    in_a_field: bool = False
+
+    @property
+    def joins(self) -> bool:
+        """Two steps are no longer one."""
+        return False
+
+    @property
+    def momenta(self) -> int:
+        """Once in every stage that counts."""
+        return len(self.stages)
+
+    @property
+    def elements(self) -> int:
+        """As often, in a field."""
+        return len(self.stages) if self.in_a_field else 0
+
+    @property
+    def stages(self) -> tuple[int, ...]:
+        """The stages on which the step depends, last ones first."""
+        tableau, felt = self.method.tableau, []  # type: Any, list[int]
+        for i in range(len(tableau.b) - 1, -1, -1):
+            if tableau.b[i] != 0.0 or any(
+                j < len(tableau.A) and i < len(tableau.A[j]) and tableau.A[j][i] != 0.0
+                for j in felt
+            ):
+                felt.append(i)
+        return tuple(felt)
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The step."""
+        return fresh(self.method, system, part.t, state, part.h)
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """The stages once more, and then backwards."""
+        method, t, h = self.method, part.t, part.h
+        tableau, start = method.tableau.bare, plain(system.essential_part(before))
+        slopes: list[Vec] = []
+        found: list[Any] = []
+        for row, c in zip(tableau.A, tableau.c):
+            omega = combination(row, slopes, h)
+            place = start if omega is None else system.displaced(method.retraction, start, omega)
+            xi = system.rate(t + c * h, place)
+            slopes = [*slopes, xi if omega is None else method.in_chart(system, omega, xi)]
+            found = [*found, (omega, place, xi)]
+        omega = combination(tableau.b, slopes, h)
+        w, bent = _displaced(method.retraction, system, before, omega, w)
+        felt: list[Any] = [None if b == 0.0 else (b * h) * bent for b in tableau.b]
+        momenta: list[Asked] = []
+        elements: list[Asked] = []
+        for i in range(len(found) - 1, -1, -1):
+            if felt[i] is not None:
+                omega, place, xi = found[i]
+                along, now = felt[i], t + tableau.c[i] * h
+                chart: Any = None
+                if omega is not None:
+                    along, chart = self._in_chart(system, omega, xi, along)
+                there, of_momenta, of_elements = _rate(system, free, now, place, along)
+                momenta, elements = [*momenta, *of_momenta], [*elements, *of_elements]
+                if omega is not None:
+                    there, more = _displaced(method.retraction, system, start, omega, there)
+                    felt = _combined(felt, tableau.A[i], chart + more, h)
+                w = BodyState(w.mu + there.mu, w.g if there.g is None else w.g + there.g)
+        return Back(w, tuple(momenta), tuple(elements))
+
+    def _in_chart(self, system: Any, omega: Vec, xi: Vec, felt: Vec) -> tuple[Vec, Vec]:
+        """What the velocity of a stage and its Omega are told by its slope."""
+        slope = self.method.in_chart
+        return (
+            gradient(lambda x: dot(felt, slope(system, omega, x)), xi),
+            gradient(lambda x: dot(felt, slope(system, x, xi)), omega),
+        )
 
 
 def _combined(felt: list[Any], row: Any, bent: Vec, h: float) -> list[Any]:
@@ -170,10 +301,6 @@ def _combined(felt: list[Any], row: Any, bent: Vec, h: float) -> list[Any]:
         x if a == 0.0 else (a * h) * bent if x is None else x + (a * h) * bent
         for x, a in zip(felt, more)
     ]
-
-
-def _added(w: BodyState, more: BodyState) -> BodyState:
-    return BodyState(w.mu + more.mu, w.g if more.g is None else w.g + more.g)
 
 
 def _displaced(
@@ -192,9 +319,7 @@ def _displaced(
         derivative(lambda x: system.displaced(retraction, state, x), omega, unit)
         for unit in identity_matrix(len(omega))
     ]
-    bent = vec(
-        *[dot(w.mu, x.mu) + dot(w.g, group.body_velocity(new.g, x.g)) for x in changes]
-    )
+    bent = vec(*[dot(w.mu, x.mu) + dot(w.g, group.body_velocity(new.g, x.g)) for x in changes])
     return BodyState(group.Ad(h, w.mu), group.K(h, w.g)), bent
 
 
@@ -220,98 +345,154 @@ def _force(system: Any, free: Any, t: float, g: Any, along: Vec) -> tuple[Vec, A
     return slope - group.ad_star(along, force), Asked(t, g, -along)
 
 
-# ------------------------------------------------------------------ splittings
+# ------------------------------------------------------------------ kicks and drifts
 
 
-def _composition(
-    method: Composition, system: Any, free: Any, t: float, state: Any, w: Any, h: float
-) -> Back:
-    """The substeps once more, and then backwards."""
-    base, tableau = method.base, method.tableau
-    found: list[Any] = []
-    for share, node in zip(tableau.gamma, tableau.nodes):
-        found = [*found, (share * h, t + node * h, state)]
-        state = fresh(base, system, t + node * h, state, share * h)
-    momenta: list[Asked] = []
-    elements: list[Asked] = []
-    for part, time, before in found[::-1]:
-        back = step_back(base, system, free, time, before, w, part)
-        w = back.w
-        momenta, elements = [*momenta, *back.momenta], [*elements, *back.elements]
-    return Back(w, tuple(momenta), tuple(elements))
+@record
+class Kick(Motion):
+    """mu + h f(g), with g at rest.
+
+    Source: Hairer, Lubich, Wanner, II.5.
+    """
+
+    @property
+    def elements(self) -> int:
+        """Once."""
+        return 1
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The kick."""
+        return BodyState(state.mu + part.h * system.force(state.g), state.g)
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """Only w_g changes."""
+        kick, asked = _force(system, free, part.t, before.g, part.h * w.mu)
+        return Back(BodyState(w.mu, w.g + kick), (), (asked,))
 
 
-def _kicks(
-    method: Any, system: Any, free: Any, t: float, state: BodyState, w: BodyState, h: float
-) -> Back:
-    """Kicks and drifts once more, and then backwards.  A kick feels w_g only: mu + c f(g)."""
-    tableau, drifts = method.tableau, method.free
-    ends = len(tableau.drifts)
-    found: list[Any] = []
-    for i in range(ends):
-        time, drift = t + tableau.nodes[i] * h, tableau.drifts[i] * h
-        if tableau.kicks[i] != 0.0:
-            state = BodyState(state.mu + (tableau.kicks[i] * h) * system.force(state.g), state.g)
-        after = fresh(drifts, system.body, time, state, drift)
-        found = [*found, (time, drift, state, after)]
-        state = after
-    momenta: list[Asked] = []
-    elements: list[Asked] = []
-    for i in range(ends, -1, -1):
-        place = found[i - 1][3].g if i else found[0][2].g
-        if i < ends:
-            time, drift, before, after = found[i]
-            w, more = _drift(drifts, system.body, free.body, time, before, after, w, drift)
-            momenta = [*momenta, *more]
-        if tableau.kicks[i] != 0.0:
-            share = (tableau.kicks[i] * h) * w.mu
-            kick, asked = _force(system, free, t + tableau.nodes[i] * h, place, share)
-            w, elements = BodyState(w.mu, w.g + kick), [*elements, asked]
-    return Back(w, tuple(momenta), tuple(elements))
+@record
+class Drift(Motion):
+    """A step of the free body by a method that is symmetric and symplectic, or Runge-Kutta.
+
+    Source: Hairer, Lubich, Wanner, II.5 and VI.4.
+    """
+
+    free: Any
+
+    @property
+    def joins(self) -> bool:
+        """Two steps are no longer one."""
+        return False
+
+    @property
+    def momenta(self) -> int:
+        """As often as Runge-Kutta does."""
+        return RungeKutta(self.free).momenta if isinstance(self.free, RKMK) else 0
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The step."""
+        return fresh(self.free, system.body, part.t, state, part.h)
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """J^T = Omega J^-1 Omega^-1."""
+        if isinstance(self.free, RKMK):
+            return RungeKutta(self.free).back(system.body, free.body, part, before, after, w)
+        group, body = system.configurations, system.body
+        change = group.ad_star(w.mu, after.mu) - w.g
+
+        def returned(e: float) -> BodyState:
+            there = BodyState(after.mu + e * change, group.compose_exp(after.g, e * w.mu))
+            return fresh(self.free, body, part.t + part.h, there, -part.h)
+
+        slope = derivative(returned, 0.0)
+        eta = group.body_velocity(before.g, slope.g)
+        return Back(BodyState(eta, group.ad_star(eta, before.mu) - slope.mu), (), ())
 
 
-def _drift(
-    drifts: Any, body: Any, free: Any, t: float, before: Any, after: Any, w: Any, h: float
-) -> tuple[BodyState, tuple[Asked, ...]]:
-    """J^T = Omega J^-1 Omega^-1 of a symmetric, symplectic step of the free body."""
-    if isinstance(drifts, RKMK):
-        back = _rkmk(drifts, body, free, t, before, w, h)
-        return back.w, back.momenta
-    group = body.group
-    change = group.ad_star(w.mu, after.mu) - w.g
+@record
+class PointKick(Motion):
+    """p + h f(q), with q at rest.
 
-    def returned(e: float) -> BodyState:
-        moved = BodyState(after.mu + e * change, group.compose_exp(after.g, e * w.mu))
-        return fresh(drifts, body, t + h, moved, -h)
+    Source: Hairer, Lubich, Wanner, I.1.4.
+    """
 
-    slope = derivative(returned, 0.0)
-    eta = group.body_velocity(before.g, slope.g)
-    return BodyState(eta, group.ad_star(eta, before.mu) - slope.mu), ()
+    @property
+    def elements(self) -> int:
+        """Once."""
+        return 1
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The kick."""
+        return CanonicalState(state.q, state.p + part.h * system.force(state.q, state.p))
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """Only w_q changes."""
+        along = moving(system.mass.potential, part.h * w.p)
+        more = derivative(lambda q: free.force(q, before.p), before.q, along)
+        return Back(CanonicalState(w.q + more, w.p), (), (Asked(part.t, before.q, -along),))
 
 
-def _separable(
-    method: Any, system: Any, free: Any, t: float, state: CanonicalState, w: Any, h: float
-) -> Back:
-    """p + b h f(q) and q + a h v(p) once more, and then backwards."""
-    tableau = method.tableau
-    q, p = state.q, state.p
-    found: list[Any] = []
-    for i, b in enumerate(tableau.kicks):
-        found = [*found, q]
-        if b != 0.0:
-            p = p + (b * h) * system.force(q, p)
-        found = [*found, p]
-        if i < len(tableau.drifts):
-            q = q + (tableau.drifts[i] * h) * system.velocity(q, p)
-    elements: list[Asked] = []
-    of_q, of_p, potential = w.q, w.p, system.mass.potential
-    for i in range(len(tableau.kicks) - 1, -1, -1):
-        q, p = found[2 * i], found[2 * i + 1]
-        if i < len(tableau.drifts):
-            along = (tableau.drifts[i] * h) * of_q
-            of_p = of_p + derivative(lambda x: system.velocity(q, x), p, along)
-        if tableau.kicks[i] != 0.0:
-            along = moving(potential, (tableau.kicks[i] * h) * of_p)
-            of_q = of_q + derivative(lambda x: free.force(x, p), q, along)
-            elements = [*elements, Asked(t, q, -along)]
-    return Back(CanonicalState(of_q, of_p), (), tuple(elements))
+@record
+class PointDrift(Motion):
+    """q + h v(p), with p at rest.
+
+    Source: Hairer, Lubich, Wanner, I.1.4.
+    """
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The drift."""
+        return CanonicalState(state.q + part.h * system.velocity(state.q, state.p), state.p)
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """Only w_p changes."""
+        more = derivative(lambda p: system.velocity(before.q, p), before.p, part.h * w.q)
+        return Back(CanonicalState(w.q, w.p + more), (), ())
+
+
+# ------------------------------------------------------------------ turns
+
+
+@record
+class Turn(Motion):
+    """The sites of one colour, or all of them, turned about the velocities that a term gives them, while
+    the others rest.
+
+    field, released : of all sites, `FieldAtSite`; with held sites free.  places : of every site its
+    number.
+
+    Source: Frank, Huang and Leimkuhler, J. Comput. Phys. 133 (1997).
+    """
+
+    field: FieldAtSite
+    released: FieldAtSite
+    places: Any
+
+    @property
+    def momenta(self) -> int:
+        """Once."""
+        return 1
+
+    def turning(self, part: Part, x: Vec) -> Vec:
+        """A vector of a site that turns; zero at the others."""
+        place = own(self.places)
+        here = where(place >= part.begin, where(place < part.end, 1.0, 0.0), 0.0) > 0.5
+        return vec(*[where(here, c, 0.0) for c in x])
+
+    def omega(self, part: Part, mu: Vec) -> Vec:
+        """The displacement."""
+        field = at_time(self.field, part.t)
+        return self.turning(part, part.h * field.velocity(int(part.term), mu))
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The turn."""
+        omega = self.omega(part, state.mu)
+        return BodyState(*turned(system.group, state.mu, state.g, omega))
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """Those that turn feel their own turn, and the others what they turn by."""
+        omega = self.omega(part, before.mu)
+        w, bent = _displaced(Exponential(), system, before, omega, w)
+        along = moving(self.field.field, self.turning(part, part.h * bent))
+        field = at_time(self.released, part.t)
+        more = derivative(lambda m: field.velocity(int(part.term), m), before.mu, along)
+        return Back(BodyState(w.mu + more, w.g), (Asked(part.t, before.mu, along),), ())

@@ -16,24 +16,32 @@ import numpy as np
 
 from ..compiler import kernel
 from ..compiler.planes import Planes
-from ..errors import IncompatibleSystem, IntegrationFailure, InvalidInput
-from ..formulas import Record
+from ..errors import IncompatibleSystem, IntegrationFailure
 from ..formulas.of_each import Each
 from ..formulas.pytree import Layout, carried_layout, exchanged, inside, layout_of, with_fields
 from ..formulas.sites import SiteArray, SiteTable, one_site, padded, rows_of
 from ..groups.species import SpeciesGroup
-from ..integrators.backward import refused, released, step_back
+from ..integrators.backward import Asked, Part, Turn, parts_of, refused, released
+from ..integrators.sublattices import SublatticeSplitting, terms_of
 from ..systems.among import is_near
 from ..systems.bound_terms import BoundTerm
 from ..systems.graphs import AllPairs
 from ..systems.site_state import SiteValues
 from ..systems.sums_of_terms import MomentumTerms, OfTerms, PlaceTerms
-from ..systems.terms import AtTime, Term, site_class
+from ..systems.terms import Term, site_class
 from ..systems.terms_at_site import EachOfSites, TermsOfSite, at_this_site
 from .dense import unpacked
-from .parameters import full_name, named, parameter
+from .parameters import full_name, named, parameter, shape_of
 from .reversal import go_back
-from .sites_backward import EdgesAsked, Varied, WayBack, backward_sites, edges_back, forward_sites
+from .sites_backward import (
+    PART,
+    EdgesAsked,
+    Varied,
+    WayBack,
+    backward_parts,
+    edges_back,
+    forward_parts,
+)
 from .sites_execution import SiteExecution
 from .sites_lists import Lists
 from .sites_states import first_of, site_rows
@@ -80,7 +88,8 @@ class Parameter:
         known = self.energy is not None and rest[0] == "parts" and rest[2] == "term"
         self.path = tuple(rest[3:]) if known else ()
         inner = {*self.path[:-1]} - {WRAPPERS}
-        if not (known and self.path and not inner) or isinstance(value, Record | tuple) and not isinstance(value, Each):
+        number = isinstance(value, Each) or shape_of(layout_of(value)) is not None
+        if not (number and known and self.path and not inner):
             raise IncompatibleSystem(
                 f"{caller}: {name} is no field of a term; derivatives by other parameters of many sites "
                 "are found by `along=` of runs with other values, or where the system is written out"
@@ -113,7 +122,9 @@ class Parameter:
         if isinstance(self.value, Each):
             values = self.value.values.reshape(count, -1)
         else:
-            values = np.broadcast_to(np.asarray(self.value, dtype=float).ravel(), (count, max(1, np.size(self.value))))
+            values = np.broadcast_to(
+                np.asarray(self.value, dtype=float).ravel(), (count, max(1, np.size(self.value)))
+            )
         return Varied(SiteArray.of(values if self.shape else values[:, 0]), self.shape)
 
     def put(self, term: Any, varied: Varied, path: tuple[str, ...]) -> Any:
@@ -126,9 +137,11 @@ class Parameter:
 class OfPart:
     """The sums over steps of the derivatives by parameters of one term, for every edge."""
 
-    def __init__(self, energy: OfTerms, part: BoundTerm, wanted: list[Parameter], asked: Layout,
-                 slots: int, steps: Any) -> None:  # fmt: skip
-        self.wanted, self.slots = wanted, slots
+    def __init__(
+        self, energy: OfTerms, part: BoundTerm, wanted: list[Parameter], places: np.ndarray,
+        asked: Layout, steps: Any,
+    ) -> None:  # fmt: skip
+        self.wanted = wanted
         graph, group = part.graph, energy.group
         edges = AllPairs(group.copies).edges if is_near(graph) else graph.edges
         self.count, self.arity = len(edges), edges.shape[1]
@@ -144,23 +157,25 @@ class OfPart:
             )
             for k in range(self.arity)
         )
-        ends = SiteTable.of(edges.T)
+        ends = SiteTable.of(places[edges.T])
         site = site_class(energy.names)()
-        self.edges = EdgesAsked(term, group.base, site, own, ends, isinstance(energy, MomentumTerms))
+        self.edges = EdgesAsked(
+            term, group.base, site, own, ends, isinstance(energy, MomentumTerms)
+        )
         self.asked = asked
         width = sum(max(1, int(np.prod(one.shape))) for one in wanted)
         self.total = carried_layout(_zeros(width))
         self.sums = Planes.of_rows(width, self.count)
         planes = Planes.of_rows(1, 1)
         self.execution = SiteExecution(
-            steps.compiled, steps.progress, edges_back, self.edges, asked, self.total, slots, 1, planes,
+            steps.compiled, steps.progress, edges_back, self.edges, asked, self.total, 1, planes,
             planes,
         )  # fmt: skip
 
-    def add(self, steps: int, used: Planes) -> None:
-        """Those of some steps."""
-        given = self.edges, self.asked, self.total, self.slots, steps, used, self.sums
-        if self.execution.ready_for(self.count * steps):
+    def add(self, count: int, used: Planes) -> None:
+        """Those of what was asked so often."""
+        given = self.edges, self.asked, self.total, count, used, self.sums
+        if self.execution.ready_for(self.count * count):
             self.execution.on_sites(self.count)(*given)
         else:
             edges_back(*given)
@@ -199,216 +214,262 @@ class BackwardRun:
         self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = (),
         kept: int = KEPT,
     ) -> None:  # fmt: skip
-        why = why_not(sites, start)
-        plan = sites.plan
+        plan, why = sites.plan, why_not(sites, start)
         if why:
             raise IncompatibleSystem(
                 f"Plan.tangent: {plan.method!r} {why} has no way back for many sites; RKMK with an explicit "
-                "tableau, KickDrift, LieVerlet, Splitting and compositions of them have one without loads"
+                "tableau, KickDrift, LieVerlet, Splitting, compositions of them and SublatticeSplitting "
+                "have one, without loads"
             )
         self.plan, self.start, self.t0, self.kept = plan, start, t0, kept
-        self.method, self.h, self.steps, self.count = (
-            plan._steps.way_of(0), plan._steps.h, steps, start.sites,
-        )  # fmt: skip
-        first = first_of(start)
-        self.names = tuple(start.arrays)
+        self.h, self.sites = plan._steps.h, start.sites
+        self.names, self.first = tuple(start.arrays), first_of(start)
         self.lists = Lists.of(plan._one, sites.site)
-        self.site = sites.site
-        if self.lists is not None:
-            self.site = self.lists.at(np.asarray(start.parts["g"]))
-        self.rows = site_rows(start)
         wanted = [Parameter(plan._one, name) for name in names]
-        self.way = self._layouts(first, bool(wanted))
-        width = max(self.way.state.width, 1)
-        numbers = padded(self.count)
-        self.block = max(1, min(steps, ROOM // (width * numbers)))
-        if self.lists is not None:
-            self.block = 1
-        used = max(1, self.way.momenta * self.way.momentum.width + self.way.elements * self.way.element.width)
-        self.some = max(1, min(self.block, ROOM // (used * numbers))) if wanted else self.block
-        self.states = Planes.of_rows(width * (self.block + 1), self.count)
-        kept_rows = self.some if wanted else 0
-        self.momenta = Planes.of_rows(
-            max(1, kept_rows * self.way.momenta * self.way.momentum.width), self.count
-        )
-        self.elements = Planes.of_rows(
-            max(1, kept_rows * self.way.elements * self.way.element.width), self.count
-        )
-        self.felt = Planes.of_rows(self.way.felt.width, self.count)
+        self._made_of(plan._steps.way_of(0), sites.site, bool(wanted))
+        self.count = len(self.order)
+        self.rows = site_rows(start)[:, self.order]
+        self._room(steps, bool(wanted))
         self.parts = self._parts(wanted)
-        key = "backward", self.way
+        key = "backward", layout_of(self.way)
         if key not in sites.known:
             sites.known[key] = self._executions()
         self.forward, self.backward = sites.known[key]
 
     # ---------------------------------------------------------------- what it is made of
 
-    def _layouts(self, first: Any, kept: bool) -> WayBack:
-        """Layouts of the way back, as that of a site which feels no other has them."""
-        alone = exchanged(
-            self.site, TermsOfSite, [with_fields(x, roles=()) for x in inside(self.site, TermsOfSite)]
+    def _made_of(self, method: Any, site: Any, kept: bool) -> None:
+        """The motions of a step, and its parts: which motion, when it begins, how long it is, as shares;
+        and where the sites are that turn.
+        """
+        self.order = self.places = np.arange(self.sites)
+        if isinstance(method, SublatticeSplitting):
+            found = method._motions(terms_of(self.plan._one))
+            if found.lonely and kept:
+                raise IncompatibleSystem(
+                    f"Plan.gradient: {method!r} has no derivative by parameters where terms of one site make "
+                    "parts of their own; RKMK has one"
+                )
+            places = found.places
+            self.order, self.places = places.sites, places.places
+            field, numbers = found.of_site(places)
+            at = SiteArray.of(np.arange(len(places.sites), dtype=float))
+            motions: Any = (Turn(field, released(field), at),)
+            rows = [(0, at, share, *numbers[k]) for k, share, at in method.turns(found)]
+        else:
+            motions, some = parts_of(method, site)
+            rows = [(*row, 0, 0, 0) for row in some]
+        # kind, t, h, begin, end, term
+        self.of_step = np.array(rows, dtype=float)
+        first, last = self.of_step[0], self.of_step[-1]
+        joins = motions[int(first[0])].joins and len(rows) > 1
+        self.joined = joins and bool((first[[0, 3, 4, 5]] == last[[0, 3, 4, 5]]).all())
+        blank = type(self.first)(
+            *[_zeros(self.dims[name]) if name in self.dims else None for name in self.first.parts]
         )
-        dims = self._components(first)
-        blank = type(first)(*[_zeros(dims[name]) if name in dims else None for name in first.parts])
+        alone = exchanged(
+            site, TermsOfSite, [with_fields(x, roles=()) for x in inside(site, TermsOfSite)]
+        )
+        given = Part(0.0, self.t0, self.h)
 
         def example() -> Any:
             one = at_this_site(alone)
-            return step_back(self.method, one, one, self.t0, first, blank, self.h)
+            return [x.back(one, one, given, self.first, self.first, blank) for x in motions]
 
-        back = one_site(1, 0, example)
-        layouts = [carried_layout(x[0] if x else ()) for x in (back.momenta, back.elements)]
-        return WayBack(
-            layout_of(first), carried_layout(blank), *layouts, len(back.momenta), len(back.elements),
-            kept,
+        backs = [] if self.places is not self.order else one_site(1, 0, example)
+        of_momenta = [x for back in backs for x in back.momenta] or [
+            Asked(0.0, self.first.parts.get("mu"), _zeros(self.dims.get("mu", 0)))
+        ]
+        of_elements = [x for back in backs for x in back.elements]
+        self.way = WayBack(
+            motions, site, released(site), layout_of(self.first), carried_layout(blank),
+            *[carried_layout(x[0] if x else ()) for x in (of_momenta, of_elements)], kept,
         )  # fmt: skip
 
-    def _components(self, first: Any) -> dict[str, int]:
+    @property
+    def dims(self) -> dict[str, int]:
         """How many components a site has, by the parts of its state."""
         one = self.plan._one
         group = getattr(one, "configurations", one.group)
         dim = getattr(group, "base", group).dim
-        return {
-            name: dim if name == "g" else len(first.parts[name])
-            for name in self.names
-        }  # fmt: skip
+        parts = self.first.parts
+        return {name: dim if name == "g" else len(parts[name]) for name in self.names}
+
+    def _room(self, steps: int, kept: bool) -> None:
+        """Memory: for states of a block of steps, and for what some parts of them ask."""
+        way, places = self.way, padded(self.count)
+        parts = len(self.of_step)
+        self.block = max(1, min(steps, ROOM // (way.state.width * places * parts)))
+        if self.lists is not None:
+            self.block = 1
+        asked = max(
+            x.momenta * way.momentum.width + x.elements * way.element.width for x in way.motions
+        )
+        self.some = max(1, ROOM // (max(1, asked) * places)) if kept else self.block * parts
+        some = min(self.some, self.block * parts) if kept else 0
+        most = [max(getattr(x, name) for x in way.motions) for name in ("momenta", "elements")]
+        widths = way.state.width, way.felt.width, way.momentum.width, way.element.width
+        counts = self.block * parts + 1, 1, some * most[0], some * most[1]
+        self.states, self.felt, self.momenta, self.elements = [
+            Planes.of_rows(max(1, width * count), self.count)
+            for width, count in zip(widths, counts)
+        ]
 
     def _executions(self) -> tuple[SiteExecution, SiteExecution]:
         steps, planes = self.plan._steps, Planes.of_rows(1, 1)
         none, shared = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
-        free = released(self.site)
+        given = steps.compiled, steps.progress
         return (
-            SiteExecution(
-                steps.compiled, steps.progress, forward_sites, self.method, self.site, self.way.state,
-                self.h, 0.0, 1, 1, planes, none, None,
-            ),
-            SiteExecution(
-                steps.compiled, steps.progress, backward_sites, self.method, self.site, free, self.way,
-                self.h, 0.0, 1, 1, planes, planes, planes, shared, planes, planes,
-            ),
-        )  # fmt: skip
+            SiteExecution(*given, forward_parts, self.way, 1, shared, planes, none, None),
+            SiteExecution(*given, backward_parts, self.way, 1, shared, *[planes] * 5),
+        )
 
     def _parts(self, wanted: list[Parameter]) -> list[OfPart]:
         found, steps, way = [], self.plan._steps, self.way
-        keys = dict.fromkeys((id(x.energy), x.which) for x in wanted)
-        for key in keys:
+        for key in dict.fromkeys((id(x.energy), x.which) for x in wanted):
             some = [x for x in wanted if (id(x.energy), x.which) == key]
             energy = some[0].energy
             in_momenta = isinstance(energy, MomentumTerms)
-            if not isinstance(energy, (MomentumTerms, PlaceTerms)) or not (
-                way.momenta if in_momenta else way.elements
+            name = "momenta" if in_momenta else "elements"
+            if not isinstance(energy, (MomentumTerms, PlaceTerms)) or not any(
+                getattr(x, name) for x in way.motions
             ):
                 raise IncompatibleSystem(
                     f"Plan.gradient: steps of {self.plan.method!r} have no derivative by "
                     f"{some[0].name} for many sites; RKMK has one by the energies of momenta too"
                 )
-            layout, slots = (way.momentum, way.momenta) if in_momenta else (way.element, way.elements)
-            found.append(OfPart(energy, energy.parts[some[0].which], some, layout, slots, steps))
+            layout = way.momentum if in_momenta else way.element
+            part = energy.parts[some[0].which]
+            found.append(OfPart(energy, part, some, self.places, layout, steps))
         return found
 
     # ---------------------------------------------------------------- the way
 
-    def felt_rows(self, components: np.ndarray) -> np.ndarray:
-        """Components, (N,), as numbers of sites, (width, sites)."""
-        found, at = [], 0
-        for size in self._components(first_of(self.start)).values():
-            some = components[at : at + size * self.count].reshape(self.count, size)
-            found.append(some.T)
-            at += some.size
-        return np.concatenate(found)
+    def _rows_of(self, components: np.ndarray) -> np.ndarray:
+        """Components, (N,), as numbers of sites at their places, (width, places)."""
+        found, at = np.zeros((self.way.felt.width, self.count)), 0
+        row = 0
+        for size in self.dims.values():
+            some = components[at : at + size * self.sites].reshape(self.sites, size)
+            found[row : row + size, self.places] = some.T
+            row, at = row + size, at + some.size
+        return found
 
-    def components(self, rows: np.ndarray) -> np.ndarray:
-        """The inverse."""
-        found, at = [], 0
-        for size in self._components(first_of(self.start)).values():
-            found.append(rows[at : at + size].T.ravel())
-            at += size
+    def _components(self) -> np.ndarray:
+        """The derivative by the state at hand, (N,)."""
+        rows, found, row = self.felt.array[:, self.places], [], 0
+        for size in self.dims.values():
+            found.append(rows[row : row + size].T.ravel())
+            row += size
         return np.concatenate(found)
 
     def back(self, given: Mapping[int, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """The derivative by the start, (N,), and by the parameters, of a function that has these
-        derivatives by the states after so many steps.
+        derivatives by the states after so many steps, (N,) each.
         """
-        self.given = {n: self.felt_rows(np.asarray(w, dtype=float)) for n, w in given.items()}
+        self.given = {n: self._rows_of(np.asarray(w, dtype=float)) for n, w in given.items()}
+        self.last = max(self.given, default=0)
         self.felt.array[:] = 0.0
+        if self.last in self.given:
+            self.felt.array[:] = rows_of(self.given[self.last])
         for part in self.parts:
             part.sums.array[:] = 0.0
-        last = max(self.given, default=0)
-        if last in self.given:
-            self.felt.array[:] = rows_of(self.given[last])
-        if last:
-            blocks = -(-last // self.block)
-            go_back(0, blocks, self.kept, self.rows, self._advance(last), self._back(last))
+        if self.last:
+            blocks = -(-self.last // self.block)
+            go_back(0, blocks, self.kept, self.rows, self._advance, self._back)
         found: dict[str, np.ndarray] = {}
         for part in self.parts:
             found |= part.found
-        return self.components(self.felt.array[:, : self.count]), found
+        return self._components(), found
 
-    def _advance(self, last: int) -> Any:
-        def advance(rows: np.ndarray, first: int, end: int) -> np.ndarray:
-            for block in range(first, end):
-                rows = self._made(rows, block * self.block, min(last, (block + 1) * self.block))
-            return rows
-
-        return advance
-
-    def _made(self, rows: np.ndarray, first: int, end: int) -> np.ndarray:
-        """The state before step `end`, and in memory those from step `first` on."""
-        width, steps = self.way.state.width, end - first
-        self.states.array[:width] = rows_of(rows)
-        if self.lists is not None:
-            self.site = self.lists.at(self._elements(rows))
-        done, failures = np.zeros(1), []  # type: Any, list[Any]
-        arguments: Any = (
-            self.method, self.site, self.way.state, self.h, self.t0, first, steps, self.states, done,
-        )  # fmt: skip
-        if self.forward.ready_for(self.count * steps):
-            self.forward.on_sites(self.count, self.plan.options.workers)(*arguments, None)
-        else:
-            forward_sites(*arguments, failures)
-        if done[0] != steps:
-            step = first + int(done[0]) + 1
-            raise IntegrationFailure(
-                f"Plan.tangent: step {step}, t = {self.t0 + (step - 1) * self.h:g}, could not be made again"
-            ) from (failures[-1] if failures else None)
-        found: np.ndarray = self.states.array[width * steps : width * (steps + 1), : self.count].copy()
+    def _of_block(self, block: int) -> np.ndarray:
+        """The parts of a block of steps, as rows of `Part`: kicks and turns at a node are one, where no
+        derivative is given in between.
+        """
+        first = block * self.block
+        n = np.arange(first, min(self.last, first + self.block))
+        kind, node, share, begin, end, term = self.of_step.T
+        shape = len(n), len(kind)
+        rows = np.zeros((*shape, PART.width))
+        rows[..., 0] = kind
+        rows[..., 1] = (self.t0 + n * self.h)[:, None] + node * self.h
+        rows[..., 2] = share * self.h
+        rows[..., 6], rows[..., 7], rows[..., 8] = begin, end, term
+        rows[:, 0, 3] = [k in self.given for k in n]
+        stay = np.ones(shape, dtype=bool)
+        if self.joined:
+            one = np.flatnonzero(rows[1:, 0, 3] == 0.0)
+            rows[one + 1, 0, 2] += rows[one, -1, 2]
+            stay[one, -1] = False
+        found: np.ndarray = rows[stay]
         return found
 
-    def _elements(self, rows: np.ndarray) -> np.ndarray:
-        return unpacked(self.way.state, rows.T)["g"]
+    def _advance(self, rows: np.ndarray, first: int, end: int) -> np.ndarray:
+        """The state before a block, of the one before another."""
+        for block in range(first, end):
+            rows = self._made(rows, self._of_block(block))
+        return rows
 
-    def _back(self, last: int) -> Any:
-        def back(rows: np.ndarray, block: int) -> None:
-            first, end = block * self.block, min(last, (block + 1) * self.block)
-            if end - first > 1:
-                self._made(rows, first, end - 1)
-            else:
-                self.states.array[: self.way.state.width] = rows_of(rows)
-                if self.lists is not None:
-                    self.site = self.lists.at(self._elements(rows))
-            for begin in range(first + (end - 1 - first) // self.some * self.some, first - 1, -self.some):
-                self._through(begin, min(end, begin + self.some), first)
-
-        return back
-
-    def _through(self, first: int, end: int, held: int) -> None:
-        """Back through the steps from `first` to `end`, whose states lie behind that of step `held`."""
-        way, steps = self.way, end - first
-        states = Planes(self.states.array[way.state.width * (first - held) :], self.count)
-        here = [n for n in range(end - 1, first - 1, -1) if n in self.given]
-        counts = np.zeros(steps)
-        counts[[n - first for n in here]] = 1.0
-        given = Planes.of_rows(max(1, len(here)) * way.felt.width, self.count)
-        for k, n in enumerate(here):
-            given.array[k * way.felt.width : (k + 1) * way.felt.width] = rows_of(self.given[n])
-        arguments: Any = (
-            self.method, self.site, released(self.site), way, self.h, self.t0, first, steps, states,
-            self.felt, given,
-        )  # fmt: skip
-        rest = self.momenta, self.elements
-        if self.backward.ready_for(self.count * steps):
-            calls = self.backward.on_sites(self.count, self.plan.options.workers)
-            calls(*arguments, kernel.Shared(counts), *rest)
+    def _made(self, rows: np.ndarray, parts: np.ndarray) -> np.ndarray:
+        """The state after some parts of steps, and in memory those in between."""
+        width, count = self.way.state.width, len(parts)
+        self.states.array[:width] = rows_of(rows)
+        if self.lists is not None:
+            site = self.lists.at(unpacked(self.way.state, rows.T)["g"])
+            self.way = with_fields(self.way, system=site, free=released(site))
+        done, failures = np.zeros(1), []  # type: Any, list[Any]
+        if self.forward.ready_for(self.count * count):
+            calls = self.forward.on_sites(self.count, self.plan.options.workers)
+            calls(self.way, count, kernel.Shared(parts), self.states, done, None)
         else:
-            backward_sites(*arguments, counts, *rest)
+            forward_parts(self.way, count, parts.ravel(), self.states, done, failures)
+        if done[0] != count:
+            raise IntegrationFailure(
+                f"Plan.tangent: the step at t = {parts[int(done[0]), 1]:g} could not be made again"
+            ) from (failures[-1] if failures else None)
+        found: np.ndarray = self.states.array[width * count : width * (count + 1), : self.count]
+        return found.copy()
+
+    def _back(self, rows: np.ndarray, block: int) -> None:
+        """Back through a block, some parts at a time."""
+        parts = self._of_block(block)
+        self._made(rows, parts)
+        first = block * self.block
+        steps = iter(
+            [
+                n
+                for n in range(min(self.last, first + self.block) - 1, first - 1, -1)
+                if n in self.given
+            ]
+        )
+        for end in range(len(parts), 0, -self.some):
+            self._through(
+                parts[max(0, end - self.some) : end].copy(), max(0, end - self.some), steps
+            )
+
+    def _through(self, parts: np.ndarray, first: int, steps: Any) -> None:
+        """Back through some parts.  first : number of the first of them in the block.  steps : at which
+        derivatives are given, last ones first.
+        """
+        way, count = self.way, len(parts)
+        states = Planes(self.states.array[way.state.width * first :], self.count)
+        here = [self.given[next(steps)] for _ in range(int(parts[:, 3].sum()))]
+        given = Planes.of_rows(max(1, len(here)) * way.felt.width, self.count)
+        for k, w in enumerate(here):
+            given.array[k * way.felt.width : (k + 1) * way.felt.width] = rows_of(w)
+        asked = [
+            np.array([getattr(x, name) for x in way.motions])[parts[:, 0].astype(int)]
+            for name in ("momenta", "elements")
+        ]
+        for column, many in zip((4, 5), asked):
+            parts[:, column] = np.cumsum(many) - many
+        arguments = states, self.felt, given, self.momenta, self.elements
+        if self.backward.ready_for(self.count * count):
+            calls = self.backward.on_sites(self.count, self.plan.options.workers)
+            calls(way, count, kernel.Shared(parts), *arguments)
+        else:
+            backward_parts(way, count, parts.ravel(), *arguments)
         for part in self.parts:
-            part.add(steps, self.momenta if part.edges.in_momenta else self.elements)
+            in_momenta = part.edges.in_momenta
+            used = self.momenta if in_momenta else self.elements
+            part.add(int(asked[0 if in_momenta else 1].sum()), used)

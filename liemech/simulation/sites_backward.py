@@ -10,10 +10,10 @@ from ..compiler.driver import accepted, attempt, itself, read, reason, write
 from ..compiler.planes import at, each, load, save
 from ..formulas import Record, derivative, gradient, record, vec
 from ..formulas.fields import OfEach
-from ..formulas.pytree import NUMBER, exchanged, fitted, inside
+from ..formulas.pytree import NUMBER, exchanged, fitted, inside, layout_of
 from ..formulas.sites import SiteArray, own
 from ..formulas.vectors import Vec as SmallVec
-from ..integrators.backward import Asked, fresh, step_back
+from ..integrators.backward import Asked, Motion, Part
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
 from ..systems.terms import at_time
@@ -22,19 +22,36 @@ from .sites_driver import require_finite
 
 # ------------------------------------------------------------------ steps
 
+PART = layout_of(Part(0.0, 0.0, 0.0))
 
-def forward_sites(
-    method: Any, system: Any, state: Any, h: float, t0: float, first: int, steps: int, states: Any,
-    done: Any, failures: Any,
-) -> None:  # fmt: skip
-    """The driver: the states after each of so many steps from number `first` on, one behind the other;
-    `done` is then how many there are.
 
-    state : the layout of that of one site.  states : the first row is the one to begin from.
+@record
+class WayBack(Record):
+    """How a run is gone through: the motions that steps are made of, the system at one site, and with
+    held sites `released`; the layouts of the state of a site, of derivatives by it, and of what is
+    kept for the parameters, if it is kept.
     """
-    for n in range(steps):
-        t = t0 + (first + n) * h
-        trial = attempt(each, states, one_forward, method, system, state, t, h, states, n)
+
+    motions: tuple[Motion, ...]
+    system: Any
+    free: Any
+    state: Any
+    felt: Any
+    momentum: Any
+    element: Any
+    kept: bool
+
+
+def forward_parts(
+    way: WayBack, count: int, parts: Any, states: Any, done: Any, failures: Any
+) -> None:
+    """The driver: the states after each of so many parts of steps, one behind the other; `done` is then
+    how many there are.
+
+    states : the first row is the one to begin from.
+    """
+    for n in range(count):
+        trial = attempt(moved, way, read(parts, n, PART), states, n)
         if not accepted(trial, itself):
             if failures is not None:
                 failures.append(reason(trial))
@@ -42,65 +59,57 @@ def forward_sites(
         write(done, 0, float(n + 1), NUMBER)
 
 
-def one_forward(
-    method: Any, system: Any, state: Any, t: float, h: float, states: Any, n: int
-) -> None:
-    """A step of one site."""
-    new = fresh(method, at_this_site(system), t, load(states, n, state), h)
+def moved(way: WayBack, part: Part, states: Any, n: int) -> None:
+    """One part of a step of all sites."""
+    for k, motion in enumerate(way.motions):
+        for _ in range(int(part.kind == k)):
+            each(states, one_moved, way, motion, part, states, n)
+
+
+def one_moved(way: WayBack, motion: Motion, part: Part, states: Any, n: int) -> None:
+    """That of one site."""
+    new = motion.moved(at_this_site(way.system), part, load(states, n, way.state))
     require_finite(new)
-    save(states, n + 1, fitted(new, state), state)
+    save(states, n + 1, fitted(new, way.state), way.state)
 
 
-@record
-class WayBack(Record):
-    """The layouts of the way back: of the state of a site, of derivatives by it, and of what is kept
-    for the parameters; of the last how many there are in a step.
-    """
-
-    state: Any
-    felt: Any
-    momentum: Any
-    element: Any
-    momenta: int
-    elements: int
-    kept: bool
-
-
-def backward_sites(
-    method: Any, system: Any, free: Any, way: WayBack, h: float, t0: float, first: int, steps: int,
-    states: Any, felt: Any, given: Any, counts: Any, momenta: Any, elements: Any,
+def backward_parts(
+    way: WayBack, count: int, parts: Any, states: Any, felt: Any, given: Any, momenta: Any,
+    elements: Any,
 ) -> None:  # fmt: skip
-    """The driver: the derivative by the state after the last of so many steps becomes the one by the
+    """The driver: the derivative by the state after the last of so many parts becomes the one by the
     state before the first of them.
 
-    counts : how many derivatives are given at the state before each step, which lie one behind the
-    other in `given`, those of the last step first.  momenta, elements : where energies were asked.
+    given : derivatives by states before parts, those of the last one first.  momenta, elements : where
+    energies were asked.
     """
     met = 0
-    for k in range(steps):
-        n = steps - 1 - k
-        t = t0 + (first + n) * h
-        each(
-            states, one_back, method, system, free, way, t, h, states, n, felt, momenta, elements
-        )  # fmt: skip
-        for _ in range(int(read(counts, n, NUMBER))):
+    for k in range(count):
+        n = count - 1 - k
+        part = read(parts, n, PART)
+        for i, motion in enumerate(way.motions):
+            for _ in range(int(part.kind == i)):
+                each(states, one_back, way, motion, part, states, n, felt, momenta, elements)
+        for _ in range(int(part.given)):
             each(states, one_given, way, felt, given, met)
             met = met + 1
 
 
 def one_back(
-    method: Any, system: Any, free: Any, way: WayBack, t: float, h: float, states: Any, n: int,
-    felt: Any, momenta: Any, elements: Any,
+    way: WayBack, motion: Motion, part: Part, states: Any, n: int, felt: Any, momenta: Any,
+    elements: Any,
 ) -> None:  # fmt: skip
-    """The way of one site back through one step."""
-    state, w = load(states, n, way.state), load(felt, 0, way.felt)
-    back = step_back(method, at_this_site(system), at_this_site(free), t, state, w, h)
+    """The way of one site back through one part."""
+    before, after = load(states, n, way.state), load(states, n + 1, way.state)
+    w = load(felt, 0, way.felt)
+    system, free = at_this_site(way.system), at_this_site(way.free)
+    back = motion.back(system, free, part, before, after, w)
     save(felt, 0, fitted(back.w, way.felt), way.felt)
     if way.kept:
         for j, asked in enumerate(back.momenta):
-            save(momenta, n * way.momenta + j, asked, way.momentum)
+            save(momenta, int(part.momenta) + j, asked, way.momentum)
         for j, asked in enumerate(back.elements):
-            save(elements, n * way.elements + j, asked, way.element)
+            save(elements, int(part.elements) + j, asked, way.element)
 
 
 def one_given(way: WayBack, felt: Any, given: Any, k: int) -> None:
@@ -154,24 +163,20 @@ class EdgesAsked(Record):
         return term.energy(*sites)
 
 
-def edges_back(
-    edges: EdgesAsked, asked: Any, total: Any, slots: int, steps: int, used: Any, sums: Any
-) -> None:
-    """The driver: to the sum of every edge d/dp D_along E of all that was asked in so many steps."""
-    each(sums, one_edge, edges, asked, total, slots, steps, used, sums)
+def edges_back(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any, sums: Any) -> None:
+    """The driver: to the sum of every edge d/dp D_along E of all that was asked, so many times."""
+    each(sums, one_edge, edges, asked, total, count, used, sums)
 
 
-def one_edge(
-    edges: EdgesAsked, asked: Any, total: Any, slots: int, steps: int, used: Any, sums: Any
-) -> None:
+def one_edge(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any, sums: Any) -> None:
     """Those of one edge."""
     here = at_this_site(edges)
     varied = inside(here.term, Varied)
     numbers = vec(*[x for one in varied for x in numbers_of(one)])
     found = load(sums, 0, total)
-    for k in range(steps * slots):
+    for k in range(count):
         ends = [at(used, own(edges.ends, i), k, asked) for i in range(len(here.own))]
-        found = found + gradient(lambda p: sensed(here, varied, ends, p), numbers)
+        found = found + gradient(lambda p, met=ends: sensed(here, varied, met, p), numbers)
     save(sums, 0, found, total)
 
 
