@@ -31,14 +31,13 @@ from .control import (
     begun,
     sample,
 )
+from .course import told
 from .dense import Between, ShortSteps, lay_out
 from .driver import begin
 from .execution import LOOK
 from .keep import At, Straight
 from .lanes import Lanes, share_out
 from .prepared import Shape, shown_step, times
-from .progress import Bar
-from .result import of_run
 from .run import PATIENCE, Run
 from .trajectory import Trajectory
 
@@ -264,11 +263,7 @@ class EqualRun(Run):
     def observe(self) -> list[Any]:
         if self.asked is None or self.plan.events:
             return super().observe()
-        after = np.rint((self.asked - self.zero) / self.h)
-        there = self.zero + after * self.h
-        near = NEAR * np.maximum(np.abs(self.asked), np.abs(self.zero))
-        asked = np.where(np.abs(self.asked - there) <= near, there, self.asked)
-        return [At(self, asked, self.asked)]
+        return [At(self, at_steps(self.asked, self.zero, self.h), self.asked)]
 
     # ---------------------------------------------------------------- between steps
 
@@ -305,14 +300,8 @@ class EqualRun(Run):
 
     def error(self, i: int) -> Any:
         error = (self.failures.get(i) or [None])[-1]
-        at = self.place(i)
-        if is_mistake(error):
-            error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
-        else:
-            if not self.bodies:
-                at += f"; {len(self.samples(i)[0])} samples are in `.trajectory`"
-            error = failure(error, repr(self.of(i)[1]), at)
-        return self.explained(error, i, goes_on=False)
+        there = None if self.bodies else lambda: len(self.samples(i)[0])
+        return self.explained(told(error, self.of(i)[1], self.place(i), there), i, goes_on=False)
 
     def place(self, i: int) -> str:
         """The step that a body did not make, and the time from which."""
@@ -380,42 +369,58 @@ class StraightRun(EqualRun):
     def measure(self) -> tuple[int, str]:
         return self.steps * self.count, "step"
 
-    def _march(self, bar: Bar) -> None:
-        """Sweeps of all bodies, as long as there is something to show and somebody to interrupt."""
-        samples, stepping, checkpoint = self.observers[0], self.lanes.stepping, self.checkpoint
-        settled, pace, columns = False, PLAIN, self.shape.whole(self.count)
-        end, looked = self.done + self.steps, self.done
-        if self.quantities:
-            self.quantities.flush()
-        while self.reached < end and not self._mistaken():
-            native = stepping.native is not None
-            if not settled and (native or stepping.wanted is False):
-                settled, pace = True, NATIVE if native else PLAIN
-            begun = time.perf_counter()
-            sweep = max(1, pace // columns)
-            if native:  # whole lanes in turn, each through the whole sweep
-                sweep = max(sweep, min(SWEEP // columns, pace // self.shape.side))
-            if checkpoint is not None:
-                sweep = checkpoint.within(sweep)
-            turns, every = samples.ahead(self.reached, sweep)
-            calls = self._sweep(turns, every, pace)
-            bar.advance(turns * every * self.count)
-            used = (time.perf_counter() - begun) / calls
-            look = samples.full or (self.reached - looked) * columns >= STEPS
-            due = checkpoint is not None and checkpoint.due(turns * every)
-            if self.quantities and (look or due):
-                looked = self.reached
+    @property
+    def shown(self) -> int:
+        return (self.reached - self.done) * self.count
+
+    worth_saving = True
+    settled = False  # is it known which code makes the steps?
+    pace, looked = PLAIN, -1  # steps of all bodies in a piece; where functions were looked at
+
+    def piece(self) -> int | None:
+        """A sweep of all bodies, as long as there is something to show and somebody to interrupt."""
+        samples, stepping, columns = (
+            self.observers[0],
+            self.lanes.stepping,
+            self.shape.whole(self.count),
+        )
+        if self.looked < 0:
+            self.looked = self.done
+            if self.quantities:
                 self.quantities.flush()
-            if due:
-                checkpoint.save(of_run(self))
-            if used < (PATIENCE if settled else LOOK) / 2:
-                pace *= 2
-            elif used > 2 * PATIENCE:
-                pace = max(1, pace // 2)
-            if not (self.bodies or self.open.any()):
-                break
-        if self.quantities:
+        stands = not (self.bodies or self.reached == self.done or self.open.any())
+        if stands or self.reached == self.done + self.steps or self._mistaken():
+            if self.quantities:
+                self.quantities.flush()
+            return None
+        native = stepping.native is not None
+        if not self.settled and (native or stepping.wanted is False):
+            self.settled, self.pace = True, NATIVE if native else PLAIN
+        begun = time.perf_counter()
+        sweep = max(1, self.pace // columns)
+        if native:  # whole lanes in turn, each through the whole sweep
+            sweep = max(sweep, min(SWEEP // columns, self.pace // self.shape.side))
+        if self.checkpoint is not None:
+            sweep = self.checkpoint.within(sweep)
+        turns, every = samples.ahead(self.reached, sweep)
+        calls = self._sweep(turns, every, self.pace)
+        used = (time.perf_counter() - begun) / calls
+        if used < (PATIENCE if self.settled else LOOK) / 2:
+            self.pace *= 2
+        elif used > 2 * PATIENCE:
+            self.pace = max(1, self.pace // 2)
+        look = samples.full or (self.reached - self.looked) * columns >= STEPS
+        if self.quantities and look:
+            self.looked = self.reached
             self.quantities.flush()
+        return turns * every
+
+    def save(self) -> None:
+        """Write the run so far, with functions of all samples that are there."""
+        if self.quantities:
+            self.looked = self.reached
+            self.quantities.flush()
+        super().save()
 
     def _mistaken(self) -> bool:
         """Has a body shown a mistake in a formula?"""
@@ -607,9 +612,17 @@ class Advance(StraightRun):
             self.table[:] = before
             raise
 
-    def tell(self, stopped: Any) -> None:
-        if any(not self.over[i] for i in stopped):
-            super().tell(stopped)
+    def tell(self, made: Trajectory) -> None:
+        if any(not self.over[i] for i in made.stopped):
+            super().tell(made)
+
+
+def at_steps(times: Any, t0: Any, h: Any) -> np.ndarray:
+    """Times, those of ends of steps, but for rounding, exactly."""
+    there = t0 + np.rint((times - t0) / h) * h
+    near = NEAR * np.maximum(np.abs(times), np.abs(t0))
+    found: np.ndarray = np.where(np.abs(times - there) <= near, there, times)
+    return found
 
 
 def steps_before(times: np.ndarray, t0: float, h: float) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from ..formulas.pytree import build, layout_of
 from ..systems.system import small_state, state_of
 from .dense import flat, unpacked
 from .stopped import NONE, Stopped
+from .trajectory import Trajectory
 
 
 class AsItIs:
@@ -101,6 +102,8 @@ class InPhysicalTime(AsItIs):
 
 def of_run(run: Any, goes_on: bool = True) -> Any:
     """The run so far.  goes_on : can it be resumed?"""
+    if run.by_sites:
+        return of_sites(run)
     if run.bodies is None:
         return of_body(run, 0, goes_on)
     return of_bodies(run, goes_on or run.adaptive)
@@ -145,6 +148,53 @@ def of_bodies(run: Any, goes_on: bool = True) -> Any:
     else:
         samples = _samples(lambda: run.view.fields(*run.together()), run.quantities)
     return run.run_of.promised(rest, **fields | samples | run.known(None))
+
+
+def of_sites(run: Any) -> Any:
+    """The run of one system of many sites."""
+    carry, plan = run.standing, run.plan
+    t = run.asked[: run.made].copy()
+    rest = SimpleNamespace(t=lambda: t, states=functools.cache(_states_of_sites(run)))
+    return Trajectory.promised(
+        rest, system=plan.system, method=plan.method, bodies=None, steps=run.most,
+        compiled=run.compiled, stopped=NONE, carry=carry, ended=run.ended,
+        events=() if run.events is None else run.events.shown,
+        observed=() if plan.recorder is None else plan.recorder.observed, **run.known(),
+    )  # fmt: skip
+
+
+def _states_of_sites(run: Any) -> Any:
+    """A function that makes the samples so far."""
+    shape, recorder, here, n = run.shape, run.plan.recorder, run.chosen, run.made
+    totals, own, seen = run.totals[:n].copy(), run.own[:n].copy(), run.seen.array[: n * run.wide]
+
+    def states() -> dict[str, np.ndarray]:
+        found = {}
+        if shape.shown.kept:
+            rows = own if here is not None else seen.reshape(n, run.wide, -1)[..., : run.count]
+            arrays = unpacked(shape.state, np.moveaxis(rows, 1, -1))
+            wanted = arrays if recorder is None else recorder.parts
+            found = run.plan._one.as_users_see({name: arrays[name] for name in wanted})
+            for name, some in ({} if recorder is None else recorder.chosen).items():
+                at = some if here is None else [here.index(i) for i in some]
+                found[name] = arrays[name][:, at]
+        if shape.shown.quantities:
+            found |= dict(
+                zip(recorder.quantities, _columns(shape.shown.totals, totals), strict=True)
+            )
+        return found
+
+    return states
+
+
+def _columns(layout: Any, rows: np.ndarray) -> list[np.ndarray]:
+    """The parts of a tuple, each (n, ...)."""
+    found, begin = [], 0
+    for part in layout.parts:
+        own = rows[:, begin : begin + part.width]
+        begin += part.width
+        found.append(own[:, 0] if part.kind == "number" else own)
+    return found
 
 
 def _samples(make: Any, quantities: Any) -> dict[str, Any]:

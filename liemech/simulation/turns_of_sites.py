@@ -295,8 +295,8 @@ class TurnsRun(SiteRun):
             same = int(np.argmax(ahead != wanted)) if (ahead != wanted).any() else len(ahead)
             samples = max(1, min(same, turns // wanted))
             turns, whole = min(turns, wanted), turns >= wanted
-        if self.kept is not None:
-            samples = min(samples, max(1, self.kept.within(samples * turns) // turns))
+        if self.checkpoint is not None:
+            samples = min(samples, max(1, self.checkpoint.within(samples * turns) // turns))
         rows = self._turned(turns, samples if whole else 1, int(whole))
         finite = np.isfinite(rows).all(axis=(1, 2))
         good = len(rows) if finite.all() else int(np.argmin(finite))
@@ -338,7 +338,7 @@ class TurnsRun(SiteRun):
         """Some more steps, each of which is looked into."""
         if self.last is None:
             self._turned(0, 1, 1)
-        t, left = self.clocks.item(TIME, 0), self.before + self.steps - self.taken
+        t, left = self.clocks.item(TIME, 0), self.first + self.steps - self.taken
         if np.isnan(self.march[1]):
             self.march[1] = t
             self._stand(self._totals(self._seen(self.last)[None], [t])[0])
@@ -438,7 +438,7 @@ class TurnsRun(SiteRun):
     def _make(self, arguments: Any, clock: np.ndarray) -> None:
         """Run the driver."""
         execution = self.shape.turning.execution
-        left = self.before + self.steps - self.taken
+        left = self.first + self.steps - self.taken
         if execution.ready_for(self.count * max(1, left)):
             self.compiled = True
             calls = execution.on_sites(arguments[-1].count, self.workers)
@@ -485,8 +485,7 @@ class TurnsRun(SiteRun):
         """
         return None if self.torn else super().carry(*given)
 
-    def _lay_down(self) -> None:
-        """Put what every site carries along in its own place."""
+    def lay_down(self) -> None:
         if self.turned is not None:
             here, width = self.shape.turning.places.places, self.shape.started.width
             memory = self._memory
@@ -494,17 +493,6 @@ class TurnsRun(SiteRun):
             memory[:width] = last[:, here]
             memory[width : 2 * width] = self._before_last[:, here]
             memory[2 * width] = self.clock[0]
-
-    def so_far(self) -> Any:
-        """The run up to here."""
-        self._lay_down()
-        return super().so_far()
-
-    @property
-    def standing(self) -> Any:
-        """With what it goes on."""
-        self._lay_down()
-        return super().standing
 
     def _fail(self) -> None:
         """A state that is not finite ends the run."""

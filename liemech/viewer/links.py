@@ -14,11 +14,11 @@ from ..models.joints import RigidRod
 from ..models.linkage import Linkage
 from ..models.poses import quaternions
 from ..systems.system import System
-from .body import STONE
+from .body import STONE, edged
 from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, box, box_edges, mixed, rod
+from .shapes import ball, mixed, rod
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,6 @@ class Links(Content):
         """
         system, poses = _read(motion)
         unit, color = drawing.panel.unit, mixed(STONE, drawing.color, 0.18)
-        dark = mixed(color, "#000000", 0.45)
         for k, link in enumerate(system.links):
             place = drawing.panel.inside(poses[:, k, :3, 3])
             drawing.add(
@@ -72,8 +71,7 @@ class Links(Content):
             )
             axes, edges = principal_box(link)
             turn, size = quaternions(axes[None])[0], np.maximum(edges / unit, THIN)
-            drawing.add(f"link {k + 1}/box", box(size, color), quaternion=turn)
-            drawing.add(f"link {k + 1}/edges", box_edges(1.002 * size, dark), quaternion=turn)
+            edged(drawing, f"link {k + 1}", size, color, turn)
             for n, at in enumerate([at for number, at in _points(system) if number == k], start=1):
                 drawing.add(
                     f"link {k + 1}/joint {n}", ball(0.8 * THIN, drawing.color), position=at / unit
@@ -93,7 +91,7 @@ class Links(Content):
             way = ends[1] - ends[0]
             drawing.add(
                 f"rod {n + 1}",
-                rod(dark),
+                rod(mixed(color, "#000000", 0.45)),
                 position=drawing.panel.inside(ends[0]),
                 direction=way,
                 scale=joint.length / unit,
