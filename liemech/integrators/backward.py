@@ -183,9 +183,9 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[Motion, ...], list[tuple[int
         ]
         return motions, rows
     if isinstance(method, (FieldSplitting, SeparableSplitting)):
-        tableau: Any = method.tableau  # type: ignore[attr-defined]
-        in_a_field = isinstance(method, FieldSplitting)
-        free: Any = Drift(method.free) if in_a_field else PointDrift()  # type: ignore[attr-defined]
+        given: Any = method
+        tableau, in_a_field = given.tableau, isinstance(method, FieldSplitting)
+        free: Any = Drift(given.free) if in_a_field else PointDrift()
         nodes = tableau.nodes if in_a_field else [0.0 for _ in tableau.kicks]
         rows = []
         for i, b in enumerate(tableau.kicks):

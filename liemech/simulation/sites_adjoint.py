@@ -17,19 +17,21 @@ import numpy as np
 from ..compiler import kernel
 from ..compiler.planes import Planes
 from ..errors import IncompatibleSystem, IntegrationFailure
-from ..formulas.of_each import Each
+from ..formulas import vec
+from ..formulas.of_each import Each, each
 from ..formulas.pytree import Layout, carried_layout, exchanged, inside, layout_of, with_fields
-from ..formulas.sites import SiteArray, SiteTable, one_site, padded, rows_of
+from ..formulas.sites import SiteArray, SiteTable, padded, rows_of
 from ..groups.species import SpeciesGroup
-from ..integrators.backward import Asked, Part, Turn, parts_of, refused, released
+from ..integrators.backward import Asked, Turn, parts_of, refused, released
 from ..integrators.sublattices import SublatticeSplitting, terms_of
 from ..systems.among import is_near
 from ..systems.bound_terms import BoundTerm
 from ..systems.graphs import AllPairs
 from ..systems.site_state import SiteValues
+from ..systems.sublattices import Sublattices
 from ..systems.sums_of_terms import MomentumTerms, OfTerms, PlaceTerms
 from ..systems.terms import Term, site_class
-from ..systems.terms_at_site import EachOfSites, TermsOfSite, at_this_site
+from ..systems.terms_at_site import EachOfSites
 from .dense import unpacked
 from .parameters import full_name, named, parameter, shape_of
 from .reversal import go_back
@@ -152,7 +154,7 @@ class OfPart:
         term = exchanged(term, Each, [EachOfSites.of_each(x) for x in others])
         own = tuple(
             tuple(
-                EachOfSites.of_each(_of(x, edges[:, k])) if isinstance(x, Each) else x
+                EachOfSites.of_each(each(x.values[edges[:, k]])) if isinstance(x, Each) else x
                 for x in energy.own
             )
             for k in range(self.arity)
@@ -192,15 +194,7 @@ class OfPart:
         return result
 
 
-def _of(each: Each, numbers: np.ndarray) -> Each:
-    from ..formulas.of_each import each as made
-
-    return made(each.values[numbers])
-
-
 def _zeros(width: int) -> Any:
-    from ..formulas import vec
-
     return vec(*[0.0] * width)
 
 
@@ -244,7 +238,7 @@ class BackwardRun:
         """
         self.order = self.places = np.arange(self.sites)
         if isinstance(method, SublatticeSplitting):
-            found = method._motions(terms_of(self.plan._one))
+            found = Sublattices(terms_of(self.plan._one))
             if found.lonely and kept:
                 raise IncompatibleSystem(
                     f"Plan.gradient: {method!r} has no derivative by parameters where terms of one site make "
@@ -267,24 +261,21 @@ class BackwardRun:
         blank = type(self.first)(
             *[_zeros(self.dims[name]) if name in self.dims else None for name in self.first.parts]
         )
-        alone = exchanged(
-            site, TermsOfSite, [with_fields(x, roles=()) for x in inside(site, TermsOfSite)]
-        )
-        given = Part(0.0, self.t0, self.h)
-
-        def example() -> Any:
-            one = at_this_site(alone)
-            return [x.back(one, one, given, self.first, self.first, blank) for x in motions]
-
-        backs = [] if self.places is not self.order else one_site(1, 0, example)
-        of_momenta = [x for back in backs for x in back.momenta] or [
-            Asked(0.0, self.first.parts.get("mu"), _zeros(self.dims.get("mu", 0)))
+        momentum, element = [
+            carried_layout(Asked(0.0, place, _zeros(self.dims[name])) if name else ())
+            for name, place in self._places_asked
         ]
-        of_elements = [x for back in backs for x in back.elements]
         self.way = WayBack(
-            motions, site, released(site), layout_of(self.first), carried_layout(blank),
-            *[carried_layout(x[0] if x else ()) for x in (of_momenta, of_elements)], kept,
+            motions, site, released(site), layout_of(self.first), carried_layout(blank), momentum,
+            element, kept,
         )  # fmt: skip
+
+    @property
+    def _places_asked(self) -> list[tuple[str, Any]]:
+        """Of energies of momenta and of potentials the part of the state that they are asked with."""
+        parts = self.first.parts
+        found = [next((n for n in names if n in self.dims), "") for names in (("mu",), ("g", "q"))]
+        return [(name, parts.get(name)) for name in found]
 
     @property
     def dims(self) -> dict[str, int]:
@@ -294,6 +285,11 @@ class BackwardRun:
         dim = getattr(group, "base", group).dim
         parts = self.first.parts
         return {name: dim if name == "g" else len(parts[name]) for name in self.names}
+
+    @property
+    def components(self) -> int:
+        """How many components all sites have together."""
+        return self.sites * sum(self.dims.values())
 
     def _room(self, steps: int, kept: bool) -> None:
         """Memory: for states of a block of steps, and for what some parts of them ask."""

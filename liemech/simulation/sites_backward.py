@@ -176,13 +176,19 @@ def one_edge(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any, s
     found = load(sums, 0, total)
     for k in range(count):
         ends = [at(used, own(edges.ends, i), k, asked) for i in range(len(here.own))]
-        found = found + gradient(lambda p, met=ends: sensed(here, varied, met, p), numbers)
+        found = found + by_parameters(here, varied, ends, numbers)
     save(sums, 0, found, total)
+
+
+def by_parameters(edges: EdgesAsked, varied: list[Varied], ends: list[Asked], p: Any) -> Any:
+    """d/dp D_along E of an edge."""
+    return gradient(lambda x: sensed(edges, varied, ends, x), p)
 
 
 def sensed(edges: EdgesAsked, varied: list[Varied], ends: list[Asked], p: Any) -> float:
     """D_along E of an edge with these parameters."""
-    values, begin = [], 0
+    values: list[Any] = []
+    begin = 0
     for one in varied:
         width = len(numbers_of(one))
         values = [*values, in_shape(p[begin : begin + width] if one.shape else p[begin], one.shape)]
