@@ -39,11 +39,9 @@ from ..formulas import (
     plain,
     record,
     vec,
-    where,
 )
 from ..formulas.derivatives import tangent
 from ..formulas.pytree import exchanged, inside, with_fields
-from ..formulas.sites import own
 from ..retractions import Exponential
 from ..systems.canonical import CanonicalState
 from ..systems.driven import DrivenLiePoissonSystem
@@ -68,7 +66,7 @@ class Part(Record):
 
     given : is a derivative by the state before it given?  momenta, elements : of what is kept of the
     energies that were asked, the row of the first.  begin, end : the places of the sites that turn,
-    and term : what turns them.
+    last : behind the last place.  term : what turns them.
     """
 
     kind: float
@@ -80,6 +78,7 @@ class Part(Record):
     begin: float = 0.0
     end: float = 0.0
     term: float = 0.0
+    last: float = 0.0
 
 
 @record
@@ -455,44 +454,37 @@ class PointDrift(Motion):
 @record
 class Turn(Motion):
     """The sites of one colour, or all of them, turned about the velocities that a term gives them, while
-    the others rest.
+    the others rest.  Backwards first those that turn feel their own turn, and then others what they
+    have been turned by.
 
-    field, released : of all sites, `FieldAtSite`; with held sites free.  places : of every site its
-    number.
+    field, released : of all sites, `FieldAtSite`; with held sites free.
 
     Source: Frank, Huang and Leimkuhler, J. Comput. Phys. 133 (1997).
     """
 
     field: FieldAtSite
     released: FieldAtSite
-    places: Any
 
     @property
     def momenta(self) -> int:
         """Once."""
         return 1
 
-    def turning(self, part: Part, x: Vec) -> Vec:
-        """A vector of a site that turns; zero at the others."""
-        place = own(self.places)
-        here = where(place >= part.begin, where(place < part.end, 1.0, 0.0), 0.0) > 0.5
-        return vec(*[where(here, c, 0.0) for c in x])
-
     def omega(self, part: Part, mu: Vec) -> Vec:
-        """The displacement."""
-        field = at_time(self.field, part.t)
-        return self.turning(part, part.h * field.velocity(int(part.term), mu))
+        """The displacement of a site that turns."""
+        return part.h * at_time(self.field, part.t).velocity(int(part.term), mu)
 
     def moved(self, system: Any, part: Part, state: Any) -> Any:
-        """The turn."""
-        omega = self.omega(part, state.mu)
-        return BodyState(*turned(system.group, state.mu, state.g, omega))
+        """A site that turns."""
+        return BodyState(*turned(system.group, state.mu, state.g, self.omega(part, state.mu)))
 
-    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
-        """Those that turn feel their own turn, and the others what they turn by."""
+    def of_turned(self, system: Any, part: Part, before: Any, w: Any) -> tuple[Any, Vec]:
+        """J^T w of its own turn, and the direction along which the energy was asked."""
         omega = self.omega(part, before.mu)
         w, bent = _displaced(Exponential(), system, before, omega, w)
-        along = moving(self.field.field, self.turning(part, part.h * bent))
+        return w, moving(self.field.field, part.h * bent)
+
+    def of_others(self, part: Part, mu: Vec, along: Vec) -> Vec:
+        """What a site feels of those that turn.  along : its own direction."""
         field = at_time(self.released, part.t)
-        more = derivative(lambda m: field.velocity(int(part.term), m), before.mu, along)
-        return Back(BodyState(w.mu + more, w.g), (Asked(part.t, before.mu, along),), ())
+        return derivative(lambda m: field.velocity(int(part.term), m), mu, along)

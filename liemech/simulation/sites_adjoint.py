@@ -48,7 +48,7 @@ from .sites_execution import SiteExecution
 from .sites_lists import Lists
 from .sites_states import first_of, site_rows
 
-ROOM = 2**21
+ROOM = 2**23
 """Numbers of states, or of what is kept for parameters, that are at hand together."""
 
 KEPT = 16
@@ -247,8 +247,7 @@ class BackwardRun:
             places = found.places
             self.order, self.places = places.sites, places.places
             field, numbers = found.of_site(places)
-            at = SiteArray.of(np.arange(len(places.sites), dtype=float))
-            motions: Any = (Turn(field, released(field), at),)
+            motions: Any = (Turn(field, released(field)),)
             rows = [(0, at, share, *numbers[k]) for k, share, at in method.turns(found)]
         else:
             motions, some = parts_of(method, site)
@@ -267,7 +266,7 @@ class BackwardRun:
         ]
         self.way = WayBack(
             motions, site, released(site), layout_of(self.first), carried_layout(blank), momentum,
-            element, kept,
+            element, carried_layout(_zeros(next(iter(self.dims.values())))), kept,
         )  # fmt: skip
 
     @property
@@ -301,13 +300,13 @@ class BackwardRun:
         asked = max(
             x.momenta * way.momentum.width + x.elements * way.element.width for x in way.motions
         )
-        self.some = max(1, ROOM // (max(1, asked) * places)) if kept else self.block * parts
+        self.some = max(1, ROOM // (4 * max(1, asked) * places)) if kept else self.block * parts
         some = min(self.some, self.block * parts) if kept else 0
         most = [max(getattr(x, name) for x in way.motions) for name in ("momenta", "elements")]
         widths = way.state.width, way.felt.width, way.momentum.width, way.element.width
         counts = self.block * parts + 1, 1, some * most[0], some * most[1]
         self.states, self.felt, self.momenta, self.elements = [
-            Planes.of_rows(max(1, width * count), self.count)
+            Planes.of_rows(max(way.along.width, width * count), self.count)
             for width, count in zip(widths, counts)
         ]
 
@@ -390,7 +389,7 @@ class BackwardRun:
         rows[..., 0] = kind
         rows[..., 1] = (self.t0 + n * self.h)[:, None] + node * self.h
         rows[..., 2] = share * self.h
-        rows[..., 6], rows[..., 7], rows[..., 8] = begin, end, term
+        rows[..., 6], rows[..., 7], rows[..., 8], rows[..., 9] = begin, end, term, self.count
         rows[:, 0, 3] = [k in self.given for k in n]
         stay = np.ones(shape, dtype=bool)
         if self.joined:

@@ -7,18 +7,19 @@ from __future__ import annotations
 from typing import Any
 
 from ..compiler.driver import accepted, attempt, itself, read, reason, write
-from ..compiler.planes import at, each, load, save
+from ..compiler.planes import at, each, load, save, some
 from ..formulas import Record, derivative, gradient, record, vec
 from ..formulas.fields import OfEach
 from ..formulas.pytree import NUMBER, exchanged, fitted, inside, layout_of
 from ..formulas.sites import SiteArray, own
 from ..formulas.vectors import Vec as SmallVec
-from ..integrators.backward import Asked, Motion, Part
+from ..integrators.backward import Asked, Motion, Part, Turn
 from ..systems.canonical import CanonicalState
 from ..systems.lie_poisson import BodyState
 from ..systems.terms import at_time
 from ..systems.terms_at_site import at_this_site, in_shape
 from .sites_driver import require_finite
+from .turns_of_sites import copied_site
 
 # ------------------------------------------------------------------ steps
 
@@ -28,8 +29,8 @@ PART = layout_of(Part(0.0, 0.0, 0.0))
 @record
 class WayBack(Record):
     """How a run is gone through: the motions that steps are made of, the system at one site, and with
-    held sites `released`; the layouts of the state of a site, of derivatives by it, and of what is
-    kept for the parameters, if it is kept.
+    held sites `released`; the layouts of the state of a site, of derivatives by it, of what is kept for
+    the parameters, and of a direction of a site; is it kept?
     """
 
     motions: tuple[Motion, ...]
@@ -39,6 +40,7 @@ class WayBack(Record):
     felt: Any
     momentum: Any
     element: Any
+    along: Any
     kept: bool
 
 
@@ -63,7 +65,12 @@ def moved(way: WayBack, part: Part, states: Any, n: int) -> None:
     """One part of a step of all sites."""
     for k, motion in enumerate(way.motions):
         for _ in range(int(part.kind == k)):
-            each(states, one_moved, way, motion, part, states, n)
+            if isinstance(motion, Turn):
+                each(states, copied_site, states, n, states, n + 1, way.state)
+                begin, end = int(part.begin), int(part.end)
+                some(states, begin, end, one_moved, way, motion, part, states, n)
+            else:
+                each(states, one_moved, way, motion, part, states, n)
 
 
 def one_moved(way: WayBack, motion: Motion, part: Part, states: Any, n: int) -> None:
@@ -89,7 +96,10 @@ def backward_parts(
         part = read(parts, n, PART)
         for i, motion in enumerate(way.motions):
             for _ in range(int(part.kind == i)):
-                each(states, one_back, way, motion, part, states, n, felt, momenta, elements)
+                if isinstance(motion, Turn):
+                    turned_back(way, motion, part, states, n, felt, elements, momenta)
+                else:
+                    each(states, one_back, way, motion, part, states, n, felt, momenta, elements)
         for _ in range(int(part.given)):
             each(states, one_given, way, felt, given, met)
             met = met + 1
@@ -110,6 +120,51 @@ def one_back(
             save(momenta, int(part.momenta) + j, asked, way.momentum)
         for j, asked in enumerate(back.elements):
             save(elements, int(part.elements) + j, asked, way.element)
+
+
+def turned_back(
+    way: WayBack, turn: Turn, part: Part, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
+) -> None:  # fmt: skip
+    """The way back through a turn: first of the sites that turn, then of the others, or of all where
+    each turns by itself.  alongs : zeros, before and after.
+    """
+    begin, end, given = int(part.begin), int(part.end), (way, turn, part, states, n, felt, alongs)
+    some(states, begin, end, one_turned_back, *given, momenta)
+    for _ in range(int(part.term == 0.0)):
+        some(states, 0, begin, one_other_back, *given, momenta)
+        some(states, end, int(part.last), one_other_back, *given, momenta)
+    for _ in range(int(part.term > 0.0)):
+        some(states, begin, end, one_other_back, *given, momenta)
+    some(states, begin, end, one_at_rest, alongs, way.along)
+
+
+def one_turned_back(
+    way: WayBack, turn: Turn, part: Part, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
+) -> None:  # fmt: skip
+    """The way of one site back through its own turn."""
+    before, w = load(states, n, way.state), load(felt, 0, way.felt)
+    w, along = turn.of_turned(at_this_site(way.system), part, before, w)
+    save(felt, 0, fitted(w, way.felt), way.felt)
+    save(alongs, 0, along, way.along)
+    if way.kept:
+        save(momenta, int(part.momenta), Asked(part.t, before.mu, along), way.momentum)
+
+
+def one_other_back(
+    way: WayBack, turn: Turn, part: Part, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
+) -> None:  # fmt: skip
+    """What a site feels of others that turn."""
+    before, w = load(states, n, way.state), load(felt, 0, way.felt)
+    along = load(alongs, 0, way.along)
+    more = turn.of_others(part, before.mu, along)
+    save(felt, 0, fitted(BodyState(w.mu + more, w.g), way.felt), way.felt)
+    if way.kept:
+        save(momenta, int(part.momenta), Asked(part.t, before.mu, along), way.momentum)
+
+
+def one_at_rest(alongs: Any, layout: Any) -> None:
+    """No direction."""
+    save(alongs, 0, vec(*[0.0 for _ in range(layout.width)]), layout)
 
 
 def one_given(way: WayBack, felt: Any, given: Any, k: int) -> None:
