@@ -386,8 +386,8 @@ def real(value: Any, name: str) -> float:
     return number
 
 
-def names(by: Any, caller: str) -> tuple[str, ...]:
-    """What a derivative is by: one name, or several."""
+def parameters(by: Any, caller: str) -> tuple[str, ...]:
+    """Names of what a derivative is taken by."""
     found = (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
     if not found or not all(isinstance(name, str) for name in found):
         raise InvalidType(

@@ -531,7 +531,7 @@ def backwards(
         raise InvalidInput(
             f"Plan.{what} is of states at the ends of steps; make a plan that {other}"
         )
-    t0, names = arguments.real(t0, "t0"), arguments.names(by, f"Plan.{what}")
+    t0, names = arguments.real(t0, "t0"), arguments.parameters(by, f"Plan.{what}")
     if every is not None:
         every = arguments.count(every, "every", 1)
     elif along is not None:

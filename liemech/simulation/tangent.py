@@ -64,7 +64,7 @@ def tangent_of(
     if plan.events:
         raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
     t0 = arguments.real(t0, "t0")
-    names = arguments.names(by, "Plan.tangent")
+    names = arguments.parameters(by, "Plan.tangent")
     asked = [name for name, x in products.items() if x is not None]
     if len(asked) > 1 or (asked and names != ("start",)):
         raise InvalidInput(
