@@ -225,15 +225,17 @@ class PiecewisePolynomial(Record):
         first, last = where(seen, self.first, -1.0), where(seen, self.last, self.intervals)
         t = self._inside(t, first, last, where(seen, self.period, ANY))
         i = self._interval(t, first, last)
+        return horner(self._terms_of(i), t - entry(self.knots, i))
+
+    def _terms_of(self, i: Any) -> list[Any]:
+        """The coefficients of interval number i, by rising powers."""
         width = max(self.size, 1)
         at = i * ((self.degree + 1) * width)
         rows = [
             [entry(self.coefficients, at + (k * width + j)) for j in range(width)]
             for k in range(self.degree + 1)
         ]
-        return horner(
-            [vec(*row) if self.size else row[0] for row in rows], t - entry(self.knots, i)
-        )
+        return [vec(*row) if self.size else row[0] for row in rows]
 
     def _of_array(self, t: np.ndarray) -> np.ndarray:
         """The values at many times, to the bit."""
