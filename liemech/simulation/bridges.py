@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, MissingExtra
-from ..systems.system import State
+from ..systems.system import State, member
 from ..systems.tabulated import PiecewisePolynomial
 from .parameters import full_name, parameter, with_parameter
 from .plan import Plan
@@ -167,7 +167,9 @@ class _Move:
         if not isinstance(plan, Plan) or "system" in plan.of_each:
             raise InvalidType(f"lm.to_jax, lm.to_torch take a Plan of one system; got {plan!r}")
         if plan.adaptive and every is not None:
-            raise InvalidInput("lm.to_jax, lm.to_torch: samples are of fixed steps; leave out every")
+            raise InvalidInput(
+                "lm.to_jax, lm.to_torch: samples are of fixed steps; leave out every"
+            )
         self.plan, self.t0, self.every = plan, t0, every
         self.steps = None if plan.adaptive else plan._count(steps, t_end, t0)
         self.times = {"t_end": t_end} if self.steps is None else {"steps": self.steps}
@@ -180,7 +182,9 @@ class _Move:
     def value(self, parts: Arrays, parameters: Arrays, *shapes: Any) -> Arrays:
         """The last state, or the samples."""
         many, parts, systems = self._given(parts, parameters, *shapes)
-        run = self._of(self.forwards, systems).run(self._start(parts, many), t0=self.t0, **self.times)
+        run = self._of(self.forwards, systems).run(
+            self._start(parts, many), t0=self.t0, **self.times
+        )
         states = run.states if self.every is not None else run.last.parts
         axis = 1 if self.every is not None else 0
         return {
@@ -194,7 +198,11 @@ class _Move:
         self, parts: Arrays, parameters: Arrays, cotangent: Arrays, *shapes: Any
     ) -> tuple[Arrays, Arrays]:
         """The products of a cotangent with the derivatives of `value`."""
-        many, parts, systems = self._given(parts, parameters, *shapes)
+        axes = [
+            np.shape(c)[: np.ndim(c) - len(self.lead) - len(shapes[0][name])]
+            for name, c in cotangent.items()
+        ]
+        many, parts, systems = self._given(parts, parameters, *shapes, axes)
         start = self._start(parts, many)
         by = ["start", *parameters]
         given = {}
@@ -207,24 +215,33 @@ class _Move:
         ).gradient  # fmt: skip
         rows, at = np.atleast_2d(found.pop("start")), 0
         by_parts = {}
-        for name, directions in frames_of(self.plan._one, start).items():
+        for name, directions in frames_of(self.plan._one, member(start, 0)).items():
             points = np.asarray(start.parts[name])
             points = points.reshape(len(rows), *points.shape[start.bodies is not None :])
             basis = real_numbers(directions(points)).reshape(len(rows), -1, points[0].size)
             own = rows[:, at : at + basis.shape[1]]
             at += basis.shape[1]
-            by_parts[name] = (np.linalg.pinv(basis) @ own[..., None]).reshape(*many, *shapes[0][name])
+            by_parts[name] = (np.linalg.pinv(basis) @ own[..., None]).reshape(
+                *many, *shapes[0][name]
+            )
         return by_parts, {n: np.reshape(x, (*many, *shapes[1][n])) for n, x in found.items()}
 
-    def _given(self, parts: Arrays, parameters: Arrays, own: Any, of_parameters: Any) -> Any:
-        """The axes of several starts, the parts with one in their stead, and the systems."""
+    def _given(
+        self, parts: Arrays, parameters: Arrays, own: Any, of_parameters: Any, axes: Any = ()
+    ) -> Any:
+        """The axes of several starts, the parts with one in their stead, and the systems.
+        axes : of others, that are to be counted too.
+        """
         arrays = [(np.asarray(x), own[n]) for n, x in parts.items()]
         arrays += [(np.asarray(x), of_parameters[n]) for n, x in parameters.items()]
-        many = np.broadcast_shapes(*(x.shape[: x.ndim - len(shape)] for x, shape in arrays))
+        many = np.broadcast_shapes(*(x.shape[: x.ndim - len(shape)] for x, shape in arrays), *axes)
         if many and self.plan._one.site_form is not None:
             raise InvalidInput("lm.to_jax: of a system of many sites one start is run at a time")
+
         def laid(x: np.ndarray, shape: Any) -> np.ndarray:
-            return np.broadcast_to(x, (*many, *shape)).reshape(-1, *shape) if many else np.asarray(x)
+            return (
+                np.broadcast_to(x, (*many, *shape)).reshape(-1, *shape) if many else np.asarray(x)
+            )
 
         parts = {name: laid(x, own[name]) for name, x in parts.items()}
         values = {name: laid(x, of_parameters[name]) for name, x in parameters.items()}

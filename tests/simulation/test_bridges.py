@@ -25,7 +25,7 @@ class Torque(lm.Force):
 
 def driven() -> lm.Plan:
     table = lm.PiecewisePolynomial.linear(np.linspace(0.0, 2.0, 6), np.full((6, 3), 0.1))
-    system = lm.MechanicalSystem(lm.RigidBody(INERTIA), lm.NoPotential(), Torque(table))
+    system = lm.MechanicalSystem(lm.RigidBody(INERTIA), lm.NoPotential(), load=Torque(table))
     return lm.Plan(system, lm.RKMK(order=4), h=0.1)
 
 
@@ -116,7 +116,9 @@ def test_torch_passes_its_own_gradient_check(torch: Any) -> None:
         found = move({"mu": mu, "g": g}, inertia=inertia)
         return found["mu"], found["g"]
 
-    given = [torch.tensor(x, dtype=torch.float64, requires_grad=True) for x in (MU, [0.0] * 3, INERTIA)]
+    given = [
+        torch.tensor(x, dtype=torch.float64, requires_grad=True) for x in (MU, [0.0] * 3, INERTIA)
+    ]
     assert torch.autograd.gradcheck(end, given)
     run = PLAN.run(PLAN.system.state(mu=MU, g=ATTITUDE), steps=12)
     for found, part in zip(end(*given), ("mu", "g"), strict=True):
@@ -138,7 +140,7 @@ def test_torch_learns_a_torque(torch: Any) -> None:
         return found
 
     search.step(cost)
-    assert float(cost()) < 1e-12 < (MU**2).sum()
+    assert float(cost()) < 1e-8 * (MU**2).sum()
 
 
 def test_what_a_bridge_cannot_carry_is_named(jax: Any) -> None:
