@@ -64,10 +64,10 @@ def to_jax(
     differentiable.defvjp(kept, backwards)
 
     def run(start: Mapping[str, Any], **parameters: Any) -> dict[str, Any]:
-        arrays = [
-            {name: jax.numpy.asarray(x, dtype=float) for name, x in one.items()}
-            for one in (_mapping(start, "lm.to_jax"), parameters)
-        ]
+        both = _mapping(start, "lm.to_jax"), parameters
+        if any(jax.numpy.iscomplexobj(x) for one in both for x in one.values()):
+            raise InvalidInput("lm.to_jax: derivatives are by real numbers; got complex ones")
+        arrays = [{n: jax.numpy.asarray(x, dtype=float) for n, x in one.items()} for one in both]
         if any(x.dtype != np.float64 for one in arrays for x in one.values()):
             raise InvalidInput(
                 "lm.to_jax: runs have double precision, and JAX has single unless told otherwise: "
@@ -95,7 +95,7 @@ def to_torch(
     torch = _needed("torch", "lm.to_torch")
     move = _Move(plan, steps, t_end, t0, every)
 
-    class Run(torch.autograd.Function):  # type: ignore[misc, name-defined]
+    class Run(torch.autograd.Function):  # type: ignore[name-defined]
         @staticmethod
         def forward(ctx: Any, names: Any, *tensors: Any) -> Any:
             ctx.names = names
@@ -182,9 +182,8 @@ class _Move:
     def value(self, parts: Arrays, parameters: Arrays, *shapes: Any) -> Arrays:
         """The last state, or the samples."""
         many, parts, systems = self._given(parts, parameters, *shapes)
-        run = self._of(self.forwards, systems).run(
-            self._start(parts, many), t0=self.t0, **self.times
-        )
+        start = self.plan._one.state(**parts)
+        run = self._of(self.forwards, systems).run(start, t0=self.t0, **self.times)
         states = run.states if self.every is not None else run.last.parts
         axis = 1 if self.every is not None else 0
         return {
@@ -202,8 +201,8 @@ class _Move:
             np.shape(c)[: np.ndim(c) - len(self.lead) - len(shapes[0][name])]
             for name, c in cotangent.items()
         ]
-        many, parts, systems = self._given(parts, parameters, *shapes, axes)
-        start = self._start(parts, many)
+        many, parts, systems = self._given(parts, parameters, *shapes, axes=axes)
+        start = self.plan._one.state(**parts)
         by = ["start", *parameters]
         given = {}
         for name, c in cotangent.items():
@@ -270,6 +269,3 @@ class _Move:
     def _of(self, plan: Plan, system: Any) -> Plan:
         """A plan of another system, or of one for each body."""
         return plan if system is self.plan._one else plan.replace(system=system)
-
-    def _start(self, parts: Arrays, many: tuple[int, ...]) -> State:
-        return self.plan._one.state(**parts)
