@@ -181,7 +181,7 @@ class _Move:
 
     def value(self, parts: Arrays, parameters: Arrays, *shapes: Any) -> Arrays:
         """The last state, or the samples."""
-        many, parts, systems = self._given(parts, parameters, *shapes)
+        many, parts, systems = self._given(parts, parameters, shapes)
         start = self.plan._one.state(**parts)
         run = self._of(self.forwards, systems).run(start, t0=self.t0, **self.times)
         states = run.states if self.every is not None else run.last.parts
@@ -201,7 +201,7 @@ class _Move:
             np.shape(c)[: np.ndim(c) - len(self.lead) - len(shapes[0][name])]
             for name, c in cotangent.items()
         ]
-        many, parts, systems = self._given(parts, parameters, *shapes, axes=axes)
+        many, parts, systems = self._given(parts, parameters, shapes, axes)
         start = self.plan._one.state(**parts)
         by = ["start", *parameters]
         given = {}
@@ -225,12 +225,11 @@ class _Move:
             )
         return by_parts, {n: np.reshape(x, (*many, *shapes[1][n])) for n, x in found.items()}
 
-    def _given(
-        self, parts: Arrays, parameters: Arrays, own: Any, of_parameters: Any, axes: Any = ()
-    ) -> Any:
+    def _given(self, parts: Arrays, parameters: Arrays, shapes: Any, axes: Any = ()) -> Any:
         """The axes of several starts, the parts with one in their stead, and the systems.
         axes : of others, that are to be counted too.
         """
+        own, of_parameters = shapes
         arrays = [(np.asarray(x), own[n]) for n, x in parts.items()]
         arrays += [(np.asarray(x), of_parameters[n]) for n, x in parameters.items()]
         many = np.broadcast_shapes(*(x.shape[: x.ndim - len(shape)] for x, shape in arrays), *axes)
