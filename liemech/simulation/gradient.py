@@ -561,12 +561,7 @@ def _by_sites(
 ) -> Gradient:
     """The product of a cotangent with the run of many sites, by `tangent`."""
     every, _, _, cotangent = asked
-    if (
-        cotangent is None
-        or every is not None
-        or names != ("start",)
-        or isinstance(cotangent, dict)
-    ):
+    if cotangent is None or every is not None or names != ("start",) or isinstance(cotangent, dict):
         raise IncompatibleSystem(
             f"Plan.{what}: of many sites there is the product with a cotangent of the last state by "
             "the start: plan.pullback(cotangent, start, steps=...), with (N,) numbers: of the momenta of "

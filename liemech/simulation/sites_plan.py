@@ -9,6 +9,8 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from ..compiler.planes import Planes
 from ..errors import (
     IncompatibleSystem,
