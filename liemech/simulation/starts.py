@@ -7,6 +7,7 @@ from typing import Any
 from ..compiler import kernel
 from ..errors import InvalidInput, InvalidType
 from ..formulas.pytree import known_layout, layout_of, names_of, restricted
+from ..integrators.rattle_of_links import Links
 from ..systems.system import State, member
 from . import arguments
 
@@ -76,5 +77,7 @@ def started_by_sites(plan: Any, start: Any) -> Any:
     sites: Any = plan._sites
     start = by_site(plan._one, arguments.known(plan._one, start))
     first = first_of(start)
+    if plan.recorder and isinstance(sites.site, Links):  # functions of the state of all bodies
+        return start
     wanted = arguments.with_parts(sites.site, first, needed(plan, sites.site, first)).arrays
     return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
