@@ -151,7 +151,7 @@ class EventsOfLinks:
 
     @property
     def watch(self) -> Any:
-        """What it has met."""
+        """The zeros that it has met."""
         return self.all.each[0]
 
     @property
