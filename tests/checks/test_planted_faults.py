@@ -718,7 +718,7 @@ METHODS: dict[str, tuple[Callable[[], tuple[Any, Any, Any]], str]] = {
 }
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", METHODS)
 def test_a_fault_of_a_method_is_found(name: str) -> None:
     make, law = METHODS[name]

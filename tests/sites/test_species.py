@@ -189,6 +189,7 @@ def test_by_sites_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
     }  # fmt: skip
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("graph", [lm.neighbours.all_pairs(), lm.neighbours.within(2.0)], ids=repr)
 @pytest.mark.parametrize("method", [lm.KickDrift(), lm.LieVerlet(), lm.RKMK(order=2)], ids=repr)
 def test_fields_as_written_out(graph: Any, method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
