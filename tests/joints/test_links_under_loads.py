@@ -305,3 +305,38 @@ def test_torques_of_motors_are_inputs_of_a_stepper(how: bool) -> None:
     np.testing.assert_allclose(loop.g, there.g, rtol=0.0, atol=1e-15)
     with pytest.raises(lm.errors.InvalidInput, match="is a number"):
         loop.step(1, **{"forces.0.torque": PULSE})
+
+
+def test_the_structure_report_has_a_line_for_each_joint() -> None:
+    rods = chain(2)
+    joints = [replace(rods.joints[0], name="shoulder"), rods.joints[1]]
+    linkage = Linkage(rods.links, joints, forces=[Damper(0, 0.1)])
+    start = linkage.state(angles={0: [0.3, 0.1, 0.0]}, rates={1: [0.5, 0.0, 0.0]})
+    run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=3, compiled=False)
+    names = [f"{joint}: {of}" for joint in ("shoulder", "joint 1") for of in ("position", "rate")]
+    report = run.drift()
+    assert [*report] == names
+    assert all(report[name].verdict == "exact" for name in names)
+    g = np.array(run.g)
+    g[-1, 3] += 1e-6  # a rod that has left its joint
+    torn = replace(run, states={"mu": run.mu, "g": g}).drift()
+    assert abs(torn["shoulder: position"].largest * np.abs(g).max() - 1e-6) < 1e-14
+    assert torn["shoulder: rate"].verdict == "exact"
+
+
+def test_a_stiff_damper_is_not_called_a_dead_point() -> None:
+    rods = chain(3, axis=TURN)
+    linkage = Linkage([ROD, ROD, Link(1e-4, [1e-6] * 3)], rods.joints, forces=[Damper(2, 60.0)])
+    start = linkage.state(angles={0: 0.3}, rates={2: 3.0})
+    with pytest.raises(lm.errors.NoConvergence, match="too strong for an explicit kick") as told:
+        lm.integrate(linkage, lm.LieRATTLE(), start, h=0.05, steps=3, compiled=False)
+    assert "dead point" not in str(told.value)
+    with pytest.raises(lm.errors.NoConvergence, match=r"at joint .* too long there") as told:
+        lm.integrate(
+            rods, lm.LieRATTLE(), rods.state(angles={0: 0.3}), h=3.0, steps=3, compiled=False
+        )
+    assert "dead point" not in str(told.value)
+    few = Linkage([ROD, Link(1e-4, [1e-6] * 3)], rods.joints[:2], forces=[Damper(1, 60.0)])
+    begun = few.state(angles={0: 0.3}, rates={1: 3.0})
+    with pytest.raises(lm.errors.NoConvergence, match="too strong for an explicit kick"):
+        lm.integrate(few, lm.LieRATTLE(), begun, h=0.05, steps=3, compiled=False)
