@@ -602,6 +602,16 @@ class SiteLoops:
         first = b.inttoptr(b.mul(b.fptosi(place, I64), I64(8)), F64.as_pointer())
         rows, type_ = copy.copy(over.sites), e.type(kind, e.lanes > 1)
         rows.pointer, rows.body = first, over.passes[-1].index
+        if kind == "i":  # of four bytes each
+            begin = b.add(b.mul(e.cast(row, "i", False)[0], rows.step), rows.body)
+            narrow = ir.VectorType(I32, e.width) if e.lanes > 1 else I32
+            values = []
+            for r in range(e.registers(e.lanes > 1)):
+                at = b.gep(first, [b.add(begin, I64(r * e.width))], source_etype=I32)
+                few = b.load(b.bitcast(at, narrow.as_pointer()), align=4, typ=narrow)
+                over.again.add(few)
+                values.append(b.sext(few, type_))
+            return e.num(values)
         places = rows.addresses(rows.first(row), 0)
         values = [b.load(b.bitcast(p, type_.as_pointer()), align=8, typ=type_) for p in places]
         over.again |= {*values}

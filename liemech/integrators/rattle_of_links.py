@@ -1077,16 +1077,17 @@ def wrench_of_corrections(system: Any, work: Any) -> None:
 
 def corrected_rates(system: Any, work: Any) -> tuple[float, float]:
     """Rates after Newton's correction; the sums of the squares of corrections, and of rates before
-    them.
+    them with how far off those were: at rest the kicks alone say what rounding is.
     """
     n, m = system.most + system.freedoms, system.most
     change, whole, layout = 0.0, 0.0, vector(system.freedoms)
     rates, found = below(work, system.rows.rate), below(work, system.rows.impulse)
+    rest = below(work, system.rows.rest)
     for j in range(int(system.joints)):
         step = at(found, j, 0, vector(n))[m:]
-        old = at(rates, j, 0, layout)
+        old, off = at(rates, j, 0, layout), at(rest, j, 0, vector(n))[m:]
         put(rates, j, 0, old + step, layout)
-        change, whole = change + dot(step, step), whole + dot(old, old)
+        change, whole = change + dot(step, step), whole + dot(old, old) + dot(off, off)
     return change, whole
 
 

@@ -10,19 +10,19 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Element, Mat, Record, Vec, check_finite, real_array, record, vec
+from ..formulas import Element, Vec, check_finite, real_array, record, vec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..groups.product import ProductGroup
 from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import Links
+from ..names import meant
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.potential import Potential
 from .body_forces import of_bodies
-from .inertia import checked_inertia
 from .joint_forces import (
     AtJoint,
     JointForce,
@@ -32,6 +32,7 @@ from .joint_forces import (
 )
 from .joint_motion import JointAngle, JointMotion
 from .joints import BallJoint, Joint, Joints, RevoluteJoint
+from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
 from .mounting import (
     closed,
@@ -40,6 +41,7 @@ from .mounting import (
     rows_of_motions,
     velocity_with,
 )
+from .urdf import linkage_of
 
 SURVIVES = 1e-9
 """A motion of space that changes conditions and energy by no more than this part of what others do
@@ -49,34 +51,6 @@ is a symmetry.
 
 SHOWN = 12
 """Joints whose conditions have lines of their own in the structure report."""
-
-
-@record
-class Link(Record):
-    """A rigid body of a linkage; its frame sits in the centre of mass.
-
-    mass : in kg.  inertia : about the centre of mass, the principal moments, (3,), or the matrix,
-    (3, 3), in kg m^2; with principal moments a linkage is cheaper.  name : for messages.
-
-    Source: Goldstein, Classical Mechanics, 3rd ed., chapter 5.
-    """
-
-    mass: float
-    inertia: Vec | Mat
-    name: str | None = field(default=None, kw_only=True, repr=False)
-
-    def __post_init__(self) -> None:
-        mass = real_array(self.mass, "Link: mass")
-        if mass.ndim or not 0.0 < mass < np.inf:
-            raise InvalidInput(f"Link: mass must be a positive number; got {self.mass!r}")
-        object.__setattr__(self, "inertia", checked_inertia(self.inertia, "Link: inertia", 3)[0])
-        super().__post_init__()
-
-    @classmethod
-    def rod(cls, mass: float, length: float, radius: float, *, name: str | None = None) -> Link:
-        """A straight cylinder of even density along e3.  mass : in kg, length, radius : in m."""
-        across = mass * (3.0 * radius * radius + length * length) / 12.0
-        return cls(mass, [across, across, 0.5 * mass * radius * radius], name=name)
 
 
 @record
@@ -118,6 +92,8 @@ class Linkage(ConstrainedBody):
     a Potential and a Force on SE(3) of single bodies, by names or numbers, {"hand": Drag(0.1)}; or
     one of all bodies together, a formula of all g and xi.
     kept : the conditions of each joint that count, as `independent` finds them; None: all.
+    frames : that are fixed in links, such as that of a tool; `frame` tells where they are.  shapes :
+    by which links are shown; without them they are boxes.
     g, (16 N,), are the poses [[R, p], [0, 1]] of the centres of mass, row by row; `assembled` makes
     a start of poses, and `poses` poses of g.  mu, (6 N,), are the angular and linear momenta of
     each body in its own axes.
@@ -144,6 +120,8 @@ class Linkage(ConstrainedBody):
     potential: Any = field(default=None, kw_only=True, repr=False)
     load: Any = field(default=None, kw_only=True, repr=False)
     kept: tuple[tuple[int, ...], ...] | None = field(default=None, kw_only=True, repr=False)
+    frames: tuple[Frame, ...] = field(default=(), kw_only=True, repr=False)
+    shapes: tuple[LinkShape, ...] = field(default=(), kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         given: Any = self
@@ -157,6 +135,21 @@ class Linkage(ConstrainedBody):
                     f"Linkage: {name} is a list of one or more {kind.__name__}s; got {items!r}"
                 )
         links, joints = tuple(self.links), tuple(self.joints)
+        for what, fixed in (("frames", Frame), ("shapes", LinkShape)):
+            value = getattr(self, what)
+            if not isinstance(value, (list, tuple)) or not all(isinstance(x, fixed) for x in value):
+                raise InvalidType(f"Linkage: {what} is a list of {fixed.__name__}s; got {value!r}")
+            if not all(x.body is None or x.body < len(links) for x in value):
+                raise InvalidInput(
+                    f"Linkage: {what} name bodies that are not there; there are {len(links)}, "
+                    "numbered from 0"
+                )
+            object.__setattr__(self, what, tuple(value))
+        if not any(joint.conditions for joint in joints):
+            raise InvalidInput(
+                "Linkage: no joint takes away a freedom; bodies that move freely are a RigidBody or "
+                "a MechanicalSystem on SE3()"
+            )
         for joint in joints:
             for number in (joint.first, joint.second):
                 if number is not None and number >= len(links):
@@ -183,6 +176,42 @@ class Linkage(ConstrainedBody):
         object.__setattr__(self, "body", MechanicalSystem(free, energy, load=load))
         object.__setattr__(self, "constraint", Joints(joints, self.kept))
         super().__post_init__()
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: Any,
+        *,
+        floating: bool = False,
+        at: Any = None,
+        gravity: float = 9.80665,
+        forces: Any = (),
+        stops: float | None = None,
+        speed: float = 0.01,
+        packages: Mapping[str, Any] | None = None,
+    ) -> Linkage:
+        """The robot of a URDF file.  Its joints have the names of the file; links that are fixed to
+        each other are one body, with the name of the one that moves; all links are `frames`, and their
+        visual geometry `shapes`.
+
+        path : of the file, or its text.  floating : the root moves freely, by a FloatingJoint of its
+        name; else it is the ground.  at : the pose of the root, (4, 4).
+        forces : more of them, such as motors.  Damping of the file is a Damper, friction a DryFriction
+        regularised at `speed`, in rad/s or m/s; limits are Stops of the stiffness `stops`, in N m/rad^2
+        or N/m^2, or left out.
+        packages : folders of package://name by their names; others are looked for above the file and
+        in ROS_PACKAGE_PATH.
+        Angles are those of the file: frames of all bodies are parallel to space where they are zero.
+        Raises InvalidInput, with the line, for what is wrong in the file, and for mimic joints.
+        Warns of meshes that are not there, and of inertias that no body has.
+
+        Source: the URDF specification of ROS, wiki, "urdf/XML".
+        """
+        made = linkage_of(
+            path, floating=floating, at=at, stops=stops, speed=speed, packages=packages
+        )
+        made["forces"] = [*made["forces"], *forces]
+        return cls(**made, gravity=gravity)
 
     def _at_joints(self) -> tuple[tuple[AtJoint, ...], tuple[AtJoint, ...]]:
         """The forces joint by joint: those with a potential, and the others."""
@@ -456,6 +485,19 @@ class Linkage(ConstrainedBody):
         """The poses of the bodies.  g : (..., 16 N);  returns (..., N, 4, 4)."""
         array = real_array(g, "Linkage.poses: g")
         return array.reshape(*array.shape[:-1], len(self.links), 4, 4)
+
+    def frame(self, name: str, g: Any) -> np.ndarray:
+        """The pose of one of the `frames` in space.  g : (..., 16 N);  returns (..., 4, 4)."""
+        for one in self.frames:
+            if one.name == name:
+                poses, pose = self.poses(g), np.array(one.pose)
+                if one.body is None:
+                    return np.broadcast_to(pose, (*poses.shape[:-3], 4, 4)).copy()
+                return np.asarray(poses[..., one.body, :, :] @ pose)
+        names = [one.name for one in self.frames]
+        raise InvalidInput(
+            f"Linkage.frame: there is no frame {name!r}{meant(name, names)}; there are {names}"
+        )
 
     def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
         """Angular momentum about the origin and linear momentum of all bodies together, seen from

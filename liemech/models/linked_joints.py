@@ -19,7 +19,7 @@ from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import Links, Rows
 from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
 from .joint_forces import AtJoint
-from .joints import REST, REST6
+from .joints import REST6
 
 EIGHT = 8
 """Places in memory go by eights, as many as run side by side."""
@@ -58,7 +58,7 @@ class LinkedJoint(Record):
         """The forces of springs on both bodies, (12,)."""
         if len(self.springs) == 0:
             return vec(*REST6, *REST6)
-        _, motions, efforts = AtJoint(self.joint, self.springs).push(0.0, both(g, k), REST)
+        _, motions, efforts = AtJoint(self.joint, self.springs).push(0.0, both(g, k), REST6)
         first, second = REST6, REST6
         for (one, two), effort in zip(motions, efforts):
             first, second = first + effort * one, second + effort * two

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..compiler import kernel
+from ..compiler.cache_lines import in_lines
 from ..compiler.driver import Rejected, attempt, read, reason
 from ..errors import IntegrationFailure, InvalidInput, InvalidType, failure, is_mistake
 from ..formulas.pytree import Layout, build, double_double, fitted, layout_of, leaves
@@ -96,7 +97,7 @@ class EqualRun(Run):
         count, before, shape = self.count, self.before, self._shape()
         self.shape, lanes = shape, self._lanes(shape)
         self.lanes, columns = lanes, shape.columns(count)
-        self.table = np.empty((lanes.height, columns))
+        self.table = in_lines(lanes.height, columns)
         numbers, clocks, goals, *own = lanes.parts(self.table[:, :count])
         for mine, given in zip(own, lanes.own, strict=True):
             mine[:] = given
@@ -346,7 +347,7 @@ class StraightRun(EqualRun):
             self.after, self.exact = steps_before(self.asked, self.zero.item(0), self.h.item(0))
             numbers = np.unique(np.concatenate([[before], self.after, [end]]))
         room = min(room, len(numbers))
-        self.kept_samples = Straight(self, numbers, np.empty((room, width, columns)))
+        self.kept_samples = Straight(self, numbers, in_lines(room, width, columns))
         self.latest = self.kept_samples.array[0]
         return self.latest
 

@@ -157,14 +157,14 @@ def of_start(run: Any) -> Any:
     return run.run_of(**known, **run.first_sample())
 
 
-def of_short(found: Any, way: Any, h: Any, bodies: int | None, steps: int, **more: Any) -> Any:
+def of_short(found: Any, way: Any, h: Any, bodies: int | None, steps: int, more: Any) -> Any:
     """A run that one native call has made.  found : has what is made of its numbers when it is asked
-    for.  way : of the steps.
+    for.  way : of the steps.  more : other fields.
     """
-    return Trajectory.promised(
-        found, system=way.system, method=way.method, h=h, bodies=bodies, steps=steps,
-        stopped=NONE, compiled=True, **more,
-    )  # fmt: skip
+    known = {"system": way.system, "method": way.method, "h": h, "bodies": bodies, "steps": steps}
+    known |= {"stopped": NONE, "compiled": True, "_rest": found}
+    known |= more
+    return Trajectory._of(known)
 
 
 def of_sites(run: Any) -> Any:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..compiler.cache_lines import in_lines
 from ..compiler.kernel import address
 from ..formulas.pytree import build, gatherer, restricted
 from ..systems.system import State
@@ -185,7 +186,9 @@ def short_steps(way: Steps, shape: Shape, start: Any, steps: int, t0: float) -> 
     if memory.item(place.taken) != reached:
         return None
     found = _Found(place, memory, t0, way.h, every, step, reached)
-    made: Trajectory = of_short(found, way, way.h, None, steps, breaks=way.breaks, dense=None)
+    made: Trajectory = of_short(
+        found, way, way.h, None, steps, {"breaks": way.breaks, "dense": None}
+    )
     return made
 
 
@@ -273,8 +276,8 @@ def short_steps_of_many(
         return None
     if samples * place.sampled * columns > LARGEST or not place.native(steps * count):
         return None
-    table = np.empty((place.lanes.height, columns))
-    out = np.empty((samples + 1, place.sampled, columns))
+    table = in_lines(place.lanes.height, columns)
+    out = in_lines(samples + 1, place.sampled, columns)
     alike = shape.given == shape.shown
     starts = out[0] if alike else np.empty((shape.given.width, columns))
     lay_out(arrays, starts)
@@ -298,7 +301,9 @@ def short_steps_of_many(
         return None
     found = _FoundOfBodies(place, table, t0, way.h, way.every, 0, steps)
     found.bodies, found.out = count, out
-    made: Trajectory = of_short(found, way, way.h, count, steps, breaks=way.breaks, dense=None)
+    made: Trajectory = of_short(
+        found, way, way.h, count, steps, {"breaks": way.breaks, "dense": None}
+    )
     return made
 
 
@@ -509,7 +514,7 @@ def short(
         return None
     t, _, _, steps, rejected, _, _ = found.clock
     h = (t - t0) / max(1.0, steps)
-    made: Trajectory = of_short(found, way, h, None, int(steps), rejected=int(rejected))
+    made: Trajectory = of_short(found, way, h, None, int(steps), {"rejected": int(rejected)})
     return made
 
 

@@ -9,6 +9,8 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from ..compiler.planes import Planes
 from ..errors import (
     IncompatibleSystem,
@@ -19,11 +21,12 @@ from ..errors import (
 )
 from ..formulas.pytree import layout_of
 from ..groups.species import SpeciesGroup
-from ..integrators.ending_at_jumps import AT_ENDS
+from ..integrators.ending_at_jumps import AT_ENDS, uncut
 from ..integrators.rattle_of_links import Links
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import SiteValues, StateOfSites
 from ..systems.system import State
+from .chain_run import ChainRun, chained_method
 from .events import name_of
 from .links_run import LinksRun, linked_method
 from .result import of_members
@@ -61,6 +64,7 @@ class SitesOfPlan:
     def __init__(self, plan: Any, site: Any) -> None:
         self.plan, self.site = plan, site
         self.known: dict[Any, Any] = {}
+        self.chain = chained_method(plan)
 
     @classmethod
     def of(cls, plan: Any) -> SitesOfPlan | None:
@@ -143,13 +147,15 @@ class SitesOfPlan:
             return f"{next(iter(plan.of_each))} of each member"
         if members and kept is not None:
             return "checkpoint of members"
-        if plan.options.dense:
-            return "dense=True (t_eval keeps states at given times)"
+        if plan.options.dense and t_eval is not None:
+            return "dense=True beside t_eval"
         if plan.adaptive:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
-        if steps.breaks and not links:
-            return "breaks of fixed steps (adaptive ones end there)"
-        method = steps.way_of(0)
+        if self.chain is not None and t_eval is not None:
+            return "t_eval"
+        if self.chain is not None and plan.events:
+            return f"events of {plan.method!r}"
+        method = uncut(steps.way_of(0))
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
         return None
@@ -167,7 +173,7 @@ class SitesOfPlan:
             return True
         if not self.knows(start):
             return False
-        if isinstance(self.site, Links):
+        if isinstance(self.site, Links) or self.chain is not None:
             return True
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
         few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
@@ -235,6 +241,17 @@ class SitesOfPlan:
             return None
         raise self._too_many(why, start)
 
+    def back_through(
+        self, start: Any, steps: int, t0: float, given: Any, names: tuple[str, ...] = ()
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Derivatives by the start, (N,), and by parameters of terms, of a function whose derivatives by
+        the states after some numbers of fixed steps are `given`, {number: (N,)}; components are those
+        of tangent maps.  Raises IncompatibleSystem for what has no way back.
+        """
+        from .sites_adjoint import BackwardRun
+
+        return BackwardRun(self, by_site(self.plan._one, start), steps, t0, names).back(given)
+
     def _too_many(self, why: str, start: Any) -> IncompatibleSystem:
         """The error of what runs by sites do not have."""
         return IncompatibleSystem(
@@ -255,7 +272,9 @@ class SitesOfPlan:
         plan = self.plan
         if isinstance(self.site, Links):
             return LinksRun
-        by_colour = not plan.adaptive and isinstance(plan._steps.way_of(0), TermSplitting)
+        if self.chain is not None:
+            return ChainRun
+        by_colour = not plan.adaptive and isinstance(uncut(plan._steps.way_of(0)), TermSplitting)
         return TurnsRun if by_colour else SiteRun
 
     @staticmethod

@@ -23,6 +23,7 @@ from ..formulas.pytree import (
     with_slopes,
 )
 from ..formulas.sites import one_site
+from ..integrators.ending_at_jumps import uncut
 from ..integrators.rattle_of_links import Links
 from ..systems.system import State
 from ..systems.terms_at_site import at_this_site
@@ -54,10 +55,12 @@ class Prepared:
     control : of the steps.  method : of one site, as the control needs it.  way : the state inside of
     a step.  given, started : layouts of one site at the start, as it comes and in the numbers of the
     run.  memory, state : of what the method carries along for it, and of what is shown.  place : of
-    what the control carries along.  turning : how a splitting by colours steps.
+    what the control carries along.  turning : how a splitting by colours steps.  ending : where steps are cut;
+    None: nowhere.
     """
 
     turning: Any = None
+    ending: Any = None
     control: Any
     way: Any
     method: Any
@@ -73,8 +76,10 @@ class Prepared:
             self.method = self.way = Embedded(steps.method, curves)
             self.h = 0.0
         else:
-            self.method, self.h = linked_method(plan) or steps.way_of(0), steps.h
-            self.way = Whole(self.method)
+            way: Any = linked_method(plan) or plan._sites.chain or steps.way_of(0)
+            self.h = steps.h
+            self.method, self.ending = uncut(way), None if uncut(way) is way else way
+            self.way = Whole(self.method, self.ending)
             self.started = layout_of(steps.remembering_of(site, first))
         self.beginner = self.method, site, self.given, self.started
         some = min(starts.count, SOME)
@@ -137,7 +142,8 @@ class Prepared:
     @property
     def stepper(self) -> tuple[Any, ...]:
         """The arguments of `advance_sites` that are no arrays and no counts."""
-        return self.method, self.site, self.control, self.memory, self.place, self.sighted
+        form = self.memory, self.place, self.sighted
+        return self.method, self.site, self.control, *form, self.ending
 
     @property
     def looker(self) -> tuple[Any, ...]:

@@ -153,6 +153,10 @@ class System(Record):
         own: Any = self
         return own.state(**parts)
 
+    def moving(self, state: Any, xi: Vec) -> Any:
+        """xi . y, the rates of a state that moves with this velocity."""
+        raise undefined(self, "moving")
+
     @property
     def unit_blocks(self) -> tuple[int, ...]:
         """How many components of the velocity in a row share a physical unit: by default those of
