@@ -206,16 +206,16 @@ def in_mujoco(integrator: int) -> Callable[[float, int], np.ndarray] | None:
 # ------------------------------------------------------------------ a chain beside others
 
 RODS, END, RADIUS = 64, 1.0, 0.05
-BENT = 0.3
+BENT = {0: np.array([0.3, 0.0, 0.0]), RODS // 2: np.array([0.0, 0.5, 0.0])}
 
 
 def chain_peers() -> dict[str, tuple[Callable[[int], np.ndarray], list[int]]]:
     """Of each program the function that takes the chain to the end in so many steps and gives the place
-    of its end, and numbers of steps; the chain begins at rest with its first joint turned by 0.3 about e1.
+    of its end, and numbers of steps; the chain begins at rest, its joints turned by `BENT`, rotation vectors.
     """
     found: dict[str, Any] = {}
     chain = lm.joints.chain(RODS)
-    start = chain.state(angles={0: [BENT, 0.0, 0.0]})
+    start = chain.state(angles=BENT)
     for order, counts in ((2, [400, 800, 1600, 3200]), (4, [400, 800, 1600])):
         method: Any = lm.LieRATTLE() if order == 2 else lm.Composition(lm.LieRATTLE(), order=order)
 
@@ -243,7 +243,8 @@ def chain_peers() -> dict[str, tuple[Callable[[int], np.ndarray], list[int]]]:
             def mujocos(steps: int, model: Any = model, data: Any = data) -> np.ndarray:
                 mujoco.mj_resetData(model, data)
                 model.opt.timestep = END / steps
-                data.qpos[:4] = [np.cos(BENT / 2), np.sin(BENT / 2), 0, 0]
+                for k, turn in BENT.items():
+                    data.qpos[4 * k : 4 * k + 4] = half_angles(turn)
                 mujoco.mj_step(model, data, steps)
                 mujoco.mj_kinematics(model, data)
                 return np.asarray(data.xpos[-1] - data.xmat[-1].reshape(3, 3)[:, 2])
@@ -266,7 +267,8 @@ def chain_peers() -> dict[str, tuple[Callable[[int], np.ndarray], list[int]]]:
         def pinocchios(steps: int) -> np.ndarray:
             """RK4 in the algebra of the first stage's frame, by aba."""
             q, v, h = pin.neutral(model), np.zeros(model.nv), END / steps
-            q[:4] = [np.sin(BENT / 2), 0, 0, np.cos(BENT / 2)]
+            for k, turn in BENT.items():
+                q[4 * k : 4 * k + 4] = np.roll(half_angles(turn), -1)
             for _ in range(steps):
                 a1 = pin.aba(model, data, q, v, zero).copy()
                 v2 = v + 0.5 * h * a1
@@ -305,7 +307,8 @@ def chain_peers() -> dict[str, tuple[Callable[[int], np.ndarray], list[int]]]:
                 inertia = dart.dynamics.Inertia(1.0, [0, 0, -0.5], np.diag([across, across, along]))
                 body.setInertia(inertia)
             world.addSkeleton(skeleton)
-            skeleton.getJoint(0).setPosition(0, BENT)
+            for k, turn in BENT.items():
+                skeleton.getJoint(k).setPositions(turn)
             for _ in range(steps):
                 world.step()
             T = skeleton.getBodyNode(RODS - 1).getWorldTransform()
@@ -315,7 +318,49 @@ def chain_peers() -> dict[str, tuple[Callable[[int], np.ndarray], list[int]]]:
         found["DART"] = darts, [400, 1600]
     except (ImportError, AttributeError, TypeError) as refused:
         print("DART:", refused)
+    try:
+        import exudyn as exu
+        from exudyn.utilities import RigidBodyInertia
+
+        poses = chain.poses(start.g)
+
+        def exudyns(steps: int) -> np.ndarray:
+            """The generalized-alpha method of index 2, sparse."""
+            system = exu.SystemContainer().AddSystem()
+            last = system.CreateGround()
+            inertia = RigidBodyInertia(1.0, np.diag([across, across, along]))
+            for k in range(RODS):
+                body = system.CreateRigidBody(
+                    inertia=inertia, referencePosition=list(poses[k, :3, 3]),
+                    referenceRotationMatrix=poses[k, :3, :3], gravity=[0.0, 0.0, -9.80665],
+                )  # fmt: skip
+                top = poses[k, :3, 3] + 0.5 * poses[k, :3, 2]
+                system.CreateSphericalJoint(
+                    bodyNumbers=[last, body], position=list(top), useGlobalFrame=True
+                )
+                last = body
+            system.Assemble()
+            settings = exu.SimulationSettings()
+            settings.timeIntegration.numberOfSteps, settings.timeIntegration.endTime = steps, END
+            settings.timeIntegration.verboseMode = 0
+            settings.timeIntegration.newton.useModifiedNewton = True
+            settings.solutionSettings.writeSolutionToFile = False
+            settings.linearSolverType = exu.LinearSolverType.EigenSparse
+            system.SolveDynamic(settings)
+            place = system.GetObjectOutputBody(last, exu.OutputVariableType.Position, [0, 0, -0.5])
+            return np.asarray(place)
+
+        exudyns(2)
+        found["Exudyn"] = exudyns, [100, 400]
+    except (ImportError, AttributeError, TypeError, ValueError) as refused:
+        print("Exudyn:", refused)
     return found
+
+
+def half_angles(turn: np.ndarray) -> np.ndarray:
+    """The unit quaternion of a rotation vector, its scalar part first."""
+    angle = np.linalg.norm(turn)
+    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) / angle * turn)])
 
 
 def equal_error(chosen: Any) -> dict[str, Any]:
@@ -328,7 +373,7 @@ def equal_error(chosen: Any) -> dict[str, Any]:
     lines = []
     for name, (run, counts) in peers.items():
         kept[name] = []
-        run(2)
+        run(counts[0])
         for steps in counts[:2] if chosen.quick else counts:
             ends: list[np.ndarray] = []
             seconds = min(spent(lambda: ends.append(run(steps))) for _ in range(3))  # noqa: B023

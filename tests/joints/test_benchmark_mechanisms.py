@@ -23,8 +23,8 @@ DROPPED = {
 def test_bricard_s_loop_of_six_hinges_moves_and_is_where_its_one_freedom_says() -> None:
     mechanism = benchmark_mechanisms.bricard()
     assert len(mechanism.linkage.dropped) == 1
-    errors = [mechanism.error(lm.LieRATTLE(), n, compiled=False) for n in (10, 20)]
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1) and errors[1] < 1e-4
+    errors = [mechanism.error(lm.LieRATTLE(), n, compiled=False) for n in (5, 10)]
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1) and errors[1] < 4e-4
 
 
 @pytest.mark.slow
