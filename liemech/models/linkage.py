@@ -21,7 +21,8 @@ from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
-from ..systems.potential import Force, Potential
+from ..systems.potential import Potential
+from .body_forces import of_bodies
 from .joint_forces import (
     AtJoint,
     JointForce,
@@ -29,7 +30,7 @@ from .joint_forces import (
     LinkageForce,
     LinkagePotential,
 )
-from .joint_motion import JointMotion
+from .joint_motion import JointAngle, JointMotion
 from .joints import BallJoint, Joint, Joints, RevoluteJoint
 from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
@@ -83,8 +84,9 @@ class Linkage(ConstrainedBody):
     links : the bodies, numbered from 0 on.  joints : such as BallJoint(0, 1, at_first, at_second);
     None is the ground.
     gravity : in m/s^2, downwards along e3.
-    forces : at joints: springs, dampers, motors, such as Spring("elbow", 3.0).  potential : one of
-    all poses, load : a Force on all bodies, if there are such.
+    forces : at joints: springs, dampers, motors, such as Spring("elbow", 3.0).  potential, load :
+    a Potential and a Force on SE(3) of single bodies, by names or numbers, {"hand": Drag(0.1)}; or
+    one of all bodies together, a formula of all g and xi.
     kept : the conditions of each joint that count, as `independent` finds them; None: all.
     frames : that are fixed in links, such as that of a tool; `frame` tells where they are.  shapes :
     by which links are shown; without them they are boxes.
@@ -111,8 +113,8 @@ class Linkage(ConstrainedBody):
     joints: tuple[Any, ...]
     gravity: float = 9.80665
     forces: tuple[Any, ...] = ()
-    potential: Potential | None = field(default=None, kw_only=True, repr=False)
-    load: Force | None = field(default=None, kw_only=True, repr=False)
+    potential: Any = field(default=None, kw_only=True, repr=False)
+    load: Any = field(default=None, kw_only=True, repr=False)
     kept: tuple[tuple[int, ...], ...] | None = field(default=None, kw_only=True, repr=False)
     frames: tuple[Frame, ...] = field(default=(), kw_only=True, repr=False)
     shapes: tuple[LinkShape, ...] = field(default=(), kw_only=True, repr=False)
@@ -159,16 +161,10 @@ class Linkage(ConstrainedBody):
         group = ProductGroup(*[SE3()] * len(links))
         free = LiePoissonSystem(group, KineticEnergy(_inertia(links)))
         energy: Any = Weights([link.mass * self.gravity for link in links])
+        for name in ("potential", "load"):
+            value = of_bodies(name, getattr(given, name), lambda x: number_of(links, x, "link"))
+            object.__setattr__(self, name, value)
         potential, load = given.potential, given.load
-        for name, value, kind, words in (
-            ("potential", potential, Potential, "an `energy(g)`"),
-            ("load", load, Force, "a `covector(t, xi, g)`"),
-        ):
-            if value is not None and not isinstance(value, kind):
-                raise InvalidType(
-                    f"Linkage: {name} must be a {kind.__name__}, a subclass with {words}; got "
-                    f"{value!r}"
-                )
         if springs or potential is not None:
             energy = LinkagePotential(energy, springs, potential)
         if others:
@@ -267,23 +263,21 @@ class Linkage(ConstrainedBody):
     # ---------------------------------------------------------------- many bodies
 
     @cached_property
-    def linked(self) -> LinkedForm | None:
-        """The form in which any number of bodies steps, joint by joint; None if there are forces that
-        are not at joints.
-        """
+    def linked(self) -> LinkedForm:
+        """The form in which any number of bodies steps, joint by joint."""
         return linked(self)
 
     @property
     def site_form(self) -> Links | None:
         """That of many bodies."""
         many = 6 * len(self.links) > self.small
-        return self.linked.links if many and self.linked is not None else None
+        return self.linked.links if many else None
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Parts of states with an axis of places, of which some have no body."""
         if self.site_form is None or arrays["mu"].shape[-1] == 6:
             return arrays
-        places, count = self.linked.places, len(self.links)  # type: ignore[union-attr]
+        places, count = self.linked.places, len(self.links)
         lead = np.shape(arrays["mu"])[:-1]
         mu, g = np.zeros((*lead, places, 6)), np.zeros((*lead, places, 4, 4))
         g[:] = np.eye(4)
@@ -459,6 +453,25 @@ class Linkage(ConstrainedBody):
         forces = tuple(force for force in self.forces if self.number(force.joint) == number)
         return JointMotion(run, self, number, AtJoint(self.joints[number], forces))
 
+    def angle(
+        self, joint: str | int, level: float = 0.0, *, freedom: int = 0, terminal: int = 0,
+        direction: float = 0.0,
+    ) -> JointAngle:  # fmt: skip
+        """The angle of a joint less `level`, in rad, of a slider the shift in m, as a function of time
+        and state: an event, `events=[arm.angle("elbow", 0.5)]`.
+
+        Angles are seen within half a turn of the level.  freedom : of joints that leave several
+        motions free, which.  terminal : end the run at this zero; direction : 1.0 counts rising ones only,
+        -1.0 falling ones.
+        """
+        one = self.joints[number := self.number(joint)]
+        if not 0 <= freedom < one.freedoms:
+            raise InvalidInput(
+                f"Linkage.angle: {self.label(number)}, a {type(one).__name__}, has {one.freedoms} "
+                f"coordinates, numbered from 0; got freedom {freedom}"
+            )
+        return JointAngle(AtJoint(one, ()), freedom, float(level), terminal, float(direction))
+
     def poses(self, g: Any) -> np.ndarray:
         """The poses of the bodies.  g : (..., 16 N);  returns (..., N, 4, 4)."""
         array = real_array(g, "Linkage.poses: g")
@@ -519,16 +532,16 @@ class Linkage(ConstrainedBody):
         return directions[np.r_[sizes, np.zeros(6)][:6] <= SURVIVES]
 
 
-def number_of(joints: tuple[Any, ...], joint: str | int) -> int:
-    """The number of a joint that is given by its name, or by its number."""
-    names = [one.name for one in joints]
-    if joint in names:
-        return names.index(joint)
-    if type(joint) is int and 0 <= joint < len(names):
-        return joint
+def number_of(items: tuple[Any, ...], item: str | int, what: str = "joint") -> int:
+    """The number of a joint, or a link, that is given by its name, or by its number."""
+    names = [one.name for one in items]
+    if item in names:
+        return names.index(item)
+    if type(item) is int and 0 <= item < len(names):
+        return item
     known = ", ".join(repr(name) for name in names if name is not None)
     raise InvalidInput(
-        f"Linkage: there is no joint {joint!r}; there are {len(names)}, numbered from 0"
+        f"Linkage: there is no {what} {item!r}; there are {len(names)}, numbered from 0"
         + (f", with the names {known}" if known else "")
     )
 

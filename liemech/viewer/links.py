@@ -70,7 +70,6 @@ class Links(Content):
         """
         system, poses = _read(motion)
         unit, color = drawing.panel.unit, mixed(STONE, drawing.color, 0.18)
-        dark = mixed(color, "#000000", 0.45)
         drawing.add("ground", position=drawing.panel.inside(np.zeros(3)))
         for k, link in enumerate(system.links):
             place = drawing.panel.inside(poses[:, k, :3, 3])
@@ -80,8 +79,8 @@ class Links(Content):
             if system.shapes:
                 continue
             axes, edges = principal_box(link)
-            drawing.add(f"link {k + 1}/even", quaternion=quaternions(axes[None])[0])
-            edged_box(drawing, f"link {k + 1}/even", np.maximum(edges / unit, THIN), color)
+            turn, size = quaternions(axes[None])[0], np.maximum(edges / unit, THIN)
+            edged_box(drawing, f"link {k + 1}", size, color, turn)
             for n, at in enumerate([at for number, at in _points(system) if number == k], start=1):
                 drawing.add(
                     f"link {k + 1}/joint {n}", ball(0.8 * THIN, drawing.color), position=at / unit
@@ -109,7 +108,7 @@ class Links(Content):
             way = ends[1] - ends[0]
             drawing.add(
                 f"rod {n + 1}",
-                rod(dark),
+                rod(mixed(color, "#000000", 0.45)),
                 position=drawing.panel.inside(ends[0]),
                 direction=way,
                 scale=joint.length / unit,
