@@ -18,9 +18,15 @@ joints = [
 ]
 angle, low = 0.5, -0.3 * np.cos(0.5) - np.sqrt(0.25**2 - (0.3 * np.sin(0.5)) ** 2)
 push = lm.PiecewisePolynomial.linear([0.0, 1.0, 4.0, 4.5], [0.0, 1.5, 1.5, 0.0], outside="hold")
-forces = [j.Spring("collar", 400.0, low + 0.08), j.Damper("collar", 25.0), j.Motor("spindle", push)]
-forces += [j.Damper("spindle", 0.05)]
-governor = j.Linkage(links, joints, forces=forces)
+forces = [j.Spring("collar", 400.0, low + 0.08), j.Damper("collar", 25.0)]
+forces += [j.Motor("spindle", push), j.Damper("spindle", 0.05)]
+above, below = np.eye(4), np.eye(4)
+above[2, 3], below[2, 3] = 0.2, -0.3
+shapes = [j.LinkShape("cylinder", 0, below, [0.03, 0.03, 0.7])]  # what the page shows
+shapes += [j.LinkShape("cylinder", b, above, [0.02, 0.02, 0.4]) for b in (1, 2)]
+shapes += [j.LinkShape("ball", b, np.eye(4), [0.1] * 3, "#D55E00") for b in (1, 2)]
+shapes += [j.LinkShape("cylinder", 3, np.eye(4), [0.12, 0.12, 0.06])]
+governor = j.Linkage(links, joints, forces=forces, shapes=shapes)
 angles = {"left arm": -angle, "right arm": angle, "collar": low}
 start = governor.state(angles=angles, near=governor.poses(np.tile(np.eye(4).ravel(), 4)))
 run = lm.integrate(governor, lm.LieRATTLE(), start, h=0.002, steps=5000, every=5)

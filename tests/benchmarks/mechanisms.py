@@ -386,13 +386,21 @@ def equal_error(chosen: Any) -> dict[str, Any]:
             lines.append([name, steps, error, seconds, 1e6 * seconds / steps])
     table(f"chain of {RODS} rods, {END:g} s", ["", "steps", "error, m", "s", "us a step"], lines)
     if chosen.figure:
-        figure, ax = lm.plots.subplots(figsize=(5.6, 4.0))
-        for name, pairs in kept.items():
-            ax.loglog(*np.transpose(pairs), "o-", label=name)
-        ax.set(xlabel="processor time (s)", ylabel="error of the last rod's end after 1 s (m)")
-        lm.plots.legend(ax)
-        lm.plots.save(figure, chosen.figure, dpi=110)
+        drawn(kept, chosen.figure)
     return kept
+
+
+def drawn(kept: dict[str, Any], figure: str) -> None:
+    """Errors over times, ours solid."""
+    picture, ax = lm.plots.subplots(figsize=(7.6, 3.8))
+    for k, (name, pairs) in enumerate(kept.items()):
+        style = "o-" if name.startswith("liemech") else "sD^vP"[k % 5] + "--"
+        ax.loglog(
+            *np.transpose(pairs), style, label=name, color=lm.plots.COLORS[k % len(lm.plots.COLORS)]
+        )
+    ax.set(xlabel="processor time (s)", ylabel="error of the end after 1 s (m)")
+    lm.plots.legend(ax, loc="upper left", bbox_to_anchor=(1.02, 1.0))
+    lm.plots.save(picture, figure, dpi=100)
 
 
 def main() -> None:
