@@ -62,7 +62,16 @@ SECTIONS = {
         "energy_exchange",
         "magnons",
     ),
-    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm", "net"),
+    "Constraints, joints, rolling": (
+        "index_reduction",
+        "chain",
+        "linkage",
+        "arm",
+        "puma",
+        "bricard",
+        "governor",
+        "net",
+    ),
     "Poisson systems, and steps that follow the motion": (
         "lotka_volterra",
         "banana_orbit",
