@@ -147,6 +147,7 @@ from .systems.group_equation import GroupEquation as GroupEquation
 from .systems.group_equation import LinearGroupEquation as LinearGroupEquation
 from .systems.hamiltonian import Hamiltonian as Hamiltonian
 from .systems.homogeneous_equation import HomogeneousEquation as HomogeneousEquation
+from .systems.isospectral_flow import IsospectralFlow as IsospectralFlow
 from .systems.kinetic_energy import KineticEnergy as KineticEnergy
 from .systems.lagrangian import Lagrangian as Lagrangian
 from .systems.lie_poisson import BodyState as BodyState

@@ -1,4 +1,5 @@
 from .andrews import AndrewsMechanism as AndrewsMechanism
+from .bloch_iserles import BlochIserles as BlochIserles
 from .charged_particle import AxialField as AxialField
 from .charged_particle import ChargedParticle as ChargedParticle
 from .charged_particle import GuidingCentre as GuidingCentre
@@ -46,6 +47,8 @@ from .space_forces import SolarPressure as SolarPressure
 from .spacecraft import Spacecraft as Spacecraft
 from .surfaces import ParticleOnEllipsoid as ParticleOnEllipsoid
 from .toda import TodaLattice as TodaLattice
+from .toda_flow import TodaFlow as TodaFlow
+from .von_neumann import VonNeumann as VonNeumann
 from .water import SPC as SPC
 from .water import Gravity as Gravity
 from .zeitlin_sphere import ZeitlinSphere as ZeitlinSphere

@@ -12,9 +12,9 @@ from ..formulas.pytree import build, layout_of, with_slopes
 from . import arguments
 from .dense import unpacked
 from .equal import affordable
+from .result import of_tangent
 from .sites_states import first_of, site_rows
 from .tangent import LEVEL, frame
-from .trajectory import TangentTrajectory
 
 
 class Along:
@@ -111,7 +111,8 @@ def tangent_by_sites(sites: Any, start: Any, steps: int, t0: float, given: Any) 
         products.append(column @ some if name == "against" else column)
     states = unpacked(frames.layout, np.moveaxis(values, 1, -1))
     tangent = np.stack(products, axis=1 if name == "against" else -1)
-    return TangentTrajectory(
-        plan.system, plan.method, made.h, made.t, plan._one.as_users_see(states), None, made.steps,
-        made.compiled, tangent={name: tangent[..., 0] if name == "along" and some.ndim == 1 else tangent},
+    one = name == "along" and some.ndim == 1
+    return of_tangent(
+        made, made.steps, {name: tangent[..., 0] if one else tangent}, system=plan.system,
+        method=plan.method, h=made.h, t=made.t, states=plan._one.as_users_see(states),
     )  # fmt: skip

@@ -51,7 +51,7 @@ from .trials_of_terms import plain_term, tried
 
 @record
 class OfTerms(Record):
-    """What energies of many sites have in common; abstract.
+    """Energies of many sites, with what they have in common; abstract.
 
     group : the power whose copies are the sites, or a product of powers.  parts : the terms.  names,
     own : parameters of the sites.  held : the sites that do not move.  species : those of the sites,

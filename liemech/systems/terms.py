@@ -357,7 +357,7 @@ class Terms(Record, StandsForAnEnergy):
 
 
 def as_terms(energy: Any) -> Any:
-    """What stands for a sum of terms as one; anything else as it is."""
+    """One term that stands for a sum of them; anything else as it is."""
     return Terms(energy) if isinstance(energy, (Term, Over)) else energy
 
 

@@ -148,7 +148,7 @@ class RoleAtSite(Record):
         return made if alone else made.with_tables(incidence, fixed)
 
     def with_tables(self, incidence: Incidence, fixed: bool = False) -> RoleAtSite:
-        """The same with other neighbours.  fixed : is their number known to formulas?"""
+        """This energy with other neighbours.  fixed : is their number known to formulas?"""
         counts = incidence.counts
         tables = tuple([SiteTable.of(table, fixed=fixed) for table in incidence.others])
         same = fixed and bool((counts == len(incidence.edges)).all())
