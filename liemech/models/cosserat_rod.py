@@ -322,9 +322,9 @@ class CosseratRod(MechanicalSystem):
             raise InvalidInput(f"{name}: u is (6,) or ({n}, 6); got shape {strain.shape}")
         found = np.empty((self.frames, 4, 4))
         found[0] = np.eye(4) if start is None else start
-        x = np.broadcast_to(strain, (n, 6)) * (self.length / n)
+        h = self.retraction.tau(SE3(), np.broadcast_to(strain, (n, 6)) * (self.length / n))
         for k in range(self.frames - 1):
-            found[k + 1] = self.retraction.compose_tau(SE3(), found[k], x[k])
+            found[k + 1] = found[k] @ h[k]
         return found
 
     def along(self, curve: Any, twist: float = 0.0) -> np.ndarray:

@@ -125,13 +125,13 @@ def moved(rod: Any, g: np.ndarray, zeta: np.ndarray) -> np.ndarray:
         + np.asarray(tau.dtau_inv(group, x, zeta[1:]))
         - np.asarray(tau.dtau_inv(group, -x, zeta[:-1]))
     )
-    found = np.empty_like(g)
+    found, h = np.empty_like(g), np.asarray(tau.tau(group, x))
     if rod.ends[1] == "free":
         found[0] = group.compose_exp(g[0], zeta[0])
         for k in range(rod.elements):
-            found[k + 1] = tau.compose_tau(group, found[k], x[k])
+            found[k + 1] = found[k] @ h[k]
     else:
         found[-1] = group.compose_exp(g[-1], zeta[-1])
         for k in range(rod.elements - 1, -1, -1):
-            found[k] = tau.compose_tau(group, found[k + 1], -x[k])
+            found[k] = found[k + 1] @ np.asarray(group.inverse(h[k]))
     return found
