@@ -21,9 +21,8 @@ from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
-from ..systems.potential import Force, Potential
+from ..systems.potential import Potential
 from .body_forces import of_bodies
-from .inertia import checked_inertia
 from .joint_forces import (
     AtJoint,
     JointForce,

@@ -386,6 +386,16 @@ def real(value: Any, name: str) -> float:
     return number
 
 
+def parameters(by: Any, caller: str) -> tuple[str, ...]:
+    """Names of what a derivative is taken by."""
+    found = (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
+    if not found or not all(isinstance(name, str) for name in found):
+        raise InvalidType(
+            f'{caller}: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
+        )
+    return found
+
+
 def count(value: Any, name: str, least: int) -> int:
     if type(value) is int and least <= value <= MOST:
         return value

@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import (
     IntegrationInterrupted,
@@ -52,6 +52,9 @@ from .stepper import Stepper
 from .systems import OfBodies, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory
+
+if TYPE_CHECKING:
+    from .gradient import Gradient
 
 
 class Plan:
@@ -494,6 +497,64 @@ class Plan:
         from .tangent import tangent_of
 
         return tangent_of(self, start, steps, t_end, t0, by, along=along, against=against)
+
+    def gradient(
+        self,
+        loss: Any,
+        start: State,
+        *,
+        steps: int | None = None,
+        t_end: float | None = None,
+        t0: float = 0.0,
+        by: str | Sequence[str] = "start",
+        along: Any = None,
+        every: int | None = None,
+    ) -> Gradient:
+        """A loss and its exact derivative by the start and by parameters, in one pass backwards through
+        the discrete motion, in memory that does not grow with the number of steps.
+
+        loss : a formula of the last state, `lambda state: lm.dot(state.mu, state.mu)`, or of time and
+        state; of an ensemble the value is the sum over its bodies, and a list has one formula for each.
+        by : "start"; parameters of the system, such as "inertia" or "torque.values", also by the end of
+        a longer name, those of the method, "method.theta", and the step "h".  Of a table, values are those
+        of steps and of straight lines, "torque.coefficients" those of any piecewise polynomial.
+        along : a running cost: a formula like `loss`, of which the values at the samples are added to it.
+        every : steps between these samples, the start and the end among them; left out, that of the plan.
+
+        Returns a Gradient: `value`, `gradient["inertia"]` in the shape of the parameter, the last state
+        `run.last`, and `growth`, the norm of the tangent map.  gradient["start"] is (N,) in the frames
+        of `tangent`.  With a list of systems parameters have a leading axis of bodies, else they are summed.
+        With adaptive steps it is the derivative of the steps that were accepted, their lengths held fixed.
+        Warns by a GradientWarning where the motion is so sensitive that few digits are left.
+        Raises what `integrate` and `tangent` do.
+        """
+        from .gradient import backwards
+
+        return backwards(self, "gradient", start, steps, t_end, t0, by, every, loss, along)
+
+    def pullback(
+        self,
+        cotangent: Any,
+        start: State,
+        *,
+        steps: int | None = None,
+        t_end: float | None = None,
+        t0: float = 0.0,
+        by: str | Sequence[str] = "start",
+        every: int | None = None,
+    ) -> Gradient:
+        """The products of a cotangent with the derivatives of the last state, or of all samples:
+        `gradient` of a loss whose derivative by the states is known.
+
+        cotangent : by the last state: a dict with arrays in the shapes of its parts, {"mu": (3,), "g": (3,
+        3)}, or (N,) in the frames of `tangent`; with a leading axis of bodies for an ensemble.
+        every : left out, of the last state; else of the samples after so many steps each, the start and the
+        end among them, with a leading axis for these.
+        by, and what is returned and raised : as of `gradient`; `value` is None.
+        """
+        from .gradient import backwards
+
+        return backwards(self, "pullback", start, steps, t_end, t0, by, every, cotangent=cotangent)
 
     def _of_body(self, i: int) -> Plan:
         """The plan of one body."""

@@ -9,6 +9,8 @@ import inspect
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from ..compiler.planes import Planes
 from ..errors import (
     IncompatibleSystem,
@@ -240,6 +242,17 @@ class SitesOfPlan:
         if start.width <= LARGE and self.as_one_body:
             return None
         raise self._too_many(why, start)
+
+    def back_through(
+        self, start: Any, steps: int, t0: float, given: Any, names: tuple[str, ...] = ()
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Derivatives by the start, (N,), and by parameters of terms, of a function whose derivatives by
+        the states after some numbers of fixed steps are `given`, {number: (N,)}; components are those
+        of tangent maps.  Raises IncompatibleSystem for what has no way back.
+        """
+        from .sites_adjoint import BackwardRun
+
+        return BackwardRun(self, by_site(self.plan._one, start), steps, t0, names).back(given)
 
     def _too_many(self, why: str, start: Any) -> IncompatibleSystem:
         """The error of what runs by sites do not have."""

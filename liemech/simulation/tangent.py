@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler.driver import attempt, read
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType
+from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import Vec, derivative, record
 from ..formulas.dual import Dual
 from ..formulas.frozen import frozen
@@ -64,13 +64,7 @@ def tangent_of(
     if plan.events:
         raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
     t0 = arguments.real(t0, "t0")
-    names: tuple[Any, ...] = (
-        (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
-    )
-    if not names or not all(isinstance(name, str) for name in names):
-        raise InvalidType(
-            f'Plan.tangent: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
-        )
+    names = arguments.parameters(by, "Plan.tangent")
     asked = [name for name, x in products.items() if x is not None]
     if len(asked) > 1 or (asked and names != ("start",)):
         raise InvalidInput(
