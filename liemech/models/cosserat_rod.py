@@ -348,9 +348,10 @@ class CosseratRod(MechanicalSystem):
             ends = [x[-1], x[0]] if self.closed else [2.0 * x[0] - x[1], 2.0 * x[-1] - x[-2]]
             t = np.concatenate([x[1:], ends[1:]]) - np.concatenate([ends[:1], x[:-1]])
         check_finite(x, f"{name}: curve")
-        t = t / np.linalg.norm(t, axis=1)[:, None]
-        if not np.isfinite(t).all():
+        sizes = np.linalg.norm(t, axis=1)[:, None]
+        if not (sizes > 0.0).all():
             raise InvalidInput(f"{name}: two places of the curve are the same")
+        t = t / sizes
         first = np.eye(3)[np.abs(t[0]).argmin()]
         across = [np.cross(np.cross(t[0], first), t[0])]
         order = [*range(self.frames), *([0] if self.closed else [])]
