@@ -77,7 +77,7 @@ SECTIONS = {
         "banana_orbit",
         "eccentric_orbit",
     ),
-    "Many bodies": ("binary_asteroid", "drop_of_water", "mixing_vorticity"),
+    "Many bodies": ("binary_asteroid", "drop_of_water", "mixing_vorticity", "rubber_rod"),
     "At work": ("attitude_control", "rocket", "flight_code"),
     "Damping and noise": ("paramagnet", "relaxing_body"),
     "From measurements": ("fit_inertia", "attitude_filter"),
