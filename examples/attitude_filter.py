@@ -2,7 +2,6 @@
 the filter says, seen from the body it is not, at first.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -20,7 +19,7 @@ rng, bias = np.random.default_rng(1), np.array([0.002, -0.001, 0.0015])
 rates = rotations.log(rotations.compose(rotations.inverse(run.g[:-1]), run.g[1:])) / h
 measured = rates + bias + 2e-4 / np.sqrt(h) * rng.normal(size=(steps, 3))
 truth = group.join(run.g, bias)
-figure, axes = plt.subplots(2, sharey=True, layout="constrained")
+figure, axes = lm.plots.subplots(2, sharey=True, figsize=(6.4, 4.8))
 for side, axis in zip(("left", "right"), axes):
     ekf = es.ErrorStateFilter(process, side)
     belief = ekf.belief(group.join(np.eye(3), np.zeros(3)), [0.3] * 3 + [0.01] * 3)
@@ -34,6 +33,6 @@ for side, axis in zip(("left", "right"), axes):
     print(f"{side}: bias {group.split(belief.g)[1].round(5)} of {bias}")
     for values, label in (errors, "error of the attitude"), (said, "root of the trace of P"):
         axis.semilogy(h * np.arange(steps), np.linalg.norm(values[:, :3], axis=1), label=label)
-    axis.set(xlabel="t, s", ylabel="rad", title=f"error on the {side}")
-    axis.legend()
-figure.savefig("attitude_filter.png", dpi=90)
+    axis.set(xlabel="$t$ (s)", ylabel="angle (rad)", title=f"error on the {side}")
+    lm.plots.legend(axis)
+lm.plots.save(figure, "attitude_filter.png", dpi=110)

@@ -1,6 +1,5 @@
 """A net of rods on ball joints, held at two opposite corners, falls; its sixteen meshes are closed loops."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -25,14 +24,14 @@ for knot in knots:
 net = Linkage([Link.rod(0.1, 1.0, 0.02)] * len(rods), joints)
 start = net.assembled(poses)
 run = lm.integrate(net, lm.LieRATTLE(), start, h=0.002, steps=600, every=200)
-figure, axes = plt.subplots(1, 4, figsize=(11, 3), subplot_kw={"projection": "3d"})
+figure, axes = lm.plots.subplots(1, 4, figsize=(11, 3), subplot_kw={"projection": "3d"})
 for axis, t, g in zip(axes, run.t, run.g):
     for pose in net.poses(g):
         tips = [pose[:3, 3] + s * pose[:3, 2] for s in (0.5, -0.5)]
-        axis.plot(*np.transpose(tips), color="tab:blue", linewidth=1)
+        axis.plot(*np.transpose(tips), color=lm.plots.COLORS[0], linewidth=1)
     axis.set(title=f"t = {t:.1f} s", xlim=(0, 4), ylim=(0, 4), zlim=(-3, 1))
     axis.set_box_aspect((1, 1, 1), zoom=1.15), axis.set_axis_off()
 c = net.conditions_at(run.mu[-1], run.g[-1])[0]
 print(f"{len(rods)} rods, {len(joints)} joints; conditions to {np.abs(c).max():.0e} m")
 print(f"energy to {np.ptp(run.energy) / 20:.0e} J of 20 J that fell")
-figure.savefig("net.png", dpi=80)
+lm.plots.save(figure, "net.png", dpi=90)

@@ -1,6 +1,5 @@
 """On the ellipsoid of its energy a body spirals to the axis of most entropy, |mu|^2/2."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -15,10 +14,10 @@ class HalfSquare(lm.Hamiltonian):
 body = lm.RigidBody([1.0, 1.5, 2.0])
 relaxing = lm.Metriplectic(body, HalfSquare(), friction=0.05)
 start = relaxing.state([0.9, 0.1, 0.2])
-figure = plt.figure(figsize=(9.6, 4.2), layout="constrained")
+figure, (path, laws) = lm.plots.subplots(1, 2, figsize=(9.6, 4.2))
+path.remove()
 path = figure.add_subplot(1, 2, 1, projection="3d")
-laws = figure.add_subplot(1, 2, 2)
-for method, colour in (lm.DiscreteGradient(), "C0"), (lm.RKMK(order=2), "C1"):
+for method, colour in zip((lm.DiscreteGradient(), lm.RKMK(order=2)), lm.plots.COLORS):
     run = lm.integrate(relaxing, method, start, h=0.5, steps=1000)
     entropy = 0.5 * (run.mu**2).sum(axis=1)
     print(
@@ -27,12 +26,12 @@ for method, colour in (lm.DiscreteGradient(), "C0"), (lm.RKMK(order=2), "C1"):
     )
     laws.plot(run.t, entropy, color=colour, label=f"S, {method.name}")
     laws.plot(run.t, run.energy, "--", color=colour, label=f"H, {method.name}")
-    if colour == "C0":
-        path.plot(*run.mu.T, lw=0.8)
+    if colour == lm.plots.COLORS[0]:
+        path.plot(*run.mu.T, lw=0.8, color=colour)
 path.set(
     xlabel=r"$\mu_1$", ylabel=r"$\mu_2$", zlabel=r"$\mu_3$", aspect="equal", title="on one energy"
 )
 path.locator_params(nbins=4)
-laws.set(xlabel="t in s", ylabel="energy, entropy")
-laws.legend(fontsize=8)
+laws.set(xlabel="$t$ (s)", ylabel="energy, entropy")
+lm.plots.legend(laws)
 lm.plots.save(figure, "relaxing_body.png", dpi=110)

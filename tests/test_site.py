@@ -102,7 +102,8 @@ def _typeset() -> Any:
         ("E_i+1,i+1 - E_ij", "E_{i+1,i+1} - E_{ij}"),
         ("R^2n", "R^{2n}"),
         ("<mu, xi> = mu . xi", r"\langle \mu , \xi \rangle = \mu \cdot \xi"),
-        ("|mu| <= sqrt(J_1 J_2)", r"|\mu | \le \sqrt{J_{1}\, J_{2}}"),
+        ("{q, p} != d2l/dxi2", r"\{q, p\} \neq \mathrm{d}^2 l/\mathrm{d}\xi ^2"),
+        ("|mu| <= sqrt(J_1 J_2)", r"\vert \mu \vert \le \sqrt{J_{1}\, J_{2}}"),
     ],
 )
 def test_formulas_are_set_as_they_are_meant(typed: str, set_: str) -> None:
@@ -118,3 +119,35 @@ def test_formulas_are_set_as_they_are_meant(typed: str, set_: str) -> None:
 )
 def test_programs_are_no_formulas(code: str) -> None:
     assert _typeset().read(code) is None
+
+
+def test_words_stand_in_formulas_of_their_own_lines() -> None:
+    read = _typeset().read
+    assert read("P = F n, the first row first", True) == r"P = F\, n, \text{ the first row first}"
+    assert read("rho = density exp(-z/height)", True) == (
+        r"\rho = \text{ density }\exp (-z/\text{height})"
+    )
+    assert read('y = u  first="kick"', True) == r'y = u\quad \text{ first="kick"}'
+    lines = _typeset().lines
+    assert lines(["body = plan.stepper(start)"]) is None
+    assert lines(["for k in range(3):"]) is None
+    assert lines(["drawn over each other look bold."]) is None
+
+
+@pytest.mark.parametrize(
+    ("sentence", "formulas"),
+    [
+        ("A canonical system of H = T(p) + V(q), a SeparableSystem.", ["H = T(p) + V(q)"]),
+        ("Motion by mu' = ad*_xi mu with xi = dH/dmu.", ["mu' = ad*_xi mu", "xi = dH/dmu"]),
+        ("Elements with g . x = x + g: every one.", ["g . x = x + g"]),
+        ("A chart y = (q, p, c) of it.", ["y = (q, p, c)"]),
+        ("P(g) = -tr(Ad_g)/k, k the largest.", ["P(g) = -tr(Ad_g)/k"]),
+        ("The product in the other order, g * h = h g.", []),
+        ("A place, z = R^T (point - p), is measured.", []),
+        ("It does not glide, v2 - behind w = 0.", []),
+        ("Use side = right, or h = 3 of them.", ["h = 3"]),
+    ],
+)
+def test_formulas_in_sentences_are_found_whole(sentence: str, formulas: list[str]) -> None:
+    found = [sentence[a:b] for a, b in _typeset().inside(sentence)]
+    assert found == formulas

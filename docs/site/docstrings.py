@@ -82,12 +82,25 @@ def linked(code: str, owner: type | None) -> str:
     return f":obj:`{code} <{target}>`" if target else f"``{code}``"
 
 
+def marked(text: str) -> str:
+    """Text in which no sign has a second meaning."""
+    return re.sub(r"([\\*_|`])", r"\\\1", text)
+
+
 def escaped(text: str, owner: type | None) -> str:
-    """Text in which only backticks have a meaning."""
+    """Text in which only backticks have a meaning; formulas are set."""
     parts = re.split(r"(`+)(.+?)\1", text)
     out = ""
     for plain, _, code in zip(parts[::3], [*parts[1::3], ""], [*parts[2::3], ""], strict=True):
-        out += re.sub(r"([\\*_|`])", r"\\\1", plain)
+        end = 0
+        for first, last in typeset.inside(plain):
+            out += marked(plain[end:first])
+            if found := typeset.tex(plain[first:last]):
+                out += f"\\ :math:`{found}`\\ "
+            else:
+                out += marked(plain[first:last])
+            end = last
+        out += marked(plain[end:])
         if code:  # a role ends before a space or a sign of punctuation
             out += ("" if out[-1:] in ("", " ", "(", "[") else "\\ ") + linked(code, owner) + "\\ "
     return re.sub(r"\\ (?=[\s.,:;!?)\]]|$)", "", out)

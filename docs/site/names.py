@@ -16,6 +16,7 @@ from typing import Any
 DOCS = Path(__file__).parent.parent
 sys.path[:0] = [str(DOCS.parent), str(DOCS / "site")]
 
+import typeset  # noqa: E402
 from contents import groups  # noqa: E402
 
 from liemech.formulas import annotations  # noqa: E402
@@ -77,8 +78,12 @@ def about(name: str, thing: Any) -> str:
     """A sentence about a public name, fit for a cell of a table."""
     documented = inspect.isclass(thing) or inspect.isroutine(thing) or inspect.ismodule(thing)
     text = sentence(thing) if documented else constants()[name]
+    plain = re.sub(r"`[^`]*`", lambda code: "\u2026" * len(code[0]), text)
+    for first, last in reversed(typeset.inside(plain)):
+        text = f"{text[:first]}`{text[first:last]}`{text[last:]}"
     # what a forge would take for a mark of its own
-    return re.sub(r"(`[^`]*`)|([|*_<])", lambda m: m[1] or "\\" + m[2], text)
+    text = re.sub(r"(`[^`]*`)|([|*_<])", lambda m: m[1] or "\\" + m[2], text)
+    return re.sub(r"`[^`]*`", lambda code: code[0].replace("|", r"\|"), text)
 
 
 @functools.cache

@@ -30,15 +30,32 @@ GREEK = {
     *("nu", "xi", "pi", "rho", "sigma", "tau", "phi", "chi", "psi", "omega", "Gamma", "Delta"),
     *("Theta", "Lambda", "Xi", "Pi", "Sigma", "Phi", "Psi", "Omega"),
 }
-FUNCTIONS = {"exp", "log", "sin", "cos", "tan", "sinh", "cosh", "det"}
-UPRIGHT = {"tr", "hat", "vee", "cay", "Ad", "ad", "dexp", "diag"}
+SHORT = {"lam": "lambda", "th": "theta", "Om": "Omega", "eps": "epsilon", "hbar": "hbar"}
+"""Greek letters as programs write them."""
+FUNCTIONS = {
+    "exp",
+    "log",
+    "ln",
+    "sin",
+    "cos",
+    "tan",
+    "cot",
+    "sinh",
+    "cosh",
+    "tanh",
+    "det",
+    "max",
+    "min",
+}
+UPRIGHT = {"tr", "Re", "Im", "hat", "vee", "cay", "Ad", "ad", "dexp", "diag"}
 ACTIONS = {"Ad", "ad", "dexp", "K", "dtau"}
 """What takes the element by which it acts as an index, `Ad*_tau(x)`."""
 SIGNS = {
-    "+-": r"\pm ", "<=": r"\le ", ">=": r"\ge ", "->": r"\to ", "...": r"\dots ", "=": "=", "+": "+", "-": "-", "/": "/",
-    ",": ",", ";": ";", "<": "<", ">": ">", "|": "|", "(": "(", ")": ")", "[": "[", "]": "]",
+    "+-": r"\pm ", "<=": r"\le ", ">=": r"\ge ", "!=": r"\neq ", "->": r"\to ", "!": "!", "+=": r"\mathrel{+}=",
+    "...": r"\dots ", "..": r"\dots ", "=": "=", "+": "+", "-": "-", "/": "/",
+    ",": ",", ";": ";", "<": "<", ">": ">", "|": r"\vert ", "{": r"\{", "}": r"\}", "(": "(", ")": ")", "[": "[", "]": "]",
 }  # fmt: skip
-TERM = r"[A-Za-z0-9]+(?:[+-][A-Za-z0-9]+)*"
+TERM = r"-?[A-Za-z0-9]+(?:[+-][A-Za-z0-9]+)*"
 INDEX = re.compile(rf"{TERM}(?:,{TERM})*")
 PAIRS = {"(": ")", "{": "}"}
 
@@ -49,19 +66,24 @@ class NoFormula(Exception):
 
 def tex(text: str) -> str | None:
     """The formula in TeX; None if it is no formula, or cannot be set."""
+    found = read(text)
+    return None if found is None else convertible(found)
+
+
+def convertible(found: str) -> str | None:
+    """TeX that can be set; None for what cannot, which is left as it is written."""
     from latex2mathml.converter import convert
 
-    found = read(text)
     try:
-        return found if found is None or convert(found) else None
-    except Exception:  # of whatever kind: what cannot be set is left as it is
+        return found if convert(found) else None
+    except Exception:  # of whatever kind
         return None
 
 
-def read(text: str) -> str | None:
-    """The formula in TeX; None if it is no formula."""
+def read(text: str, words: bool = False) -> str | None:
+    """The formula in TeX; None if it is no formula.  words : may words stand in it?"""
     try:
-        return " ".join(_read(text).split())
+        return " ".join(_read(text, words).split())
     except NoFormula:
         return None
 
@@ -78,60 +100,90 @@ def _inside(text: str, i: int) -> str:
 
 def _name(word: str) -> str:
     """A letter, a Greek name, a function, or the differential of one of the first two."""
-    if word == "lam":
-        return r"\lambda "
     if len(word) == 1:
         return word
-    if word in GREEK:
+    if word in GREEK | FUNCTIONS | {"sum", "int", "hbar"}:
         return rf"\{word} "
-    if word in FUNCTIONS:
-        return rf"\{word} "
-    if word in ("sum", "int"):
-        return rf"\{word} "
+    if word in SHORT:
+        return _name(SHORT[word])
     if word in UPRIGHT:
         return rf"\operatorname{{{word}}}"
     if word[0] == "d" and (len(word) == 2 or word[1:] in GREEK):
         return rf"\mathrm{{d}}{_name(word[1:])}"
+    if re.fullmatch(r"[a-z][A-Z]", word):  # two factors
+        return word
     raise NoFormula
 
 
 def _index(found: str) -> str:
     """The letters and numbers of an index; `ij` is i and j, and a word is the name of a program."""
     parts = re.split(r"([+,-])", found)
-    if any(re.fullmatch(r"[a-z]{3,}", p) and p not in GREEK | FUNCTIONS for p in parts):
+    if any(re.fullmatch(r"[a-z]{3,}", p) and p not in GREEK | FUNCTIONS | UPRIGHT for p in parts):
         raise NoFormula
-    return "".join(rf"\{p} " if p in GREEK | FUNCTIONS else p for p in parts)
+    return "".join(_name(p) if p in GREEK | FUNCTIONS | UPRIGHT else p for p in parts)
 
 
-def _read(text: str) -> str:
-    """The formula in TeX, from left to right."""
+WORD = re.compile(r"[A-Za-z]+(?:-[a-z]+)*")
+SETTING = re.compile(r'(?:[a-z]+=)?"\w+"')
+"""A choice among the formulas beside which it stands, first="kick"."""
+
+
+def _words(text: str, i: int) -> tuple[str, int] | None:
+    """Words of English that begin here, and where they end; a name that stands in a formula is one, too."""
+    found = []
+    while word := WORD.match(text, i):
+        try:
+            known = bool(_name(word[0])) and not (found and word[0] == "a")
+        except NoFormula:
+            known = False
+        if known:
+            break
+        found.append(word[0])
+        i = word.end()
+        if not re.match(r" [A-Za-z]", text[i:]):
+            break
+        i += 1
+    return (" ".join(found), i) if found else None
+
+
+def _read(text: str, words: bool = False) -> str:
+    """The formula in TeX, from left to right.  words : may words stand in it?"""
     out, i, last = "", 0, ""
     while i < len(text):
         rest = text[i:]
-        if word := re.match(r"[A-Za-z]+(?=[^A-Za-z]|$)", rest):
+        if words and (said := SETTING.match(rest) or _words(text, i)):
+            what, end = said if isinstance(said, tuple) else (said[0], i + said.end())
+            apart = text[end - 1 : end] == " "
+            out += rf"\text{{{' ' if text[i - 1 : i] == ' ' else ''}{what}{' ' if apart else ''}}}"
+            i, last = end, ""
+        elif twice := re.match(r"d2([A-Za-z]+)/d([A-Za-z]+)2", rest):  # a second derivative
+            out += rf"\mathrm{{d}}^2 {_name(twice[1])}/\mathrm{{d}}{_name(twice[2])}^2"
+            i, last = i + twice.end(), ""
+        elif word := re.match(r"[A-Za-z]+(?=[^A-Za-z]|$)", rest):
             name, i = word[0], i + len(word[0])
             around = text[max(0, i - len(name) - 1) : i + 1]
             left, right = text[: i - len(name)], text[i:]
             between = re.search(r"[\w)'*.]\s$", left) and re.match(r"\s([\w(|]|\.\.\.)", right)
+            between = between and not (words and out.endswith("}") and _words(text, i + 1))
             if name in "xo" and around[:1] == " " == around[-1:] and between:
                 out += r"\times " if name == "x" else r"\circ "
                 continue
             if name == "sqrt" and text[i : i + 1] == "(":
                 inner = _inside(text, i)
-                out, i = out + rf"\sqrt{{{_read(inner)}}}", i + len(inner) + 2
+                out, i = out + rf"\sqrt{{{_read(inner, words)}}}", i + len(inner) + 2
             else:
                 out += r"\mathrm{d}" if name == "d" and text[i : i + 1] == "/" else _name(name)
             last = name
             if digits := re.match(r"\d+(?![.\d])", text[i:]):
                 out, i = out + f"_{{{digits[0]}}}", i + len(digits[0])
-        elif number := re.match(r"\d+(\.\d+)?(?![A-Za-z.])", rest):
+        elif number := re.match(r"\d+(\.\d+)?(?![A-Za-z]|\.(?!\.|\s|$))", rest):
             out, i, last = out + number[0], i + len(number[0]), ""
         elif rest[0] == "_":
             if not out or (out[-1] == " " and text[i - 1] == " "):
                 raise NoFormula
             if rest[1:2] in PAIRS:
                 inner = _inside(text, i + 1)
-                out, i = out + f"_{{{_read(inner)}}}", i + len(inner) + 3
+                out, i = out + f"_{{{_read(inner, words)}}}", i + len(inner) + 3
             else:
                 found = INDEX.match(text, i + 1)
                 if not found:
@@ -139,7 +191,7 @@ def _read(text: str) -> str:
                 index, i = _index(found[0]), found.end()
                 if last in ACTIONS and text[i : i + 1] == "(":  # Ad*_tau(x)
                     inner = _inside(text, i)
-                    index, i = index + f"({_read(inner)})", i + len(inner) + 2
+                    index, i = index + f"({_read(inner, words)})", i + len(inner) + 2
                 if last in ("Ad", "ad", "K") and (power := re.match(r"\^(-?\w+)", text[i:])):
                     index, i = f"{index}^{{{power[1]}}}", i + len(power[0])
                 while more := re.match(r"_([A-Za-z0-9]+)", text[i:]):  # ad*_xi_i
@@ -148,7 +200,7 @@ def _read(text: str) -> str:
         elif rest[0] == "^":
             if rest[1:2] in PAIRS:
                 inner = _inside(text, i + 1)
-                out, i = out + f"^{{{_read(inner)}}}", i + len(inner) + 3
+                out, i = out + f"^{{{_read(inner, words)}}}", i + len(inner) + 3
             elif power := re.match(r"\^(-?\d+[a-z]?(?!\w)|-?\d+|-?[A-Za-z]+|\*)", rest):
                 word = power[1]
                 if len(word.lstrip("-")) > 1 and not word.lstrip("-")[0].isdigit():
@@ -166,12 +218,20 @@ def _read(text: str) -> str:
             if not re.search(r"[\w)]$", text[:i]):
                 raise NoFormula
             out, i = out + "'", i + 1
+        elif rest[0] == "." and re.match(
+            r"\w\.\w(?!\w)", text[i - 1 :]
+        ):  # a product of vectors, q.P
+            out, i = out + r" \cdot ", i + 1
+        elif words and rest[0] in ".:" and rest[1:2] in ("", " "):
+            out, i, last = out + rest[0], i + 1, ""
         elif rest.startswith(" . "):
             out, i = out + r" \cdot ", i + 3
         elif sign := next((s for s in SIGNS if rest.startswith(s)), None):
             if sign == "[" and (re.search(r"\w$", text[:i]) or rest[1:2] == "["):
                 raise NoFormula  # an entry of an array, or an array
-            if sign == "=" and (rest[1:2] == "=" or (text[i - 1 : i] != " " or rest[1:2] != " ")):
+            if sign == "=" and (
+                rest[1:2] == "=" or (text[:i] not in ("", text[: i - 1] + " ") or rest[1:2] != " ")
+            ):
                 raise NoFormula  # an argument of a call
             shown = SIGNS[sign]
             if sign == "<" and rest[1:2] not in ("", " "):  # a pairing, <mu, xi>
@@ -205,11 +265,59 @@ SPAN = re.compile(r"(?<![`\w])`([^`\n]+)`(?!`)")
 FENCE = re.compile(r"^(```|:::).*?^\1[ ]*$", flags=re.MULTILINE | re.DOTALL)
 
 
+RELATION = re.compile(r" (=|<=|->) |(?<=\w)' = ")
+ARTICLE = re.compile(r"^[aAI] (?=[a-z]+\b)|(?<=\w) [aAI]$")
+
+
+KNOWN = "|".join(sorted(GREEK | FUNCTIONS | UPRIGHT | {*SHORT, "by"}))
+BESIDE = re.compile(rf" (?!(?:{KNOWN})\b)[a-z]{{2,}}(?![\w(^])| [A-Z][a-z]|[,;:.)](?: |$)(?! \.)|$")
+"""What may stand behind a formula: a word, a sign, the end."""
+TERMS = re.compile(r"[-+*/|<] (?:[\w']+ )?$|<[^>]*$| : \S+ \($")
+"""Before a formula: a sign, or a term behind one, which belongs to it."""
+
+
+def inside(text: str) -> list[tuple[int, int]]:
+    """Where formulas stand in a sentence: what can be read as one about a sign of equality."""
+    found, last = [], 0
+    for sign in RELATION.finditer(text):
+        if sign.start() < last:
+            continue
+        starts = [last, *(last + m.end() for m in re.finditer(r"[ (]", text[last : sign.start()]))]
+        ends = [sign.end() + m.start() for m in re.finditer(r"(?=[ ,;:.)]|$)", text[sign.end() :])]
+        ranges = ((a, b) for a in starts[-14:] for b in reversed(ends[:24]))
+        if best := next((pair for pair in ranges if _stands(text, *pair)), None):
+            found.append(best)
+            last = best[1]
+    return found
+
+
+def _stands(text: str, a: int, b: int) -> bool:
+    """Is this a formula by itself: every part of it an equation, its brackets closed, words beside it?"""
+    formula, depth, parts = text[a:b], 0, [""]
+    for letter in formula:
+        depth += (letter in "([{") - (letter in ")]}")
+        if depth < 0:
+            return False
+        parts = [*parts, ""] if letter in ",;" and not depth else [*parts[:-1], parts[-1] + letter]
+    numbers = all(re.fullmatch(r" (\d+|\.\.\.)", part) for part in parts[1:])
+    return (
+        not depth
+        and formula == formula.strip(" ,;:.=+-")
+        and bool(BESIDE.match(text, b))
+        and not TERMS.search(text[:a])
+        and not ARTICLE.search(formula)
+        and not formula.count("|") % 2
+        and (numbers or all(RELATION.search(part) for part in parts))
+        and read(formula) is not None
+    )
+
+
 def pages(app: Sphinx, name: str, source: list[str]) -> None:
     """In the pages a formula in backticks is set as one."""
 
     def formula(span: re.Match[str]) -> str:
-        found = tex(span[1]) if SURE.search(span[1]) else None
+        typed = span[1].replace(r"\|", "|")  # as a table has it
+        found = tex(typed) if SURE.search(typed) else None
         return f"${found}$" if found else span[0]
 
     def outside(text: str) -> str:
@@ -225,24 +333,26 @@ def pages(app: Sphinx, name: str, source: list[str]) -> None:
     source[0] = out + outside(text[end:])
 
 
+CODE = re.compile(
+    r"[a-z]{2,}\.[a-z_]{2,}|\w\[|\w\(\w+=[^=\"]|__|^ *(class|for|def|return|with \w+\.|#) |[`#]|^ *[A-Z]\w+\(.*\)\."
+)
+"""What only a program has."""
+
+
 def lines(block: list[str]) -> list[str] | None:
     """The lines of a formula in a docstring as TeX, with the words beside them; None if one of them
     is no formula.
     """
-    if any(re.fullmatch(r"[-+| ]*", line) for line in block):  # a drawn table
-        return None
+    if any(re.fullmatch(r"[-+| ]*", line) or CODE.search(line) for line in block):
+        return None  # a drawn table, or a program
+    if not any(SURE.search(line) for line in block):
+        return None  # words
     found = []
     for line in block:
-        parts = []
-        for part in re.split(r"\s{3,}", line.strip()):
-            set_ = tex(part.strip(" ."))
-            words = re.fullmatch(r"[A-Za-z][A-Za-z ,'()-]*", part)
-            if set_ is None and words and " " in part:
-                set_ = rf"\text{{{part}}}"
-            if set_ is None:
-                return None
-            parts.append(set_)
-        found.append(r" \qquad ".join(parts))
+        parts = [read(part.strip(), words=True) for part in re.split(r"\s{3,}", line.strip())]
+        if None in parts or convertible(whole := r" \qquad ".join(map(str, parts))) is None:
+            return None
+        found.append(whole)
     return found
 
 

@@ -554,7 +554,7 @@ def _rule(
 def _over(
     function: Callable[..., Any], steepness: Callable[[Series], Series]
 ) -> Callable[[Series], Series]:
-    """The same from d = 1/f' as a function of x, in one sum of products.
+    """The series of the inverse from d = 1/f' as a function of x, in one sum of products.
 
     d y' = x':   d_0 y_k = x_k - sum_j (j/k) y_j d_(k-j),   0 < j < k
     """

@@ -270,6 +270,10 @@ class RKMK(Method):
     def slope(self, system: System, t: float, start: Any, omega: Vec) -> Vec:
         """dtau^-1_Omega xi(t, the start displaced by tau(Omega)), trivialised like the velocity."""
         xi = system.rate(t, system.displaced(self.retraction, start, omega))
+        return self.in_chart(system, omega, xi)
+
+    def in_chart(self, system: System, omega: Vec, xi: Vec) -> Vec:
+        """dtau^-1_Omega xi, in closed form or by its series."""
         place = sided(omega, system.side)
         if isinstance(self.truncation, str):
             return self.retraction.dtau_inv(system.group, place, xi)

@@ -8,6 +8,8 @@ from .charged_particle import TokamakField as TokamakField
 from .charged_particle import UniformField as UniformField
 from .constrained_pendulums import ChainPendulum as ChainPendulum
 from .constrained_pendulums import FourBarLinkage as FourBarLinkage
+from .cosserat_rod import CosseratRod as CosseratRod
+from .cosserat_rod import RodStrain as RodStrain
 from .effectors import ConservativeEffector as ConservativeEffector
 from .effectors import Effector as Effector
 from .fermi_pasta_ulam import FermiPastaUlam as FermiPastaUlam
@@ -32,6 +34,7 @@ from .pendulums import Pendulum as Pendulum
 from .planetary_system import PlanetarySystem as PlanetarySystem
 from .poisson_top import PoissonTop as PoissonTop
 from .reaction_wheels import ReactionWheels as ReactionWheels
+from .rod_section import RodSection as RodSection
 from .space_bodies import FallingBody as FallingBody
 from .space_bodies import OrbitingBody as OrbitingBody
 from .space_fields import GravityGradient as GravityGradient

@@ -5,7 +5,7 @@ A run, read in the order in which it happens:
 1. `integrate` (integrate.py) looks for a plan that it has made before, or makes one, and calls its `run`.
 2. `Plan` (plan.py) checks the system, the method and the `Options` (options.py, arguments.py) once.  It
    keeps h or the tolerances, and what is compiled, as `Steps` (prepared.py) or `AdaptiveSteps`
-   (tolerance.py).  `Plan.run` checks the start, and chooses the kind of run:
+   (tolerance.py).  `Plan.run` checks the start (starts.py), and chooses the kind of run:
 
                                     all bodies make the same steps    each body its own steps
        fixed steps (equal.py)       StraightRun                       EqualRun
@@ -13,11 +13,12 @@ A run, read in the order in which it happens:
        adaptive (tolerance.py)                                        ToleranceRun
 
    A run that is so short that one native call makes it takes a shorter way (short.py), to the same bits.
-3. `Run` (run.py) is the loop.  A body is a column of numbers: what the method carries along, its `Clock`
-   (time, step h, number of steps, marks) and its `Goal` (last time, last step, tolerances); one body is
-   an ensemble of one.  `aim` sets the goals and h of all bodies, `begin` writes the columns: the
-   start goes through `Method.start`, or comes from the `Carry` of a former run.  Then `_march` makes
-   pieces of some steps, until every body is at its goal.  A body that fails stays, and the others go on.
+3. `Course` (course.py) is the loop: `piece` after piece of some steps, until every body is at its goal;
+   between them the run is saved and shown, and hears Ctrl-C.  In a `Run` (run.py) a body is a column of
+   numbers: what the method carries along, its `Clock` (time, step h, number of steps, marks) and its
+   `Goal` (last time, last step, tolerances); one body is an ensemble of one.  `aim` sets the goals and
+   h of all bodies, `begin` writes the columns: the start goes through `Method.start`, or comes from the
+   `Carry` of a former run.  A body that fails stays, and the others go on.
 4. `advance` (driver.py) is what is compiled: it makes steps of one column, or of several side by side.  A
    `Control` (control.py) knows how long a step is and when it is the last: `Equal`, `Tolerance`,
    `Fictive`.  `Lanes` (lanes.py) calls it on columns; `Execution` (execution.py) decides whether native
@@ -26,11 +27,12 @@ A run, read in the order in which it happens:
    `Straight` samples that native code writes where they stay, `Dense` rows for the motion between steps,
    `Quantities` for functions of states; `Events` (events.py) for zeros.  States inside of steps come
    from a `Between` (dense.py, arrival.py): by a polynomial, or by a shorter step.
-6. result.py makes the `Trajectory` (trajectory.py) of what the observers have, and joins those of
-   chunks.  Its `carry` (carry.py; fictive.py in fictive time) says where every body stands, and
+6. result.py makes every `Trajectory` (trajectory.py), of what the observers have, and joins those of
+   chunks and members.  Its `carry` (carry.py; fictive.py in fictive time) says where every body stands, and
    going_on.py whether a plan may go on from there.
 
 The same parts serve other ways to run: stepper.py by hand, spread.py on an executor, tangent.py in numbers
 that carry derivatives, archive.py from a file, checkpoint.py into one; export.py makes C code of a plan.
-One system of many sites has columns of sites instead, and its own drivers: sites_*.py.
+One system of many sites is a `Course` too (sites_run.py; by colours turns_of_sites.py, of linkages
+links_run.py): it has columns of sites instead of bodies, and its own drivers (sites_driver.py).
 """

@@ -12,10 +12,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..compiler import kernel
+from ..compiler.cache_lines import in_lines
 from ..compiler.driver import Rejected, attempt, read, reason
 from ..errors import IntegrationFailure, InvalidInput, InvalidType, failure, is_mistake
 from ..formulas.pytree import Layout, build, double_double, fitted, layout_of, leaves
 from ..systems.system import State, member
+from . import arguments
 from .carry import Carry, common
 from .control import (
     ASKED,
@@ -31,14 +33,14 @@ from .control import (
     begun,
     sample,
 )
+from .course import told
 from .dense import Between, ShortSteps, lay_out
 from .driver import begin
 from .execution import LOOK
 from .keep import At, Straight
 from .lanes import Lanes, share_out
 from .prepared import Shape, shown_step, times
-from .progress import Bar
-from .result import of_run
+from .result import of_start
 from .run import PATIENCE, Run
 from .trajectory import Trajectory
 
@@ -68,7 +70,7 @@ class EqualRun(Run):
     unbegun: Any = ()
 
     def aim(self, ends: list[Any], steps: Any) -> None:
-        plan, way, before = self.plan, self.way, self.before
+        way, before = self.way, self.before
         self.h = np.array([way.h_of(i) for i in range(self.count)])
         self.zero = self.t0 if before is None else np.array(np.broadcast_to(before.t0, self.count))
         if before is not None:
@@ -79,7 +81,7 @@ class EqualRun(Run):
         for i in np.flatnonzero(~self.over).tolist():
             own = float(self.zero[i]), int(self.first[i])
             try:
-                self.aims[LIMIT, i] += plan.count(steps, ends[i], *own, self.h.item(i))
+                self.aims[LIMIT, i] += arguments.fixed_steps(steps, ends[i], *own, self.h.item(i))
             except Exception as error:
                 if self.bodies:
                     error.add_note(f"[integrate: body {i}]")
@@ -95,7 +97,7 @@ class EqualRun(Run):
         count, before, shape = self.count, self.before, self._shape()
         self.shape, lanes = shape, self._lanes(shape)
         self.lanes, columns = lanes, shape.columns(count)
-        self.table = np.empty((lanes.height, columns))
+        self.table = in_lines(lanes.height, columns)
         numbers, clocks, goals, *own = lanes.parts(self.table[:, :count])
         for mine, given in zip(own, lanes.own, strict=True):
             mine[:] = given
@@ -178,23 +180,15 @@ class EqualRun(Run):
         if not is_mistake(error):
             what = none + repr(self.plan.method)
             error = failure(error, what, f"at the start, {self.way.clock} = {self.zero[0]:g}")
-        error.trajectory = self._only_start()
+        error.trajectory = of_start(self)
         return error
 
-    def _only_start(self) -> Trajectory:
-        """The start as the only sample."""
-        states = {
-            name: np.array(x)[None] for name, x in self.stepped.parts.items() if x is not None
-        }
-        h = self.way.h
-        fields = self._sampled(times(self.zero.item(0), np.zeros(1), h), states)
-        return self.run_of(
-            method=self.plan.method, h=shown_step(h), bodies=self.bodies, steps=0, **fields
-        )
-
-    def _sampled(self, t: np.ndarray, states: dict[str, np.ndarray]) -> dict[str, Any]:
-        """The fields of a trajectory that has these samples only."""
-        return {"system": self.plan.system, "t": t, "states": states}
+    def first_sample(self) -> dict[str, Any]:
+        """The fields of a trajectory that has the start only."""
+        t = times(self.zero.item(0), np.zeros(1), self.way.h)
+        parts = self.stepped.parts.items()
+        states = {name: np.array(x)[None] for name, x in parts if x is not None}
+        return {"system": self.plan.system, "t": t, "states": states, "h": shown_step(self.way.h)}
 
     def _begin(self, heads: np.ndarray) -> None:
         """Let the method begin with every body."""
@@ -264,11 +258,7 @@ class EqualRun(Run):
     def observe(self) -> list[Any]:
         if self.asked is None or self.plan.events:
             return super().observe()
-        after = np.rint((self.asked - self.zero) / self.h)
-        there = self.zero + after * self.h
-        near = NEAR * np.maximum(np.abs(self.asked), np.abs(self.zero))
-        asked = np.where(np.abs(self.asked - there) <= near, there, self.asked)
-        return [At(self, asked, self.asked)]
+        return [At(self, at_steps(self.asked, self.zero, self.h), self.asked)]
 
     # ---------------------------------------------------------------- between steps
 
@@ -305,14 +295,8 @@ class EqualRun(Run):
 
     def error(self, i: int) -> Any:
         error = (self.failures.get(i) or [None])[-1]
-        at = self.place(i)
-        if is_mistake(error):
-            error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
-        else:
-            if not self.bodies:
-                at += f"; {len(self.samples(i)[0])} samples are in `.trajectory`"
-            error = failure(error, repr(self.of(i)[1]), at)
-        return self.explained(error, i, goes_on=False)
+        there = None if self.bodies else lambda: len(self.samples(i)[0])
+        return self.explained(told(error, self.of(i)[1], self.place(i), there), i, goes_on=False)
 
     def place(self, i: int) -> str:
         """The step that a body did not make, and the time from which."""
@@ -337,7 +321,7 @@ class StraightRun(EqualRun):
         before, count = self.before, self.count
         zero, done = (self.t0.item(0), 0) if before is None else (before.t0, before.step)
         self.h = np.broadcast_to(np.array(self.way.h, dtype=float), count)
-        self.steps = self.plan.count(steps, ends[0], zero, done, self.way.h)
+        self.steps = arguments.fixed_steps(steps, ends[0], zero, done, self.way.h)
         self.done, self.reached, self.stood = done, done, (-1, -1.0)
         self.zero = np.broadcast_to(zero, count)
         if before is not None:
@@ -363,7 +347,7 @@ class StraightRun(EqualRun):
             self.after, self.exact = steps_before(self.asked, self.zero.item(0), self.h.item(0))
             numbers = np.unique(np.concatenate([[before], self.after, [end]]))
         room = min(room, len(numbers))
-        self.kept_samples = Straight(self, numbers, np.empty((room, width, columns)))
+        self.kept_samples = Straight(self, numbers, in_lines(room, width, columns))
         self.latest = self.kept_samples.array[0]
         return self.latest
 
@@ -380,42 +364,58 @@ class StraightRun(EqualRun):
     def measure(self) -> tuple[int, str]:
         return self.steps * self.count, "step"
 
-    def _march(self, bar: Bar) -> None:
-        """Sweeps of all bodies, as long as there is something to show and somebody to interrupt."""
-        samples, stepping, checkpoint = self.observers[0], self.lanes.stepping, self.checkpoint
-        settled, pace, columns = False, PLAIN, self.shape.whole(self.count)
-        end, looked = self.done + self.steps, self.done
-        if self.quantities:
-            self.quantities.flush()
-        while self.reached < end and not self._mistaken():
-            native = stepping.native is not None
-            if not settled and (native or stepping.wanted is False):
-                settled, pace = True, NATIVE if native else PLAIN
-            begun = time.perf_counter()
-            sweep = max(1, pace // columns)
-            if native:  # whole lanes in turn, each through the whole sweep
-                sweep = max(sweep, min(SWEEP // columns, pace // self.shape.side))
-            if checkpoint is not None:
-                sweep = checkpoint.within(sweep)
-            turns, every = samples.ahead(self.reached, sweep)
-            calls = self._sweep(turns, every, pace)
-            bar.advance(turns * every * self.count)
-            used = (time.perf_counter() - begun) / calls
-            look = samples.full or (self.reached - looked) * columns >= STEPS
-            due = checkpoint is not None and checkpoint.due(turns * every)
-            if self.quantities and (look or due):
-                looked = self.reached
+    @property
+    def shown(self) -> int:
+        return (self.reached - self.done) * self.count
+
+    worth_saving = True
+    settled = False  # is it known which code makes the steps?
+    pace, looked = PLAIN, -1  # steps of all bodies in a piece; where functions were looked at
+
+    def piece(self) -> int | None:
+        """A sweep of all bodies, as long as there is something to show and somebody to interrupt."""
+        samples, stepping, columns = (
+            self.observers[0],
+            self.lanes.stepping,
+            self.shape.whole(self.count),
+        )
+        if self.looked < 0:
+            self.looked = self.done
+            if self.quantities:
                 self.quantities.flush()
-            if due:
-                checkpoint.save(of_run(self))
-            if used < (PATIENCE if settled else LOOK) / 2:
-                pace *= 2
-            elif used > 2 * PATIENCE:
-                pace = max(1, pace // 2)
-            if not (self.bodies or self.open.any()):
-                break
-        if self.quantities:
+        stands = not (self.bodies or self.reached == self.done or self.open.any())
+        if stands or self.reached == self.done + self.steps or self._mistaken():
+            if self.quantities:
+                self.quantities.flush()
+            return None
+        native = stepping.native is not None
+        if not self.settled and (native or stepping.wanted is False):
+            self.settled, self.pace = True, NATIVE if native else PLAIN
+        begun = time.perf_counter()
+        sweep = max(1, self.pace // columns)
+        if native:  # whole lanes in turn, each through the whole sweep
+            sweep = max(sweep, min(SWEEP // columns, self.pace // self.shape.side))
+        if self.checkpoint is not None:
+            sweep = self.checkpoint.within(sweep)
+        turns, every = samples.ahead(self.reached, sweep)
+        calls = self._sweep(turns, every, self.pace)
+        used = (time.perf_counter() - begun) / calls
+        if used < (PATIENCE if self.settled else LOOK) / 2:
+            self.pace *= 2
+        elif used > 2 * PATIENCE:
+            self.pace = max(1, self.pace // 2)
+        look = samples.full or (self.reached - self.looked) * columns >= STEPS
+        if self.quantities and look:
+            self.looked = self.reached
             self.quantities.flush()
+        return turns * every
+
+    def save(self) -> None:
+        """Write the run so far, with functions of all samples that are there."""
+        if self.quantities:
+            self.looked = self.reached
+            self.quantities.flush()
+        super().save()
 
     def _mistaken(self) -> bool:
         """Has a body shown a mistake in a formula?"""
@@ -607,9 +607,17 @@ class Advance(StraightRun):
             self.table[:] = before
             raise
 
-    def tell(self, stopped: Any) -> None:
-        if any(not self.over[i] for i in stopped):
-            super().tell(stopped)
+    def tell(self, made: Trajectory) -> None:
+        if any(not self.over[i] for i in made.stopped):
+            super().tell(made)
+
+
+def at_steps(times: Any, t0: Any, h: Any) -> np.ndarray:
+    """Times, those of ends of steps, but for rounding, exactly."""
+    there = t0 + np.rint((times - t0) / h) * h
+    near = NEAR * np.maximum(np.abs(times), np.abs(t0))
+    found: np.ndarray = np.where(np.abs(times - there) <= near, there, times)
+    return found
 
 
 def steps_before(times: np.ndarray, t0: float, h: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,19 +9,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import IntegrationFailure, IntegrationInterrupted, is_mistake, warn
+from ..errors import IntegrationFailure, is_mistake, warn
 from ..systems.system import member
 from . import arguments
 from .carry import Carry
-from .control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME, go_on
+from .control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME
+from .course import Course
 from .dense import Between
 from .events import Events
 from .execution import LOOK
 from .fictive import FictiveCarry
+from .jumps import Ways, beyond_jump
 from .keep import At, Every, Piece, Quantities
 from .lanes import Lanes
-from .progress import Bar
-from .result import AsItIs, of_body, of_run
+from .result import AsItIs, of_body
 from .systems import of_body as one_of
 from .trajectory import Trajectory
 
@@ -37,7 +38,7 @@ PATIENCE = 0.25
 """Seconds between two looks at the keyboard."""
 
 
-class Run:
+class Run(Course):
     """Bodies, each with a column of numbers, a clock and a goal of its own; abstract: there is one
     for every control.
 
@@ -52,7 +53,6 @@ class Run:
     """
 
     run_of: ClassVar[Any] = Trajectory
-    adaptive: ClassVar[bool] = False
     # are samples handed on as the run goes, where functions of them are kept?
     streams: bool = property(lambda run: not run.bodies)  # type: ignore[assignment]
     lazy: bool = False  # are samples views of what is there, made when somebody looks at them?
@@ -84,7 +84,7 @@ class Run:
         self.first = np.zeros(self.count)  # how many steps there were before
         self.compiled = self.native = False
         self.quantities: Quantities | None = None
-        self.jumps: dict[int, list[tuple[float, float]]] = {}
+        self.jumps: dict[int, Ways] = {}
         ends = arguments.ends(t_end, self.count) if self.bodies else [
             None if t_end is None else arguments.real(t_end, "t_end")
         ]  # fmt: skip
@@ -239,31 +239,27 @@ class Run:
 
     @property
     def measure(self) -> tuple[int, str]:
-        """Total and unit of the progress bar."""
         return (self.count, "body") if self.bodies else (1000, "")
 
-    def trajectory(self) -> Trajectory:
-        """Take all bodies to their goals."""
-        try:
-            with Bar(self.plan.options.progress, *self.measure) as bar:
-                self._march(bar)
-            for i in np.flatnonzero(self.failed).tolist():
-                error = self.why(i)
-                if not self.bodies:
-                    raise error
-                if is_mistake(error):
-                    error.add_note(f"[integrate: body {i}]")
-                    raise error
-            made = of_run(self)
-        except (Exception, KeyboardInterrupt) as error:
-            raise self._stopped(error) from error.__cause__
-        self.tell(made.stopped)
-        if self.events:
-            self.events.tell()
-        return made
+    @property
+    def shown(self) -> int:
+        return self.arrived if self.bodies else int(1000 * self.part())
 
-    def tell(self, stopped: Any) -> None:
-        """Warn of bodies that stopped."""
+    @property
+    def worth_saving(self) -> bool:
+        return self.adaptive or bool(self.open.any())
+
+    def require_ends(self) -> None:
+        for i in np.flatnonzero(self.failed).tolist():
+            error = self.why(i)
+            if not self.bodies:
+                raise error
+            if is_mistake(error):
+                error.add_note(f"[integrate: body {i}]")
+                raise error
+
+    def tell(self, made: Trajectory) -> None:
+        stopped: Any = made.stopped
         if stopped:
             some = ", ".join(f"body {i} after {n} steps" for i, n in [*stopped.steps.items()][:5])
             warn(
@@ -271,57 +267,66 @@ class Run:
                 f"{some}. {stopped[min(stopped)].error}",
                 RuntimeWarning,
             )
+        if self.events:
+            self.events.tell()
 
-    def _march(self, bar: Bar) -> None:
-        """Pieces of as many bodies as run side by side, until all have come to their ends."""
-        stepping, checkpoint, workers = (
-            self.lanes.stepping,
-            self.checkpoint,
-            self.plan.options.workers,
-        )
-        room, least, work, span = ROOM * workers, TURNS, WORK * workers, TURNS
-        if self.quantities:
-            self.quantities.flush()
-        queue = np.flatnonzero(self.open)
-        bodies, columns = queue[:0], None  # type: Any, Any
-        while True:
-            done = 0.0 if stepping.native is not None else self.part()
-            was, native = self.native, stepping.ready(done)
-            self.native = native
-            size = room if native else 1
-            if columns is None or len(bodies) > size or native is not was:
-                both = np.concatenate([bodies, queue])
-                bodies, queue = both[:size], both[size:]
-                if not len(bodies):
-                    return
-                columns = self.table.take(_padded(bodies, stepping.lanes if native else 1), axis=1)
-            m, padded = len(bodies), columns.shape[1]
-            turns = max(least, min(LONGEST, work // padded)) if native else span
-            if checkpoint is not None:
-                turns = max(1, min(turns, checkpoint.within(turns * m) // m))
-            begun, taken = time.perf_counter(), columns[self._clock + TAKEN, :m].sum()
-            self.compiled = self.compiled or native
-            self._piece(bodies, columns, turns)
-            used = time.perf_counter() - begun
-            if native and used > PATIENCE:  # somebody may want to interrupt it
-                room, least, work = max(stepping.lanes, room // 4), max(1, least // 2), work // 4
-            if not native and used < 0.5 * LOOK:
-                span = min(2 * span, LONGEST)
-            made = int(columns[self._clock + TAKEN, :m].sum() - taken)
-            if (
-                checkpoint is not None
-                and checkpoint.due(made)
-                and (self.adaptive or self.open.any())
-            ):
-                checkpoint.save(of_run(self))
-            going = self._open(bodies)
-            ended = m - int(going.sum())
-            at_once = len(queue) or self.events or self.jumps or not native
-            if ended and (at_once or 4 * ended >= m):
-                bodies, columns = bodies[going], None
-                bar.advance(ended if self.bodies else 0)
-            if not self.bodies:
-                bar.advance(int(1000 * self.part()) - bar.done)
+    arrived = 0
+    side: Any = (
+        None  # bodies that run side by side, their columns, and whether native code runs them
+    )
+    queue: Any = None  # bodies that wait
+    room, least, work, span = ROOM, TURNS, WORK, TURNS
+
+    def piece(self) -> int | None:
+        """Some trials of as many bodies as run side by side; others wait until these are at their
+        ends.
+        """
+        stepping, checkpoint, workers = self.lanes.stepping, self.checkpoint, self._workers
+        if self.queue is None:
+            self.queue = np.flatnonzero(self.open)
+            if self.quantities:
+                self.quantities.flush()
+        native = stepping.ready(0.0 if stepping.native is not None else self.part())
+        size = self.room * workers if native else 1
+        bodies, columns = self.side or (self.queue[:0], None)
+        if columns is None or len(bodies) > size or native is not self.native:
+            both = np.concatenate([bodies, self.queue])
+            bodies, self.queue = both[:size], both[size:]
+            if not len(bodies):
+                return None
+            columns = self.table.take(_padded(bodies, stepping.lanes if native else 1), axis=1)
+        self.native, m = native, len(bodies)
+        self.compiled = self.compiled or native
+        turns = self.span
+        if native:
+            most = self.work * workers // columns.shape[1]
+            turns = max(self.least, min(LONGEST, most))
+        if checkpoint is not None:
+            turns = max(1, min(turns, checkpoint.within(turns * m) // m))
+        begun, taken = time.perf_counter(), columns[self._clock + TAKEN, :m].sum()
+        self._piece(bodies, columns, turns)
+        self._pace(time.perf_counter() - begun)
+        made = int(columns[self._clock + TAKEN, :m].sum() - taken)
+        going = self._open(bodies)
+        ended = m - int(going.sum())
+        at_once = len(self.queue) or self.events or self.jumps or not native
+        if ended and (at_once or 4 * ended >= m):
+            bodies, columns = bodies[going], None
+            self.arrived += ended
+        self.side = bodies, columns
+        return made
+
+    def _pace(self, used: float) -> None:
+        """How long the next piece is, by the seconds that this one took."""
+        if self.native and used > PATIENCE:  # somebody may want to interrupt it
+            self.room = max(self.lanes.stepping.lanes, self.room // 4)
+            self.least, self.work = max(1, self.least // 2), self.work // 4
+        if not self.native and used < 0.5 * LOOK:
+            self.span = min(2 * self.span, LONGEST)
+
+    @property
+    def _workers(self) -> int:
+        return int(self.plan.options.workers)
 
     @property
     def _clock(self) -> int:
@@ -419,15 +424,12 @@ class Run:
         clock = self._clock
         goal = clock + CLOCK.width
         for k, body in enumerate(bodies.tolist()):
-            ways = self.jumps.get(body)
-            if not ways or columns[clock + TIME, k] != columns[goal, k] or body in self.cuts:
+            left = self.jumps.get(body)
+            if not left or columns[clock + TIME, k] != columns[goal, k] or body in self.cuts:
                 continue
-            end, beyond = ways.pop()
-            if end != beyond:
-                go_on(columns[clock:goal, k], beyond)
-                columns[goal, k] = ways[-1][0] if ways else self.t_end[body]
-                if beyond == self.t_end[body]:
-                    self.here[0, body] = beyond
+            end = self.t_end.item(body)
+            if beyond_jump(columns[clock:, k], columns[goal:, k], left, end) == end:
+                self.here[0, body] = end
 
     # ---------------------------------------------------------------- what came of it
 
@@ -453,23 +455,16 @@ class Run:
         """Where a body stands: the time, and the numbers of its state."""
         return self.here.item(0, i), self.here[1:, i]
 
-    def _stopped(self, error: Any) -> Any:
-        """The error or interrupt that ends a run, with the run so far."""
+    def settle(self, error: Any) -> bool:
         goes_on = self.adaptive or isinstance(error, KeyboardInterrupt)
         goes_on &= not hasattr(error, "kept")
-        if isinstance(error, KeyboardInterrupt) and not isinstance(error, IntegrationInterrupted):
-            error = IntegrationInterrupted(f"integrate: interrupted {self.so_far()}")
-        elif getattr(error, "trajectory", None) is not None and not self.bodies:
-            return error
         if self.quantities and not hasattr(error, "kept"):
             self.quantities.flush()
         for one in (*self.observers, *([self.events] if getattr(self, "events", None) else [])):
             one.forget()
-        error.trajectory = of_run(self, goes_on)
-        return error
+        return goes_on
 
     def so_far(self) -> str:
-        """How far an interrupted run has come."""
         text = f"at t = {self.here.item(0):g}, after {int(self.made[0])} steps"
         if self.bodies:
             text = f"before {int(self.open.sum())} of {self.count} bodies came to the end"

@@ -4,9 +4,7 @@ are wanted.
 
 from __future__ import annotations
 
-import functools
 import time
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,18 +12,15 @@ import numpy as np
 from ..compiler import kernel
 from ..compiler.planes import Planes
 from ..errors import (
-    IntegrationInterrupted,
     InvalidInput,
     NoConvergence,
     NotFinite,
-    StepTooSmall,
-    failure,
     is_mistake,
 )
 from ..formulas.pytree import inside, layout_of
 from ..formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
 from ..systems.site_state import StateOfSites
-from ..systems.tabulated import has_inputs
+from ..systems.tabulated import during, has_inputs
 from . import arguments
 from .control import (
     ANEW,
@@ -42,12 +37,15 @@ from .control import (
     go_on,
     to_try,
 )
+from .course import Course, told
 from .dense import unpacked
 from .driver import advance
-from .equal import NEAR, affordable
-from .progress import Bar
+from .equal import affordable, at_steps
+from .jumps import Ways, beyond_jump, stretches, until_jumps
+from .result import of_run
 from .sites_carry import SiteCarry
 from .sites_driver import (
+    COPIES,
     CROSSED,
     ROW,
     UNWATCHED,
@@ -65,9 +63,7 @@ from .sites_events import Sightings
 from .sites_lists import STEP as SHORT
 from .sites_lists import Lists
 from .sites_states import as_users_see, by_site, first_of, site_rows, state_of_rows
-from .stopped import NONE
-from .tolerance import stretches, too_small
-from .trajectory import Trajectory
+from .tolerance import limit_of, too_many, too_small
 
 PATIENCE = 0.1
 """Seconds between two looks at the keyboard."""
@@ -95,27 +91,31 @@ class Failing:
         raise self.error
 
 
-class SiteRun:
-    """One run of one system of many sites.
+class SiteRun(Course):
+    """One run of one system of many sites: what bodies are in other runs is here one system, whose columns
+    are its sites.
 
     asked, times : of samples, as they were asked for, and as the driver meets them.  seen : samples of
     states.  march : how far the driver has come.  left : jumps of the velocity, last ones first.
     """
 
+    by_sites = True
+    pace = 1  # steps of a call
     ended: int | None = None  # by which event
     level: float | None = None  # of the derivative that numbers carry along
+    dense = False  # are the ends of all adaptive steps kept?
 
     def __init__(
         self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
-        kept: Any,
+        checkpoint: Any = None,
     ) -> None:  # fmt: skip
-        self.plan, self.site, self.kept, self.way = plan, site, kept, plan._steps
+        self.plan, self.site, self.checkpoint, self.way = plan, site, checkpoint, plan._steps
         self.adaptive, self.workers = plan.adaptive, plan.options.workers
         fresh = isinstance(start, StateOfSites)
         state = by_site(plan._one, start if fresh else start.state)
         self.state, self.count = state, state.sites
         zero: tuple[float, int] = (t0, 0) if fresh else (start.t0, start.step)
-        self.t0, self.before = zero
+        self.t0, self.first = zero
         self.begun = t0 if fresh else start.t
         self.lists: Any = Lists.of(plan._one, site)
         if self.lists is not None:
@@ -142,6 +142,7 @@ class SiteRun:
         self.march, self.look = np.array([0.0, np.nan, 0.0]), np.zeros(max(1, self.totals.shape[1]))
         self.values = np.full((2, max(1, len(plan.events))), np.nan)
         self.made = 0  # samples
+        self.found: dict[str, np.ndarray] = {}  # functions of all sites together, recorded
         self.failures: list[Any] = []
         self.notes, self.compiled = 0, False
         if fresh:
@@ -151,8 +152,9 @@ class SiteRun:
         self.events = Sightings(self, plan.events, start) if plan.events else None
 
     def _room_for(self, width: int) -> Planes:
-        """Memory for all sites: two copies of what the method carries along."""
-        return Planes.of_rows(2 * width, self.count)
+        """Memory for all sites: two copies of what the method carries along, more where steps are cut."""
+        copies = 2 if self.shape.ending is None else COPIES
+        return Planes.of_rows(copies * width, self.count)
 
     def laid_out(self, state: Any) -> tuple[Any, np.ndarray]:
         """The state of the first site, and the numbers of all, (width, sites)."""
@@ -163,43 +165,36 @@ class SiteRun:
     def aim(self, steps: Any, t_end: Any, t_eval: Any) -> None:
         """Clock and goal, and the times of samples."""
         self.clocks = np.array([[self.begun, 0.0, *FRESH]]).T
-        self.goals, self.left = np.zeros((GOAL.width, 1)), []  # type: Any, list[Any]
+        self.goals = np.zeros((GOAL.width, 1))
+        self.left: Ways = []
         way, self.every = self.way, self.plan.options.every
         if not self.adaptive:
-            self.steps = self.plan._count(steps, t_end, self.t0, self.before)
-            last, h = self.before + self.steps, way.h
-            inner = np.arange(self.before // self.every + 1, -(-last // self.every)) * self.every
-            self.numbers = np.array([self.before, *inner, *([last] if self.steps else [])])
+            self.steps = self.plan._count(steps, t_end, self.t0, self.first)
+            last, h = self.first + self.steps, way.h
+            inner = np.arange(self.first // self.every + 1, -(-last // self.every)) * self.every
+            self.numbers = np.array([self.first, *inner, *([last] if self.steps else [])])
             self.asked = self.times = self.t0 + self.numbers * h
             self.t_end = self.t0 + last * h
             if t_eval is not None:
                 self.asked = np.asarray(arguments.times(t_eval, self.begun, self.t_end))
-                ends = self.t0 + np.round((self.asked - self.t0) / h) * h
-                near = np.abs(self.asked - ends) <= NEAR * np.maximum(abs(ends), abs(self.t0))
-                self.times = np.where(near, ends, self.asked)
-            self.clocks[STEP], self.clocks[TAKEN] = h, self.before
+                self.times = at_steps(self.asked, self.t0, h)
+            self.clocks[STEP], self.clocks[TAKEN] = h, self.first
             self.goals[:, 0] = np.copysign(np.inf, h), 0.0, 0.0, 0.0, last, self.t0
             return
-        if t_end is None:
-            raise InvalidInput(
-                "integrate: adaptive steps need a t_end; for fixed steps give h and steps"
-            )
+        self.steps = limit_of(steps, t_end)
         self.t_end = end = arguments.real(t_end, "t_end")
-        self.steps = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
         asked = arguments.times(t_eval, self.begun, end)
         ends = np.array([self.begun, end] if end != self.begun else [end])
-        self.asked = self.times = ends if asked is None else asked
+        self.dense = self.plan.options.dense is True
+        self.asked = self.times = (ends[:1] if self.dense else ends) if asked is None else asked
         self.goals[:, 0] = end, way.rtol, way.atol, way.longest, self.steps, self.begun
         self.clocks[STEP] = way.first(self.begun, end)
         jumps = way.jumps(self.begun, end) if way.breaks or has_inputs(way.system) else ()
-        start, ways = stretches(jumps, self.begun, end)
-        if ways:
-            self.left, self.goals[0] = ways[::-1], ways[0][0]
-        if start != self.begun:
-            go_on(self.clocks[:, 0], start)
+        found = stretches(jumps, self.begun, end)
+        self.left = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.begun, found)
 
     def _begin(self) -> None:
-        """What the method carries along at the start."""
+        """Let the method begin at every site."""
         shape, done = self.shape, np.zeros(1)
         failures: list[Any] = []
         beginner = shape.method, self.site, shape.given, shape.started
@@ -235,41 +230,57 @@ class SiteRun:
 
     # ---------------------------------------------------------------- steps
 
-    def trajectory(self) -> Trajectory:
-        """Step to the end, sample by sample."""
-        pace = 1  # steps of a call
-        total = 1000 if self.adaptive else self.steps
-        with Bar(self.plan.options.progress, total, "" if self.adaptive else "step") as bar:
-            try:
-                while self._going or self._pending:
-                    done, turns = self.taken, 0 if self._pending else pace
-                    if self.kept is not None and turns:
-                        turns = max(1, self.kept.within(turns))
-                    begun = time.perf_counter()
-                    self._call(turns)
-                    self._attend()
-                    used, taken = time.perf_counter() - begun, self.taken
-                    if turns:
-                        pace = self._quicker(pace, used)
-                    bar.advance(self._shown_part - bar.done)
-                    kept = self.kept
-                    if kept is not None and kept.due(taken - done) and self._going:
-                        kept.save(self.so_far())
-            except KeyboardInterrupt:
-                whole = "" if self.adaptive else f" of {self.before + self.steps}"
-                stopped: Any = IntegrationInterrupted(
-                    f"integrate: interrupted after {self.taken}{whole} steps, "
-                    f"t = {self.clocks[0, 0]:g}; {self.made} samples are in `.trajectory`"
-                )
-                stopped.trajectory = self.so_far()
-                raise stopped from None
-        if self.adaptive and self.clocks[TIME, 0] != self.t_end and self.ended is None:
-            raise self._too_many()
-        return self.so_far()
+    @property
+    def measure(self) -> tuple[int, str]:
+        return (1000, "") if self.adaptive else (self.steps, "step")
+
+    @property
+    def shown(self) -> int:
+        if not self.adaptive:
+            return self.most
+        span = self.t_end - self.begun
+        return int(1000 * (self.clocks[TIME, 0] - self.begun) / span) if span else 1000
+
+    @property
+    def worth_saving(self) -> bool:
+        return self._going
+
+    def piece(self) -> int | None:
+        """A call of some steps, or a look at where the run stands."""
+        if not (self._going or self._pending):
+            return None
+        done, turns = self.taken, 0 if self._pending else self.pace
+        if self.checkpoint is not None and turns:
+            turns = max(1, self.checkpoint.within(turns))
+        self._go(turns)
+        return self.taken - done
+
+    def _go(self, turns: int) -> None:
+        """Some steps at most, and what they come to; the next ones are as many as end soon."""
+        begun = time.perf_counter()
+        self._call(turns)
+        self._attend()
+        used = time.perf_counter() - begun
+        if turns:
+            self.pace = self._quicker(self.pace, used)
+
+    def require_ends(self) -> None:
+        t = self.clocks.item(TIME, 0)
+        if self.adaptive and t != self.t_end and self.ended is None:
+            raise self._with_run(too_many(self.steps, t, self.t_end), None)
+
+    def so_far(self) -> str:
+        whole = "" if self.adaptive else f" of {self.first + self.steps}"
+        at = f"after {self.taken}{whole} steps, t = {self.clocks[TIME, 0]:g}"
+        return f"{at}; {self.made} samples are in `.trajectory`"
+
+    def _stopped(self, error: Any) -> Any:
+        """As of every run; errors of steps have theirs already."""
+        return super()._stopped(error) if isinstance(error, KeyboardInterrupt) else error
 
     def _quicker(self, pace: int, used: float) -> int:
         """How many steps the next call makes, by the seconds that this one has used."""
-        if self.lists is not None:
+        if self.lists is not None or self.dense:
             return 1
         return max(1, min(64 * pace, MOST, int(pace * PATIENCE / max(used, 1e-9))))
 
@@ -279,27 +290,17 @@ class SiteRun:
         """Go on by so many steps, without samples.  After Ctrl-C, and before a step that fails, it
         stands where it has come to.
         """
-        self.steps = self.taken + steps - self.before
-        self.goals[LIMIT], self.clocks[MARK] = self.before + self.steps, 0.0
+        self.steps = self.taken + steps - self.first
+        self.goals[LIMIT], self.clocks[MARK] = self.first + self.steps, 0.0
         self.made, self.times = 0, self.times[:0]
-        pace = 1
+        self.pace = 1
         while self._going:
-            before, begun = self.taken, time.perf_counter()
-            self._call(min(pace, self.before + self.steps - before))
-            self._attend()
-            used = time.perf_counter() - begun
-            pace = self._quicker(pace, used)
+            self._go(min(self.pace, self.first + self.steps - self.taken))
 
     @property
     def t(self) -> float:
         """The time of a run of fixed steps."""
         return float(self.t0 + self.taken * self.h)
-
-    @property
-    def standing(self) -> SiteCarry:
-        """With what a run of fixed steps goes on from here."""
-        found: SiteCarry = self.carry(self._memory.copy(), self.clocks[:, 0].copy())
-        return found
 
     @property
     def taken(self) -> int:
@@ -310,14 +311,6 @@ class SiteRun:
     def _copy(self) -> int:
         """In which of the two copies of memory the sites are."""
         return int(self.place.view(np.int64)[0, 0])
-
-    @property
-    def _shown_part(self) -> int:
-        """How much is done, as a bar shows it."""
-        if not self.adaptive:
-            return self.taken - self.before
-        span = self.t_end - self.begun
-        return int(1000 * (self.clocks[TIME, 0] - self.begun) / span) if span else 1000
 
     @property
     def _going(self) -> bool:
@@ -343,7 +336,7 @@ class SiteRun:
             seen = Planes(seen.array[made * self.wide :], self.count)
         elif made + self.room < len(self.times):  # up to where there is no more room
             times[-1] = np.copysign(np.inf, self.begun - self.t_end)
-        left = LONG if self.adaptive else self.before + self.steps - self.taken
+        left = LONG if self.adaptive else self.first + self.steps - self.taken
         before = self._elements() if self.lists is not None and turns else None
         if before is not None:
             self.site = self.lists.at(before)
@@ -382,7 +375,7 @@ class SiteRun:
 
     @property
     def _memory(self) -> np.ndarray:
-        """What the method carries along for the sites, (width, sites)."""
+        """Numbers that the method carries along for the sites, (width, sites)."""
         width = self.shape.memory.width
         found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
         return found
@@ -421,9 +414,25 @@ class SiteRun:
         elif self.adaptive and self.failures and self._hopeless:
             raise self._too_small(self.failures[-1])
         elif self.left and t == self.goals[0, 0] and t != self.t_end:
-            _, beyond = self.left.pop()
-            go_on(clock, beyond)
-            self.goals[0] = self.left[-1][0] if self.left else self.t_end
+            beyond_jump(clock, self.goals[:, 0], self.left, self.t_end)
+        if self.dense and self.ended is None and t != self.times[-1]:
+            self.asked = self.times = np.append(self.times, t)
+            self._make_room()
+
+    def _make_room(self) -> None:
+        """Room for twice as many samples, if there are more than was known."""
+        room = len(self.totals)
+        if len(self.times) > room:
+            self.totals, self.own = (
+                np.concatenate([x, np.zeros_like(x)]) for x in (self.totals, self.own)
+            )
+            if self.chosen is None:
+                self.room = 2 * room
+                old, self.seen = (
+                    self.seen,
+                    Planes.of_rows(max(1, self.room * self.wide), self.count),
+                )
+                self.seen.array[: len(old.array)] = old.array
 
     def _keep(self, rows: np.ndarray, totals: np.ndarray) -> None:
         """One more sample."""
@@ -487,8 +496,10 @@ class SiteRun:
         clock, goal, memory = self.clocks[:, 0], self.goals[:, 0], self.shape.memory
         steps, t, here = self.taken, float(clock[TIME]), self._copy
         failures = [e for e in self.failures if e is not None]
-        at = f"step {steps + 1} of {self.before + self.steps}, t = {t:g}"
+        at = f"step {steps + 1} of {self.first + self.steps}, t = {t:g}"
         given: Any = self.shape.method, self.site, t, self.h, self.sites, here, 1 - here, memory
+        if self.shape.ending is not None:
+            given = given[0], during(self.site, t, self.h, self.shape.ending.beyond), *given[2:]
         if not self.adaptive:
             error = self._why(
                 failures, self.notes, lambda i: one_site(self.count, i, one_step, *given)
@@ -539,7 +550,7 @@ class SiteRun:
         return self._ended(error, f"in an event at t = {t:g}")
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
-        """What the formula of a site raises.  first : of those among which it is; -1 if all have
+        """The error that the formula of a site raises.  first : of those among which it is; -1 if all have
         failed together, or nobody knows.
         """
         if failures:
@@ -590,84 +601,46 @@ class SiteRun:
         )
         return self._with_run(made, site)
 
-    def _too_many(self) -> Any:
-        """The error of a run that was not allowed more steps."""
-        told = f"{self.steps} steps led to t = {self.clocks[TIME, 0]:g} only, not to {self.t_end:g}"
-        why = f"integrate: {told}; loosen rtol and atol or allow more `steps`"
-        return self._with_run(StepTooSmall(why), None)
-
     def _ended(self, error: Any, at: str) -> Any:
         """The error of a run whose step failed, with what there is of it."""
         site = getattr(error, "site", None)
         one = self.plan._one
         named = getattr(getattr(one, "configurations", one.group), "named", str)
         at = at if site is None else f"site {named(site)}, {at}"
-        if is_mistake(error):
-            error.add_note(f"[integrate: {at}; the samples before it are in `.trajectory`]")
-            made = error
-        else:
-            made = failure(
-                error, repr(self.plan.method), f"{at}; {self.made} samples are in `.trajectory`"
-            )
-        return self._with_run(made, site)
+        return self._with_run(told(error, self.plan.method, at, lambda: self.made), site)
 
     def _with_run(self, error: Any, site: int | None) -> Any:
         """An error with the run up to it."""
         error.site = site
         if self.made:
-            error.trajectory = self.so_far()
+            error.trajectory = of_run(self)
         return error
 
-    def so_far(self) -> Trajectory:
-        """The run up to here."""
-        shape, n = self.shape, self.made
-        clock, memory = self.clocks[:, 0].copy(), self._memory.copy()
-        recorder = self.plan.recorder
-        observed = () if recorder is None else recorder.observed
-        asked, totals = self.asked[:n].copy(), self.totals[:n].copy()
-        seen, own, here = self.seen.array[: n * self.wide], self.own[:n].copy(), self.chosen
+    def lay_down(self) -> None:
+        """Put what the sites carry along in their places."""
 
-        @functools.cache
-        def states() -> dict[str, np.ndarray]:
-            found = {}
-            if shape.shown.kept:
-                rows = (
-                    own if here is not None else seen.reshape(n, self.wide, -1)[..., : self.count]
-                )
-                arrays = unpacked(shape.state, np.moveaxis(rows, 1, -1))
-                wanted = arrays if recorder is None else recorder.parts
-                found = self.plan._one.as_users_see({name: arrays[name] for name in wanted})
-                for name, some in ({} if recorder is None else recorder.chosen).items():
-                    at = some if here is None else [here.index(i) for i in some]
-                    found[name] = arrays[name][:, at]
-            if shape.shown.quantities:
-                parts = _columns(shape.shown.totals, totals)
-                found |= dict(zip(recorder.quantities, parts, strict=True))
-            return found
-
-        steps = int(clock[TAKEN]) - self.before
-        known: dict[str, Any] = {"h": self.h, "events": (), "ended": self.ended}
+    def known(self, i: int | None = None) -> dict[str, Any]:
+        """Fields of the trajectory that depend on the control."""
+        h, rejected = self.h, None
         if self.adaptive:
-            known["h"] = float((clock[TIME] - self.begun) / max(1, steps))
-            known["rejected"] = int(clock[REJECTED])
-        if self.events is not None:
-            known["events"] = self.events.shown
-        rest = SimpleNamespace(t=lambda: asked, states=states)
-        met = SiteCarry.met if self.events is None else self.events.watch.met
-        return Trajectory.promised(
-            rest,
-            system=self.plan.system,
-            method=self.plan.method,
-            bodies=None,
-            steps=steps,
-            compiled=self.compiled,
-            stopped=NONE,
-            carry=self.carry(memory, clock, met),
-            observed=observed,
-            **known,
-        )
+            h = float((self.clocks[TIME, 0] - self.begun) / max(1, self.most))
+            rejected = int(self.clocks[REJECTED, 0])
+        return {"h": h, "rejected": rejected, "breaks": self.way.breaks}
 
-    def carry(self, memory: np.ndarray, clock: np.ndarray, met: Any = SiteCarry.met) -> Any:
+    @property
+    def most(self) -> int:
+        """How many steps the run took."""
+        return self.taken - self.first
+
+    @property
+    def standing(self) -> SiteCarry:
+        """With what the run goes on from here."""
+        self.lay_down()
+        met = SiteCarry.met if self.events is None else self.events.watch.met
+        found: SiteCarry = self.carry(self._memory.copy(), self.clocks[:, 0].copy(), met)
+        return found
+
+    def carry(self, memory: np.ndarray, clock: np.ndarray, met: Any) -> Any:
         """With what a run goes on; nothing where fixed steps were ended inside of one."""
         if self.ended is not None and not self.adaptive:
             return None
@@ -678,16 +651,6 @@ class SiteRun:
             return SiteCarry(self.t0, self.h, int(clock[TAKEN]), numbers, state, met=met)
         clock[MARK] = 0.0
         return SiteCarry(float(clock[TIME]), 0.0, 0, numbers, state, met, clock, self.ended)
-
-
-def _columns(layout: Any, rows: np.ndarray) -> list[np.ndarray]:
-    """The parts of a tuple, each (n, ...)."""
-    found, begin = [], 0
-    for part in layout.parts:
-        own = rows[:, begin : begin + part.width]
-        begin += part.width
-        found.append(own[:, 0] if part.kind == "number" else own)
-    return found
 
 
 def require_fitting(site: Any, count: int) -> None:

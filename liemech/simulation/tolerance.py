@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from ..errors import InvalidInput, InvalidType, StepTooSmall, failure, is_mistak
 from ..formulas.frozen import frozen
 from ..formulas.pytree import build, layout_of
 from ..formulas.vectors import Vec
-from ..integrators.ending_at_jumps import MARGIN, jumps_between, same
+from ..integrators.ending_at_jumps import jumps_between
 from ..systems.tabulated import has_inputs
 from . import arguments
 from .carry import Carry
@@ -36,6 +36,7 @@ from .control import (
 )
 from .dense import DenseOutput, flat, packed
 from .execution import like
+from .jumps import stretches, until_jumps
 from .keep import At, Dense, Every
 from .lanes import Lanes
 from .run import Run
@@ -101,14 +102,11 @@ class AdaptiveSteps:
 class ToleranceRun(Run):
     """A run whose steps are as long as an error estimate allows."""
 
-    adaptive: ClassVar[bool] = True
+    adaptive = True
 
     def aim(self, ends: list[Any], steps: Any) -> None:
         own, given = self.plan.of_each, self.plan.options
-        if ends[0] is None:
-            raise InvalidInput(
-                "integrate: adaptive steps need a t_end; for fixed steps give h and steps"
-            )
+        limit = limit_of(steps, ends[0])
         if given.dense and (self.bodies or self.recorded):
             what = (
                 "is for one body at a time"
@@ -116,7 +114,6 @@ class ToleranceRun(Run):
                 else "keeps the states; record no functions of them"
             )
             raise InvalidInput(f"integrate: dense=True {what}")
-        limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
         way, numbers = self.way, {}  # type: Any, dict[str, Any]
         for name, all_bodies, check in (
             ("rtol", way.rtol, lambda x: arguments.tolerance(x, "rtol", arguments.RTOL)),
@@ -183,12 +180,8 @@ class ToleranceRun(Run):
                 system, method = self.of(i)
                 t0, end = float(self.t0[i]), float(self.t_end[i])
                 jumps = jumps_between(method, system, self.way.breaks, t0, end)
-                start, ways = stretches(jumps, t0, end)
-                self.jumps[i] = ways[::-1]
-                if ways:
-                    goals[0, i] = ways[0][0]
-                if start != t0:
-                    go_on(clocks[:, i], start)
+                found = stretches(jumps, t0, end)
+                self.jumps[i] = until_jumps(clocks[:, i], goals[:, i], t0, found)
         for i in np.flatnonzero((self.t_end == self.t0) & ~self.over).tolist():
             if self._still(i) is not None:
                 clocks[MARK, i] = STUCK
@@ -301,10 +294,8 @@ class ToleranceRun(Run):
 
     def error(self, i: int) -> Any:
         if self.clocks[TAKEN, i] >= self.limit[i]:
-            text = f"{int(self.limit[i])} steps led to t = {self.clocks[TIME, i]:g} only, not to {self.t_end[i]:g}"
-            return self.explained(
-                StepTooSmall(f"integrate: {text}; loosen rtol and atol or allow more `steps`"), i
-            )
+            limit, t = int(self.limit[i]), self.clocks.item(TIME, i)
+            return self.explained(too_many(limit, t, self.t_end.item(i)), i)
         return self._too_small(i)
 
     @property
@@ -393,26 +384,18 @@ def velocity(system: Any, t: float, state: Any) -> Any:
     return math.nan if accepted(xi, itself) and any(type(x) is complex for x in xi) else xi
 
 
-def stretches(
-    breaks: tuple[float, ...], t0: float, t_end: float
-) -> tuple[float, list[tuple[float, float]]]:
-    """Where steps begin, to which times they lead, and where they go on: from jump to jump of the
-    velocity, to the end.
-    """
-    if t0 == t_end:
-        return t0, []
-    sign = math.copysign(MARGIN, t_end - t0)
-    start, ways, before = t0, [], t0  # type: float, list[tuple[float, float]], float
-    inside = [b for b in breaks if min(t0, t_end) <= b <= max(t0, t_end)]
-    for b in inside if t_end > t0 else inside[::-1]:
-        if same(b, t0):  # there is nothing between them
-            start = b + sign * float(np.spacing(abs(b)))
-            continue
-        # times of stages are rounded as those of the step are
-        ahead = sign * float(np.spacing(max(abs(b), abs(before))))
-        last = same(b, t_end)
-        ways.append((b - ahead, t_end if last else b + sign * float(np.spacing(abs(b)))))
-        before = b
-    if not ways or ways[-1][1] != t_end:
-        ways.append((t_end, t_end))
-    return start, ways
+def limit_of(steps: Any, t_end: Any) -> int:
+    """How many adaptive steps may lead to t_end, which they need."""
+    if t_end is None:
+        raise InvalidInput(
+            "integrate: adaptive steps need a t_end; for fixed steps give h and steps"
+        )
+    return arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
+
+
+def too_many(limit: int, t: float, t_end: float) -> StepTooSmall:
+    """The error of a run that is not allowed more steps."""
+    return StepTooSmall(
+        f"integrate: {limit} steps led to t = {t:g} only, not to {t_end:g}; loosen rtol and atol or "
+        "allow more `steps`"
+    )

@@ -16,10 +16,12 @@ from ..formulas import Record, plain, record
 from ..formulas.pytree import NUMBER
 from ..formulas.sites import padded, rows_of
 from ..formulas.tables import Table, entry
+from ..integrators.ending_at_jumps import jumps_between, uncut
 from ..integrators.sublattices import terms_of
 from ..systems.bonds_at_site import BondsOfSite
 from ..systems.lie_poisson import BodyState
 from ..systems.sublattices import turned
+from ..systems.tabulated import NEAR, during
 from ..systems.terms import at_time
 from ..systems.terms_at_site import at_this_site
 from .control import MARK, STUCK, TAKEN, TIME
@@ -237,7 +239,7 @@ class Turning:
 
     def __init__(self, plan: Any, layout: Any) -> None:
         steps, system = plan._steps, plan._one
-        method = steps.way_of(0)
+        method = uncut(steps.way_of(0))
         motions = method._motions(terms_of(system))
         self.places = motions.places
         form, numbers = motions.of_site(self.places)
@@ -258,8 +260,11 @@ class Turning:
 
     def spread(self, rows: np.ndarray) -> Planes:
         """Rows of numbers of sites in the order of their places, in the first of the copies."""
-        rows = np.tile(rows[..., self.places.sites], (self.copies, 1))
-        return Planes(rows_of(rows), len(self.places.sites))
+        return self.begun(rows[..., self.places.sites])
+
+    def begun(self, rows: np.ndarray) -> Planes:
+        """The same of those that are in this order."""
+        return Planes(rows_of(np.tile(rows, (self.copies, 1))), rows.shape[-1])
 
 
 class TurnsRun(SiteRun):
@@ -273,10 +278,14 @@ class TurnsRun(SiteRun):
     old: Any = None  # those at the node before it
     torn = False  # are the sites further than the steps that were looked into?
 
+    def _room_for(self, width: int) -> Planes:
+        """Memory for all sites: one copy, as they turn in place."""
+        return Planes.of_rows(width, self.count)
+
     @property
     def _looks(self) -> bool:
-        """Is every step looked into, for zeros of events or for times inside of it?"""
-        return bool(self.plan.events) or self.fixed_times
+        """Is every step looked into, for zeros of events, for times inside of it, or for cuts?"""
+        return bool(self.plan.events) or self.fixed_times or self.shape.ending is not None
 
     def _call(self, turns: int) -> None:
         """Some more steps: those to the next sample or a part of them, or to some samples."""
@@ -295,8 +304,8 @@ class TurnsRun(SiteRun):
             same = int(np.argmax(ahead != wanted)) if (ahead != wanted).any() else len(ahead)
             samples = max(1, min(same, turns // wanted))
             turns, whole = min(turns, wanted), turns >= wanted
-        if self.kept is not None:
-            samples = min(samples, max(1, self.kept.within(samples * turns) // turns))
+        if self.checkpoint is not None:
+            samples = min(samples, max(1, self.checkpoint.within(samples * turns) // turns))
         rows = self._turned(turns, samples if whole else 1, int(whole))
         finite = np.isfinite(rows).all(axis=(1, 2))
         good = len(rows) if finite.all() else int(np.argmin(finite))
@@ -338,26 +347,28 @@ class TurnsRun(SiteRun):
         """Some more steps, each of which is looked into."""
         if self.last is None:
             self._turned(0, 1, 1)
-        t, left = self.clocks.item(TIME, 0), self.before + self.steps - self.taken
+        t, left = self.clocks.item(TIME, 0), self.first + self.steps - self.taken
         if np.isnan(self.march[1]):
             self.march[1] = t
             self._stand(self._totals(self._seen(self.last)[None], [t])[0])
         turns = min(turns, left)
         if not turns:
             return
+        free = self._uncut(turns)
         if not self.plan.events:  # nothing happens until the next time
             due = (
                 self.times[self.made]
                 if self.made < len(self.times)
                 else np.copysign(np.inf, self.h)
             )
-            far = int(min((due - t) / self.h, turns + 1.0)) - 1
+            far = min(int(min((due - t) / self.h, turns + 1.0)) - 1, free)
             if far > 0:
                 self._turned(far, 1, 1)
                 self._go_on(far, self.last)
                 return
         old, self.torn = self.last, True
-        rows = self._turned(1, min(turns, max(1, ROWS // self.last.size)), 1)
+        some = min(free, max(1, ROWS // self.last.size))
+        rows = self._turned(1, some, 1) if free else self._cut()[None]
         times = self.t0 + (self.taken + 1 + np.arange(len(rows))) * self.h
         totals = self._totals(self._seen(rows), times)
         for row, total in zip(rows, totals):
@@ -418,27 +429,54 @@ class TurnsRun(SiteRun):
         """The states of all sites at a time in the last step, the totals, and the events."""
         if at == end:
             return self._seen(self.last), self.look[: self.totals.shape[1]], self.values[1]
-        turning, order = self.shape.turning, self.shape.order
-        turns, layout, _, number = turning.arguments
-        fresh = np.zeros_like(self.old)
+        order, fresh = self.shape.order, np.zeros_like(self.old)
         fresh[order] = self.old[order]
-        start = Planes(rows_of(np.tile(fresh, (turning.copies, 1))), fresh.shape[1])
-        seen = Planes.of_rows(len(fresh), start.count)
-        given = turns, layout, at - begun, number, begun, 1, 1, 1, start, seen
-        self._make(given, np.zeros(3))
-        rows = self._seen(seen.array[:, : start.count])
+        rows = self._seen(self._moved(fresh, begun, at - begun))
         if not np.isfinite(rows).all():
             raise self._ended(NotFinite(OVERFLOW), f"inside of a step, t = {at:g}")
         totals = self._totals(rows[None], [at])[0]
         values = self._seen_by_events(at, totals) if self.plan.events else ()
         return rows, totals, np.array(values)
 
+    # ---------------------------------------------------------------- steps that are cut
+
+    def _uncut(self, turns: int) -> int:
+        """How many of the next steps are made as they are, as no input jumps in them or at their ends."""
+        ending, t, h = self.shape.ending, self.clocks.item(TIME, 0), self.h
+        if ending is None:
+            return turns
+        end = t + turns * h
+        near = 2.0 * NEAR * max(abs(t), abs(end))
+        low, high = min(t, end) - near, max(t, end) + near
+        jumps = jumps_between(ending.method, self.site, self.way.breaks, low, high)
+        ahead = [(jump - t) / h for jump in jumps if low <= jump <= high]
+        return max(0, int(min([turns, *[n - near / abs(h) for n in ahead]])))
+
+    def _cut(self) -> np.ndarray:
+        """The states of all sites after a step that is cut, by their places."""
+        self.last = self._moved(self.last, self.clocks.item(TIME, 0), self.h)
+        self.turned = self.shape.turning.begun(self.last)
+        self.clock = np.array([0.0, 0.0, self.taken + 1.0])
+        found: np.ndarray = self.last
+        return found
+
+    def _moved(self, rows: np.ndarray, t: float, h: float) -> np.ndarray:
+        """The states of all sites, by their places, after a step of any length from others."""
+        turning, ending, site = self.shape.turning, self.shape.ending, self.site
+        turns, layout, _, number = turning.arguments
+        for begin, s in [(t, h)] if ending is None else ending.parts(site, t, h):
+            seen = turns if ending is None else during(turns, begin, s, ending.beyond)
+            start, after = turning.begun(rows), Planes.of_rows(len(rows), rows.shape[1])
+            self._make((seen, layout, s, number, begin, 1, 1, 1, start, after), np.zeros(3))
+            rows = after.array[:, : start.count]
+        return rows
+
     # ---------------------------------------------------------------- turns
 
     def _make(self, arguments: Any, clock: np.ndarray) -> None:
         """Run the driver."""
         execution = self.shape.turning.execution
-        left = self.before + self.steps - self.taken
+        left = self.first + self.steps - self.taken
         if execution.ready_for(self.count * max(1, left)):
             self.compiled = True
             calls = execution.on_sites(arguments[-1].count, self.workers)
@@ -485,8 +523,7 @@ class TurnsRun(SiteRun):
         """
         return None if self.torn else super().carry(*given)
 
-    def _lay_down(self) -> None:
-        """Put what every site carries along in its own place."""
+    def lay_down(self) -> None:
         if self.turned is not None:
             here, width = self.shape.turning.places.places, self.shape.started.width
             memory = self._memory
@@ -494,17 +531,6 @@ class TurnsRun(SiteRun):
             memory[:width] = last[:, here]
             memory[width : 2 * width] = self._before_last[:, here]
             memory[2 * width] = self.clock[0]
-
-    def so_far(self) -> Any:
-        """The run up to here."""
-        self._lay_down()
-        return super().so_far()
-
-    @property
-    def standing(self) -> Any:
-        """With what it goes on."""
-        self._lay_down()
-        return super().standing
 
     def _fail(self) -> None:
         """A state that is not finite ends the run."""

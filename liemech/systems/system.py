@@ -184,7 +184,7 @@ class System(Record):
         return arrays
 
     def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """What many sites keep beside the energy, by name, at many samples."""
+        """The quantities that many sites keep beside the energy, by name, at many samples."""
         return {}
 
     def _written_out(self, state: Any) -> Any:

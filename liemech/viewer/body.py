@@ -7,7 +7,7 @@ from os import PathLike
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
 from ..models.even_boxes import box_of_inertia, inertia_of
@@ -22,7 +22,7 @@ from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
 from .shapes import ball, box, box_edges, mesh_file, mixed, often, rod, segments, shares, turned
-from .vectors import AXES, axis_of
+from .vectors import AXES, MOST_POINTS, axis_of
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,9 @@ class Body(Content):
     and plum.  A top is a disc on a stick through its centre of mass, a body in a fluid an
     ellipsoid; what rolls is a ball on its plane and what glides a sleigh on its blade, both to
     scale.  Other bodies that fly are drawn larger than to scale.  Reaction wheels are discs on the
-    faces, or corners, that their axes point at; a mark shows the spin.
+    faces, or corners, that their axes point at; a mark shows the spin.  The bodies of an ensemble
+    are boxes, side by side unless they fly, at most 1000 of them, evenly chosen; their sides have
+    the colours of the axes that come out of them.
     """
 
     panel: ClassVar[str] = "space"
@@ -70,16 +72,25 @@ class Body(Content):
         return not flies(system)
 
     def reach(self, motion: Motion) -> Array | None:
-        """The places to which the body comes."""
-        return _room(motion) if flies(motion.system) else None
+        """The places to which the body comes, or where those of an ensemble stand."""
+        if flies(motion.system):
+            return _room(motion)
+        if motion.bodies is None:
+            return None
+        grid = _side_by_side(len(_shown(motion)))
+        return np.concatenate([grid - 1.0, grid + 1.0])
+
+    def legend(self, motion: Motion) -> list[dict[str, Any]]:
+        """The axes of the bodies of an ensemble."""
+        if motion.bodies is None:
+            return []
+        return [{"name": f"axis {k}", "color": color} for k, color in enumerate(AXES, start=1)]
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """A node with the attitude, and on it what the body is made of."""
         system = motion.system
         if motion.bodies is not None:
-            raise InvalidInput(
-                "Body shows one body; choose one of the ensemble, as in Scene(run, body=0)"
-            )
+            return _ensemble(motion, drawing)
         top = isinstance(system, (HeavyTop, ReducedHeavyTop))
         where, size = np.zeros(3), 1.0 / drawing.panel.unit
         if flies(system):
@@ -105,7 +116,7 @@ class Body(Content):
             _octants(drawing, 0.5 * box_of_inertia(inertia_of(system)), color)
         else:
             edges = box_of_inertia(inertia_of(system))
-            _box(drawing, "body", edges, color)
+            edged_box(drawing, "body", edges, color)
             if isinstance(system, Spacecraft) and system.wheels is not None:
                 _wheels(drawing, np.array(system.wheels.axes), motion["g"][:, 12:], edges, color)
         if self.triad:
@@ -154,9 +165,36 @@ class Path(Content):
 
 def _room(motion: Motion) -> Array:
     """The path of a body, and what it orbits."""
-    path = place(motion.system, motion["g"])
+    g = motion["g"]
+    path = place(motion.system, g if motion.bodies is None else g.reshape(-1, *g.shape[2:]))
     orbits = isinstance(motion.system, (OrbitingBody, Spacecraft))
     return np.concatenate([path, np.zeros((1, 3))]) if orbits else path
+
+
+def _shown(motion: Motion) -> Array:
+    """The numbers of the bodies of an ensemble that are drawn."""
+    assert motion.bodies is not None
+    return np.unique(np.linspace(0, motion.bodies - 1, MOST_POINTS).round().astype(int))
+
+
+def _side_by_side(count: int) -> Array:
+    """Places of bodies in rows, upright, (count, 3)."""
+    columns = int(np.ceil(np.sqrt(count)))
+    row, column = np.divmod(np.arange(count), columns)
+    return 2.0 * np.column_stack([0 * row, column, -row])
+
+
+def _ensemble(motion: Motion, drawing: Drawing) -> None:
+    """A box for each body of an ensemble, as one object of the page."""
+    g, system, panel = motion["g"][:, _shown(motion)], motion.system, drawing.panel
+    count, each = g.shape[1], g.reshape(-1, *g.shape[2:])
+    where, size = panel.inside(_side_by_side(count)), 1.0 / panel.unit
+    if flies(system):
+        where = panel.inside(place(system, each)).reshape(-1, count, 3)
+        size = _size(system, panel.unit)
+    edges = size * box_of_inertia(inertia_of(system))
+    boxes = often(box(np.ones(3), "#ffffff"), count, [edges], sides=shares([*AXES, STONE]))
+    drawing.add("bodies", boxes, cloud=where, turns=attitude(system, each).reshape(-1, count, 4))
 
 
 def _constraint(system: Any) -> Any:
@@ -187,36 +225,35 @@ def _wheels(drawing: Drawing, axes: Array, angles: Array, edges: Array, color: s
     axes : (n, 3), unit vectors.  angles : (frames, n), in rad.  edges : of the box, (3,).
     """
     radius, thick = 0.3 * float(edges.min()), 0.1 * float(edges.min())
-    profile = [(0.0, 0.0), (radius, 0.0), (radius, thick), (0.0, thick)]
+    disc = turned(
+        [(0.0, 0.0), (radius, 0.0), (radius, thick), (0.0, thick)],
+        mixed(color, "#000000", 0.25),
+        32,
+    )
+    sizes = np.array([0.25 * radius, 0.9 * radius, 0.3 * thick])
     for k, a in enumerate(axes):
-        x, y, z, w = toward(a)
-        s, c = np.sin(0.5 * angles[:, k]), np.cos(0.5 * angles[:, k])
-        # toward(a), and before it the turn about the third axis
-        q = np.stack([c * x + s * y, c * y - s * x, c * z + s * w, c * w - s * z], axis=-1)
+        path, half = f"body/wheel {k + 1}", 0.5 * angles[:, [k]]
         face = 0.5 * (edges / np.maximum(np.abs(a), 1e-12)).min()
-        path = f"body/wheel {k + 1}"
-        drawing.add(
-            path,
-            turned(profile, mixed(color, "#000000", 0.25), 32),
-            position=face * a,
-            quaternion=q,
-        )
-        mark = box(
-            np.array([0.25 * radius, 0.9 * radius, 0.3 * thick]), mixed(color, "#000000", 0.75)
-        )
-        drawing.add(f"{path}/mark", mark, position=[0.0, 0.5 * radius, 1.05 * thick])
+        drawing.add(path, position=face * a, direction=a)
+        turn = np.concatenate([0.0 * half, 0.0 * half, np.sin(half), np.cos(half)], axis=1)
+        drawing.add(f"{path}/disc", disc, quaternion=turn)
+        mark = box(sizes, mixed(color, "#000000", 0.75))
+        drawing.add(f"{path}/disc/mark", mark, position=[0.0, 0.5 * radius, 1.05 * thick])
 
 
-def _box(drawing: Drawing, path: str, edges: Array, color: str) -> None:
+def edged_box(
+    drawing: Drawing, path: str, edges: Array, color: str, turn: ArrayLike = (0.0, 0.0, 0.0, 1.0)
+) -> None:
     """A box whose edges are seen."""
-    drawing.add(f"{path}/box", box(edges, color))
-    drawing.add(f"{path}/edges", box_edges(edges * 1.001, mixed(color, "#000000", 0.45)))
+    drawing.add(f"{path}/box", box(edges, color), quaternion=turn)
+    dark = mixed(color, "#000000", 0.45)
+    drawing.add(f"{path}/edges", box_edges(edges * 1.001, dark), quaternion=turn)
 
 
 def _sleigh(drawing: Drawing, color: str) -> None:
     """A deck on a blade, which is one unit behind the centre of mass, and a ball in that."""
     drawing.add("body/deck", position=[-0.35, 0.0, 0.45])
-    _box(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
+    edged_box(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
     drawing.add("body/blade", box(np.array([0.9, 0.05, 0.4]), "#333333"), position=[-1.0, 0.0, 0.2])
     drawing.add("body/centre", ball(0.16, "#333333"), position=[0.0, 0.0, 0.55])
 

@@ -60,7 +60,7 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
     elif isinstance(system, (HeavyTop, ReducedHeavyTop)):
         wanted = [Body(), Nose(), Vertical()] if one else [Vertical()] if not ensemble else []
     elif is_pose(group):
-        wanted += [Body()] if one else []
+        wanted += [Body()] if "g" in parts else []
         wanted += [Path()] if one and flies(system) else []
         if "mu" in parts and turns(group):
             wanted += [SpatialMomentum()] if one else []

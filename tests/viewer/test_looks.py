@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from viewer.browser import Tab
 
 import liemech as lm
@@ -83,10 +84,34 @@ def test_every_kind_of_colour_vision_tells_curves_and_axes_apart(vision: str) ->
     assert apart((COLORS[0], *AXES), vision) > 25.0
 
 
-def test_printed_in_grey_neighbours_differ_or_have_dashes_of_their_own() -> None:
-    from liemech.plots.style import DASHES, MARKERS
+def _pictures() -> dict[str, Any]:
+    """Pictures with several curves, of every kind that the library draws in a plane."""
+    body = lm.RigidBody([1.0, 1.5, 2.0])
+    start = body.state(mu=[0.5, 0.0, 0.75**0.5], g=np.eye(3))
+    methods = (lm.RKMK(order=2), lm.CovariantVariational(lm.Cayley()), lm.RKMK())
+    plain = {"h": 0.1, "steps": 60, "compiled": False}
+    runs = {str(k): lm.integrate(body, m, start, **plain) for k, m in enumerate(methods)}
+    hs = np.array([0.4, 0.2, 0.1])
+    errors = {f"{k}": hs**k for k in range(1, 7)}
+    return {
+        "drift": lm.plots.drift(runs),
+        "invariants": lm.plots.invariants(runs["0"]),
+        "components": lm.plots.components(runs["0"]),
+        "euler_angles": lm.plots.euler_angles(runs["0"]),
+        "orders": lm.plots.orders(hs, errors),
+        "work_precision": lm.plots.work_precision({k: (e, 1.0 / hs) for k, e in errors.items()}),
+    }
 
-    assert len(set(DASHES)) == len(set(MARKERS)) == len(COLORS)
+
+def test_printed_in_grey_the_curves_of_a_picture_are_told_apart() -> None:
+    """By their dashes, by their marks, or by how dark they are."""
+    for name, drawn in _pictures().items():
+        for ax in np.atleast_1d(drawn.figure.axes).flat:
+            curves = [line for line in ax.lines if line.get_label()[:1] != "_"]
+            for one, other in itertools.combinations(curves, 2):
+                dark = [lightness(linear(to_hex(c.get_color())))[0] for c in (one, other)]
+                looks = [(c._dash_pattern, str(c.get_marker())) for c in (one, other)]
+                assert looks[0] != looks[1] or abs(dark[0] - dark[1]) > 20.0, name
 
 
 def test_lines_have_contrast_three_and_texts_four_and_a_half() -> None:

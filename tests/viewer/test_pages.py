@@ -423,8 +423,12 @@ def test_one_of_an_ensemble() -> None:
         steps=10,
         compiled=False,
     )
-    with pytest.raises(InvalidInput, match="Body shows one body"):
-        Scene(many, show="body").panels()
+    bodies = Scene(many, show="body").panels()[0].nodes["panel 1/run 1/bodies"]
+    assert bodies.moving["turns"].shape == (11, 3, 4)
+    turned = Rotation.from_quat(bodies.moving["turns"][-1, 1]).as_matrix()
+    assert turned == pytest.approx(many.g[-1, 1])
+    gaps = np.linalg.norm(np.diff(bodies.still["cloud"], axis=0), axis=1)
+    assert gaps.min() > np.linalg.norm(bodies.shape.many["sizes"])  # none stands in another's way
     one = Scene(many, body=1)
     assert (one.shown[0].motion["mu"] == many.mu[:, 1]).all() and "run 1/body" in paths(one)
 
