@@ -248,6 +248,8 @@ def main() -> None:
                 image.thumbnail((WIDEST, WIDEST))
                 reduced(image).save(HERE / picture.name, optimize=True)
                 print(f"{picture.name}: {(HERE / picture.name).stat().st_size / 1e3:.0f} kB")
+            for moving in sorted(Path(folder).glob("*.gif")):
+                (HERE / moving.name).write_bytes(moving.read_bytes())
     (ROOT / "docs" / "gallery.md").write_text(
         gallery([path.stem for path in examples]), encoding="utf-8"
     )
