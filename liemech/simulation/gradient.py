@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from typing import Any
 
 import numpy as np
@@ -41,10 +42,10 @@ from .tangent import StepsOfARun, frames_of, parameter_moves, real_numbers, slop
 from .trajectory import Trajectory
 from .varied import Varied, VariedInput
 
-LANES = 512
+LANES = 256
 """Blocks and directions whose numbers are in memory at once."""
 
-PIECE = 2**13
+PIECE = 2**9
 """Blocks and directions that native code is given at once."""
 
 SAME = 2.0**-24
@@ -193,9 +194,11 @@ class Directions:
         """How the numbers of things change, (things, directions, numbers)."""
         layout = layout_of(things[0])
         found = np.zeros((len(things), self.count, layout.width))
-        for d, each in enumerate(moves):
-            for i, (to, step) in enumerate(each or ()):
-                found[i, d] = slope(lambda x, to=to: dressed(to(x)), step, layout, "value")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of parameters beside those that were given
+            for d, each in enumerate(moves):
+                for i, (to, step) in enumerate(each or ()):
+                    found[i, d] = slope(lambda x, to=to: dressed(to(x)), step, layout, "value")
         found[..., [kind != "number" for kind in layout.kinds]] = 0.0
         return found
 

@@ -103,7 +103,9 @@ def test_gradients_by_the_values_of_a_table(kind: str, outside: str) -> None:
         given = values[:-1] if kind == "constant" else values
         return driven(getattr(lm.PiecewisePolynomial, kind)(KNOTS, given, outside=outside))
 
-    plan = lm.Plan(made(VALUES), lm.LieVerlet(), h=0.13 if outside == "hold" else 0.1, compiled=False)
+    plan = lm.Plan(
+        made(VALUES), lm.LieVerlet(), h=0.13 if outside == "hold" else 0.1, compiled=False
+    )
     steps = 12 if outside != "refuse" else 11
     found = plan.gradient(loss, AT_REST, steps=steps, by="torque.values")["torque.values"]
     for place in ((0, 1), (2, 0), (4, 2)):
@@ -177,7 +179,10 @@ def test_running_costs_are_summed_over_samples() -> None:
 def test_where_motion_is_sensitive_the_gradient_warns() -> None:
     """A top on its head at rest: disturbances grow by e^(lambda t), lambda^2 = weight / inertia."""
     top = lm.models.HeavyTop(inertia=[1.0, 1.0, 1.0], weight=1.0, centre=[0.0, 0.0, 1.0])
-    plan, head = lm.Plan(top, lm.RKMK(order=4), h=0.5, compiled=False), top.state(mu=[0, 0, 0], g=np.eye(3))
+    plan, head = (
+        lm.Plan(top, lm.RKMK(order=4), h=0.5, compiled=False),
+        top.state(mu=[0, 0, 0], g=np.eye(3)),
+    )
     with pytest.warns(errors.GradientWarning, match="about 5 digits"):
         growth = plan.gradient(lambda s: s.mu[1], head, steps=48).growth
     assert abs(np.log(growth) - 24.0) < 0.1
@@ -205,16 +210,14 @@ def test_what_cannot_be_differentiated_is_refused(change: dict[str, Any], messag
 
 def test_runs_without_a_gradient_say_so() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=4), h=0.1, compiled=False)
-    with pytest.raises(errors.InvalidInput, match="shapes|as the samples are"):
+    with pytest.raises(errors.InvalidInput, match="as the samples are"):
         plan.pullback({"mu": np.zeros(4)}, START, steps=3)
     with pytest.raises(errors.InvalidInput, match="parts of the state are mu, g"):
         plan.pullback({"q": np.zeros(3)}, START, steps=3)
     recorded = plan.replace(record="energy")
     with pytest.raises(errors.InvalidInput, match="records no functions"):
         recorded.gradient(loss, START, steps=3)
-    clock = lm.ReversibleController(
-        lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.4)
-    )
+    clock = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.4))
     kepler = lm.Plan(lm.Kepler(), clock, h=0.05)
     with pytest.raises(errors.IncompatibleSystem, match="fictive time"):
         kepler.gradient(lambda s: s.q[0], lm.Kepler().state(q=[0.6, 0.0], p=[0.0, 1.4]), steps=3)
