@@ -30,6 +30,7 @@ from ..formulas.tables import Table
 from ..integrators.ending_at_jumps import ending_at_jumps, overshoot
 from ..systems.system import State, member
 from ..systems.tabulated import NEAR, PiecewisePolynomial, inputs
+from . import arguments
 from .blocks import Blocks
 from .dense import flat
 from .execution import like
@@ -519,6 +520,60 @@ class Backward:
 
 
 # ------------------------------------------------------------------ what is asked for
+
+
+def backwards(
+    plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: Any, by: Any, every: Any,
+    loss: Any = None, along: Any = None, cotangent: Any = None,
+) -> Gradient:  # fmt: skip
+    """The gradient of a loss, or by a cotangent, of `Plan.gradient` and `Plan.pullback`: what is asked
+    for is checked, and the kind of the run found.
+    """
+    if plan.recorder is not None or plan.events:
+        other = "records no functions of the state" if plan.recorder else "looks for no events"
+        raise InvalidInput(
+            f"Plan.{what} is of states at the ends of steps; make a plan that {other}"
+        )
+    t0, names = arguments.real(t0, "t0"), arguments.parameters(by, f"Plan.{what}")
+    if every is not None:
+        every = arguments.count(every, "every", 1)
+    elif along is not None:
+        every = plan.options.every
+    asked = every, loss, along, cotangent
+    if plan._sites is not None and plan._sites.takes(start):
+        return _by_sites(plan, what, start, steps, t_end, t0, names, asked)
+    start = plan._started(start)
+    if plan.fictive:
+        raise IncompatibleSystem(
+            f"Plan.{what}: steps in fictive time depend on how the run began; plan.tangent "
+            "differentiates them"
+        )
+    with plan._beginning(start, t0):
+        if not plan.adaptive:
+            return gradient_of(plan, start, plan._count(steps, t_end, t0), t0, names, *asked)
+        if start.bodies is not None:
+            raise IncompatibleSystem(
+                f"Plan.{what}: with adaptive steps each body has steps of its own: give one body at a "
+                "time, or fixed steps"
+            )
+        return adaptive_gradient_of(plan._of_body(0), start, steps, t_end, t0, names, *asked)
+
+
+def _by_sites(
+    plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: Any, asked: Any
+) -> Gradient:
+    """The product of a cotangent with the run of many sites, by `tangent`."""
+    every, _, _, cotangent = asked
+    if cotangent is None or every is not None or names != ("start",) or isinstance(cotangent, dict):
+        raise IncompatibleSystem(
+            f"Plan.{what}: of many sites there is the product with a cotangent of the last state by "
+            "the start: plan.pullback(cotangent, start, steps=...), with (N,) numbers: of the momenta of "
+            "all sites, then of eta of all"
+        )
+    count = plan._count(steps, t_end, t0)
+    ends = plan.replace(every=max(1, count))
+    run = ends.tangent(start, steps=count, t0=t0, against=cotangent)
+    return Gradient(None, {"start": run.tangent["against"][-1]}, run, math.nan)
 
 
 def gradient_of(

@@ -187,6 +187,18 @@ class PiecewisePolynomial(Record):
         times, found = _table(t, values, 1)
         return cls(times, found[:, None], outside)
 
+    def with_values(self, values: Any) -> PiecewisePolynomial:
+        """The table with other values at the same times: (n,) or (n, dim), of steps one for each interval,
+        of straight lines one for each knot.  Raises InvalidInput for other tables.
+        """
+        make = {0: self.constant, 1: self.linear}.get(self.degree)
+        if make is None or (self.degree == 1 and self.jumping):
+            raise InvalidInput(
+                "PiecewisePolynomial.with_values: values are those of steps (.constant) and of straight "
+                f"lines (.linear); {self!r} has coefficients"
+            )
+        return make(np.asarray(self.knots), values, self.outside)
+
     def derivative(self, order: int = 1) -> PiecewisePolynomial:
         """df/dt, again as such a function; at a knot that of the interval behind it.  Held values
         have no slope: use the formula's `lm.derivative` there.
