@@ -80,7 +80,7 @@ SECTIONS = {
     "Many bodies": ("binary_asteroid", "drop_of_water", "mixing_vorticity", "rubber_rod"),
     "At work": ("attitude_control", "rocket", "flight_code"),
     "Damping and noise": ("paramagnet", "relaxing_body"),
-    "From measurements": ("fit_inertia", "attitude_filter"),
+    "From measurements": ("fit_inertia", "fit_bodies", "attitude_filter"),
     "In the browser": (
         "flip_in_the_browser",
         "top_in_the_browser",
