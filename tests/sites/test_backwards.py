@@ -222,12 +222,14 @@ def test_methods_of_spins(method: Any) -> None:
     require_transposed(plan, system.state(mu=directions(2), g=g), 20)
 
 
-def bodies(held: Any = ()) -> tuple[Any, Any]:
+def bodies(
+    held: Any = (), stiffness: Any = (10.0, 20.0, 30.0), gravity: float = 9.81
+) -> tuple[Any, Any]:
     """Four bodies in space on springs."""
     inertia = [0.1, 0.15, 0.2, 1.0, 1.0, 1.0]
     free = lm.LiePoissonSystem(lm.SE3() ** 4, lm.PerSite(lm.KineticEnergy(inertia)))
-    spring = Spring(lm.each([10.0, 20.0, 30.0]), 1.0).over(lm.neighbours.chain(4))
-    terms = lm.Terms(spring, Weight(9.81), mass=lm.each([1.0, 2.0, 3.0, 0.5]), held=held)
+    spring = Spring(lm.each(stiffness), 1.0).over(lm.neighbours.chain(4))
+    terms = lm.Terms(spring, Weight(gravity), mass=lm.each([1.0, 2.0, 3.0, 0.5]), held=held)
     system = lm.MechanicalSystem(free, terms)
     rng = np.random.default_rng(4)
     g = np.asarray(lm.SE3().exp(0.4 * rng.normal(size=(4, 6))))
@@ -251,29 +253,34 @@ METHODS_OF_BODIES = [
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS_OF_BODIES, ids=repr)
 def test_methods_of_bodies(method: Any) -> None:
-    """Bodies in a field; and by parameters of the potential."""
+    """Bodies in a field, with the bits of plain Python."""
     system, start = bodies(held=[1])
-    plan = lm.Plan(system, method, h=0.02, progress=False)
+    plan = lm.Plan(system, method, h=0.02, compiled=True, progress=False)
     require_transposed(plan, start, 12)
-    w = np.random.default_rng(1).normal(size=24)
-    given = {12: np.append(w, np.zeros(24))}
-    natively = back(plan, start, given, ("stiffness", "length", "gravity"))
-    plain = back(plan.replace(compiled=False), start, given, ("stiffness", "length", "gravity"))
+    names, w = ("stiffness", "gravity"), np.random.default_rng(1).normal(size=48)
+    natively = back(plan, start, {2: w}, names)
+    plain = back(plan.replace(compiled=False), start, {2: w}, names)
     assert np.array_equal(natively[0], plain[0])
+    assert all(np.array_equal(natively[1][name], plain[1][name]) for name in names)
 
-    def end(x: np.ndarray) -> Any:
-        potential = system.potential
-        term = potential.parts[0].term
-        moved = Spring(lm.each(x), 1.0).over(lm.neighbours.chain(4))
-        terms = lm.Terms(moved, Weight(9.81), mass=lm.each([1.0, 2.0, 3.0, 0.5]), held=[1])
-        other = lm.MechanicalSystem(system.body, terms)
-        assert term.length == 1.0
-        run = lm.Plan(other, method, h=0.02, every=12, progress=False).run(start, steps=12)
-        return w @ run.mu[-1].ravel()
+
+@native
+@pytest.mark.slow
+def test_parameters_of_potentials() -> None:
+    """As differences of runs."""
+    w = np.append(np.random.default_rng(1).normal(size=24), np.zeros(24))
+    system, start = bodies()
+    plan = lm.Plan(system, lm.KickDrift(order=4), h=0.02, every=12, compiled=True, progress=False)
+    found = back(plan, start, {12: w}, ("stiffness", "gravity"))[1]
+
+    def end(stiffness: Any = (10.0, 20.0, 30.0), gravity: Any = 9.81) -> Any:
+        other, _ = bodies(stiffness=stiffness, gravity=float(gravity))
+        run = lm.Plan(other, plan.method, h=0.02, every=12, compiled=True, progress=False)
+        return w @ run.run(start, steps=12).mu[-1].ravel()
 
     wanted = differences(end, [10.0, 20.0, 30.0])
-    assert np.abs(natively[1]["stiffness"] - wanted).max() < 1e-11
-    assert np.array_equal(natively[1]["gravity"], plain[1]["gravity"])
+    assert np.abs(found["stiffness"] - wanted).max() < 1e-11
+    assert abs(found["gravity"] - differences(lambda x: end(gravity=x), 9.81)) < 1e-11
 
 
 @native
