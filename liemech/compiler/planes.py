@@ -11,7 +11,7 @@ import numpy as np
 
 from ..formulas.frozen import frozen
 from ..formulas.pytree import Layout
-from ..formulas.sites import each_site, padded, present_site, some_sites
+from ..formulas.sites import each_site, padded, present_site, room, some_sites
 from .driver import read, write
 
 
@@ -27,8 +27,8 @@ class Planes:
 
     @classmethod
     def of_rows(cls, rows: int, count: int) -> Planes:
-        """So many rows of zeros."""
-        return cls(np.zeros((rows, padded(count))), count)
+        """Rows of zeros, as many as are asked for."""
+        return cls(room(rows, padded(count)), count)
 
 
 def each(planes: Planes, formula: Callable[..., None], *args: Any) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..formulas.sites import TOGETHER, padded
+from ..formulas.sites import TOGETHER, padded, room
 from . import guard_words, interrupts
 from .kernel import Kernel
 
@@ -29,7 +29,7 @@ class SiteCalls:
 
     def __init__(self, kernel: Kernel, count: int, workers: int = 1) -> None:
         self.kernel, self.count = kernel, count
-        self.scratch = np.empty((max(1, scratch_rows(kernel)), padded(count)))
+        self.scratch = room(max(1, scratch_rows(kernel)), padded(count))
         end = -(-count // kernel.lanes) * kernel.lanes
         # copies between guard words are each thread's own
         threads = 1 if guard_words.ON else max(1, min(workers, count // SHARE))

@@ -372,7 +372,7 @@ class SiteLoops:
         return [(self.scratch, 2 * k + turn) for k in range(len(numbers))]
 
     def of(self, meeting: Meeting, table: SiteTable, d: Any) -> Any:
-        """What a neighbour has published, gathered lane by lane, once."""
+        """Numbers that a neighbour has published, gathered lane by lane, once."""
         gathered, t = meeting.published.gathered, self.t
         lasts = type(d) is int and t.state.region == self._over("Meeting").region
         key = t.emitter.cast(table.entries.place, "f", False)[0], d
@@ -385,7 +385,7 @@ class SiteLoops:
         return gathered[key]
 
     def at(self, meeting: Meeting, j: Any) -> Any:
-        """What one site has published, for all that ask."""
+        """Numbers that one site has published, for all that ask."""
         b, place = self.b, self.e.cast(j, "i", False)[0]
         return self._published(
             meeting,
@@ -445,7 +445,7 @@ class SiteLoops:
         return build(layout, iter(self._kept(self._last(first, layout.width))))
 
     def seen(self, pairs: Rounds, j: Any) -> Any:
-        """What eight sites have published, from site j on."""
+        """Numbers that eight sites have published, from site j on."""
         place = self.e.cast(j, "i", False)[0]
         return self._published(
             pairs.meeting,
@@ -453,7 +453,7 @@ class SiteLoops:
         )
 
     def sums(self, pairs: Rounds, j: Any) -> Any:
-        """What eight sites have got so far."""
+        """Sums of eight sites so far."""
         numbers = [self.e.num(self._eight(place)) for place in self._sums(pairs, j)]
         return build(pairs.layout, iter(numbers))
 
@@ -602,6 +602,16 @@ class SiteLoops:
         first = b.inttoptr(b.mul(b.fptosi(place, I64), I64(8)), F64.as_pointer())
         rows, type_ = copy.copy(over.sites), e.type(kind, e.lanes > 1)
         rows.pointer, rows.body = first, over.passes[-1].index
+        if kind == "i":  # of four bytes each
+            begin = b.add(b.mul(e.cast(row, "i", False)[0], rows.step), rows.body)
+            narrow = ir.VectorType(I32, e.width) if e.lanes > 1 else I32
+            values = []
+            for r in range(e.registers(e.lanes > 1)):
+                at = b.gep(first, [b.add(begin, I64(r * e.width))], source_etype=I32)
+                few = b.load(b.bitcast(at, narrow.as_pointer()), align=4, typ=narrow)
+                over.again.add(few)
+                values.append(b.sext(few, type_))
+            return e.num(values)
         places = rows.addresses(rows.first(row), 0)
         values = [b.load(b.bitcast(p, type_.as_pointer()), align=8, typ=type_) for p in places]
         over.again |= {*values}

@@ -8,6 +8,7 @@ sites there.  Both give the same bits.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterator
 from contextvars import copy_context
@@ -39,12 +40,24 @@ def padded(count: int) -> int:
     return TOGETHER * (-(-count // TOGETHER) | 1)
 
 
+LINE = 64
+"""Bytes of a line of the cache: eight numbers that begin on one are loaded at once."""
+
+
+def room(*shape: int, dtype: Any = np.float64) -> np.ndarray:
+    """An array of zeros that begins on a line of the cache, as all its rows then do."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    bytes_ = np.zeros(size + LINE, dtype=np.uint8)
+    begin = -bytes_.ctypes.data % LINE
+    return bytes_[begin : begin + size].view(dtype).reshape(shape)
+
+
 def rows_of(values: np.ndarray) -> np.ndarray:
     """Rows of numbers, one number for each site in the last axis, with the places behind the last
     site filled by it.
     """
     count = values.shape[-1]
-    rows = np.empty((*values.shape[:-1], padded(count)), dtype=values.dtype)
+    rows = room(*values.shape[:-1], padded(count), dtype=values.dtype)
     rows[..., :count], rows[..., count:] = values, values[..., -1:]
     return rows
 
@@ -56,8 +69,8 @@ def rows_of(values: np.ndarray) -> np.ndarray:
 class SiteTable(Record):
     """Whole numbers of every site: which sites are its neighbours, or which edges lead there.
 
-    entries : (degree, sites) of them, whole numbers from 0, in rows of so many `places`.  rows : how
-    many each site has, the degree.  degree : the same where it is known to formulas, which write
+    entries : (degree, sites) of them, whole numbers of four bytes, in rows of so many `places`.
+    rows : how many each site has, the degree.  degree : the same where it is known to formulas, which write
     loops over it out; None where every run may have another.  Make it by `SiteTable.of`.
     """
 
@@ -77,18 +90,23 @@ class SiteTable(Record):
                 "SiteTable: entries are whole numbers, (degree, sites), of at least one site; got "
                 f"{found.dtype} of shape {found.shape}"
             )
-        if found.size and not (found.min() >= 0 and found.max() < 2**53):
-            raise InvalidInput("SiteTable: entries are not negative")
-        rows = rows_of(found.astype(np.int64))
+        if found.size and not (found.min() >= 0 and found.max() < 2**31):
+            raise InvalidInput("SiteTable: entries are not negative, and less than 2^31")
+        rows = rows_of(found.astype(np.int32))
         degree = len(found) if fixed else None
         table = Table(rows.view(np.float64).ravel())
         return cls(table, float(len(found)), float(rows.shape[1]), degree)
 
     @property
+    def numbers(self) -> np.ndarray:
+        """The entries, row by row, (degree * places,)."""
+        found: np.ndarray = self.entries.array.view(np.int32)
+        return found
+
+    @property
     def largest(self) -> int:
         """The largest entry; -1 if there is none."""
-        rows: np.ndarray = self.entries.array.view(np.int64)
-        return int(rows.max()) if len(rows) else -1
+        return int(self.numbers.max(initial=-1))
 
     def fits(self, count: int) -> bool:
         """Is it one of so many sites?"""
@@ -143,7 +161,7 @@ def meet(value: Any) -> Meeting:
 
 
 class Meeting:
-    """What all sites have published at one place of a formula."""
+    """Values that all sites have published at one place of a formula."""
 
     __slots__ = ("published", "site")
 
@@ -280,14 +298,14 @@ def repeated(
 
 
 def _entry(table: SiteTable, d: int, site: int) -> int:
-    return int(table.entries.array.view(np.int64)[d * int(table.places) + site])
+    return int(table.numbers[d * int(table.places) + site])
 
 
 # ------------------------------------------------------------------ plain Python
 
 
 class _Asked(BaseException):
-    """What a site asks for, where nobody has the answer yet; no formula catches it."""
+    """A question of a site, where nobody has the answer yet; no formula catches it."""
 
 
 class Visit:
@@ -373,7 +391,7 @@ def some_sites(count: int, begin: int, end: int, formula: Callable[..., Any], *a
 
 
 class _Some(dict[int, Any]):
-    """What sites have published at one place, as far as they have come there.
+    """Values that sites have published at one place, as far as they have come there.
 
     number : of the place.  visit : lets a site come as far as to a place.
     """
@@ -451,7 +469,7 @@ def _placed(error: Any, site: int) -> None:
 def _visited(
     site: int, count: int, answers: list[Any], formula: Any, args: tuple[Any, ...]
 ) -> tuple[str, Any]:
-    """What a site asks for next, and the value it gives for it."""
+    """The next question of a site, and the value it gives for it."""
     before, _present.visit = _present.visit, Visit(site, count, answers)
     try:
         formula(*args)

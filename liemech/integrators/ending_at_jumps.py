@@ -47,6 +47,11 @@ def ending_at_jumps(method: Any, system: Any, breaks: tuple[float, ...]) -> Any:
     return EndingAtJumps(method, table, float(len(breaks)), anew, sees_powers(method), beyond)
 
 
+def uncut(method: Any) -> Any:
+    """The method itself of what drivers get."""
+    return method.method if isinstance(method, EndingAtJumps) else method
+
+
 def apart(times: Iterable[float]) -> tuple[float, ...]:
     """Times in order, of those that differ by rounding only the first one."""
     found: list[float] = []
@@ -131,8 +136,8 @@ class EndingAtJumps(Wrapping):
         """
         at, end, lasting, going = t, t + h, h, True
         while going:
-            to = self._next(system, at, end)
-            begin, s = self._kept_away(at, to, where(at == t and to == end, h, to - at))
+            to = self.next_end(system, at, end)
+            begin, s = self.kept_away(at, to, where(at == t and to == end, h, to - at))
             if self.anew:
                 memory, lasting = self._begun(system, memory, lasting, s), s
             after = self.method.step(during(system, begin, s, self.beyond), begin, memory, s)
@@ -140,20 +145,33 @@ class EndingAtJumps(Wrapping):
             at, going = to, where(h > 0.0, to < end, to > end)
         return self._begun(system, memory, lasting, h) if self.anew else memory
 
+    def parts(self, system: Any, t: float, h: float) -> list[tuple[float, float]]:
+        """Where the parts of a step begin, and their lengths, outside of formulas."""
+        at, end = t, t + h
+        found: list[tuple[float, float]] = []
+        while (end - at) * h > 0.0:
+            to = self.next_end(system, at, end)
+            found.append(self.kept_away(at, to, h if at == t and to == end else to - at))
+            at = to
+        return found
+
     def _begun(self, system: Any, memory: Any, lasting: float, h: float) -> Any:
         """The memory of steps of length `lasting` for those of length h."""
         if lasting != h:
-            memory = self.method.start(system, self.method.observe(memory), h)
+            anew = self.method.start(system, self.method.observe(memory), h)
+            memory = fitted(
+                anew, layout_of(memory)
+            )  # numbers that carry a derivative go on with it
         return memory
 
-    def _next(self, system: Any, t: float, end: float) -> float:
+    def next_end(self, system: Any, t: float, end: float) -> float:
         """Where the next step ends: at the first jump after t, or at `end`."""
         to = end
         for table in inputs(system):
             to = table.jump_ahead(t, to, self.every)
         return jump_ahead(self.breaks, 0, int(self.count), t, to)
 
-    def _kept_away(self, t: float, to: float, h: float) -> tuple[float, float]:
+    def kept_away(self, t: float, to: float, h: float) -> tuple[float, float]:
         """Where a step from t to `to`, of length h, begins, and its length, away from the times in
         `breaks`.
         """

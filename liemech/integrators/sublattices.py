@@ -103,7 +103,7 @@ class TermSplitting(Remembering):
             )
 
     def instead(self, system: Any) -> str:
-        """What to use for a system with other terms."""
+        """Advice: a method for a system with other terms."""
         return (
             "RKMK accepts every energy, CovariantVariational(Cayley()) and its kin are symplectic"
         )

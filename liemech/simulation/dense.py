@@ -72,6 +72,21 @@ def one_or_many(times: Any) -> np.ndarray:
     return at
 
 
+def within_run(times: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Times in a run that has its ends of steps at t, those beyond them by rounding at its ends.  Raises
+    InvalidInput for times outside of it.
+    """
+    low, high = min(t[0], t[-1]), max(t[0], t[-1])
+    margin = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
+    inside = (times >= low - margin) & (times <= high + margin)
+    if not inside.all():
+        raise InvalidInput(
+            f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}"
+        )
+    found: np.ndarray = np.clip(times, low, high)
+    return found
+
+
 class Between:
     """The motion inside of steps, and of a run that has kept their ends between these; abstract.
 
@@ -116,16 +131,7 @@ class Between:
         """The numbers of the states at these times, (m, width).  Raises InvalidInput for times
         outside the run.
         """
-        t = self.t
-        low, high = min(t[0], t[-1]), max(t[0], t[-1])
-        margin = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
-        inside = (times >= low - margin) & (times <= high + margin)
-        if not inside.all():
-            raise InvalidInput(
-                f"t = {times[~inside][0]:g} is outside the run, "
-                f"which goes from {t[0]:g} to {t[-1]:g}"
-            )
-        return self.within(np.clip(times, low, high))
+        return self.within(within_run(times, self.t))
 
     def within(self, times: np.ndarray) -> np.ndarray:
         """Numbers of states at times that are known to be in the run."""

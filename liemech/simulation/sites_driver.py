@@ -9,11 +9,12 @@ from typing import Any, ClassVar
 from ..compiler.driver import accepted, attempt, itself, numbers, read, reason, write
 from ..compiler.planes import each, load, save
 from ..errors import NotFinite
-from ..formulas import Record, Vec, record, vec
+from ..formulas import Record, Vec, record, vec, where
 from ..formulas.pytree import NUMBER, Layout, carried_layout, fitted, layout_of
 from ..formulas.sites import total
 from ..formulas.sums import total as added
 from ..integrators.rkmk import Trial
+from ..systems.tabulated import during
 from ..systems.terms_at_site import at_this_site
 from .control import CLOCK, GOAL, going, sample, stepped
 from .dense import on_the_way
@@ -31,7 +32,7 @@ class Place(Record):
 
 @record
 class Nothing(Record):
-    """What a step shows of many sites: it went through or not."""
+    """The outcome of a step of many sites: it went through or not."""
 
 
 PLACE, BESIDE = carried_layout(Place(0)), carried_layout((Place(0), vec(0.0)))
@@ -71,22 +72,16 @@ class OverSites(Record):
     def step(self, system: Any, t: float, place: Place, h: float) -> Place:
         """A step of all sites, from one copy of the memory to the other."""
         there = 1 - place.copy
-        if self.method.together:
-            self.method.step_together(system, t, h, self.sites, place.copy, there, self.memory)
-            return Place(there)
-        each(
-            self.sites,
-            one_step,
-            self.method,
-            system,
-            t,
-            h,
-            self.sites,
-            place.copy,
-            there,
-            self.memory,
-        )
+        self.go(system, t, place.copy, there, h)
         return Place(there)
+
+    def go(self, system: Any, t: float, here: int, there: int, h: float) -> None:
+        """A step of all sites from one copy of the memory to another."""
+        given = self.sites, here, there, self.memory
+        if self.method.together:
+            self.method.step_together(system, t, h, *given)
+        else:
+            each(self.sites, one_step, self.method, system, t, h, *given)
 
     def observe(self, place: Place) -> Nothing:
         """Nothing: samples are taken when they are wanted."""
@@ -136,6 +131,63 @@ class OverSites(Record):
         return size
 
 
+SPARE, INSIDE, COPIES = 2, 4, 5
+"""The first of two copies of the memory for what lies between the parts of a step that is cut; the one
+for a place inside of a step; and how many there are then.
+"""
+
+
+@record
+class OverSitesToJumps(OverSites):
+    """The method of all sites, whose steps are cut where an input jumps.
+
+    ending : `EndingAtJumps`, which knows where.  What lies between the parts of a step has copies of the
+    memory of its own, so that the state before it stays.
+    """
+
+    ending: Any
+
+    def step(self, system: Any, t: float, place: Place, h: float) -> Place:
+        """A step of all sites from jump to jump, as that of one body in `EndingAtJumps`."""
+        there = 1 - place.copy
+        self.cut(system, t, place.copy, there, h)
+        return Place(there)
+
+    def cut(self, system: Any, t: float, here: int, there: int, h: float) -> None:
+        """The parts of a step, from one copy of the memory to another."""
+        at, end, lasting, to_copy, going = t, t + h, h, SPARE, True
+        while going:
+            to = self.ending.next_end(system, at, end)
+            begin, s = self.ending.kept_away(at, to, where(at == t and to == end, h, to - at))
+            if self.ending.anew:
+                self._begin_anew(system, here, lasting, s)
+                lasting = s
+            by_way = where(to == end, there, to_copy)
+            self.go(during(system, begin, s, self.ending.beyond), begin, here, by_way, s)
+            here, to_copy = by_way, 2 * SPARE + 1 - to_copy
+            at, going = to, where(h > 0.0, to < end, to > end)
+        if self.ending.anew:
+            self._begin_anew(system, there, lasting, h)
+
+    def _begin_anew(self, system: Any, here: int, lasting: float, h: float) -> None:
+        """What the method carries along, of steps of length `lasting`, for those of length h."""
+        if lasting != h:
+            each(self.sites, one_anew, self.method, system, h, self.sites, here, self.memory)
+
+
+def over_sites(method: Any, sites: Any, memory: Any, told: Any, ending: Any) -> OverSites:
+    """The method of one site as that of all.  ending : where its steps are cut; None: nowhere."""
+    if ending is None:
+        return OverSites(method, sites, memory, told)
+    return OverSitesToJumps(method, sites, memory, told, ending)
+
+
+def one_anew(method: Any, system: Any, h: float, sites: Any, here: int, memory: Any) -> None:
+    """One site begins anew, for steps of another length."""
+    shown = sample(method, load(sites, here, memory))
+    save(sites, here, fitted(method.start(at_this_site(system), shown, h), memory), memory)
+
+
 def one_step(
     method: Any, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Any
 ) -> None:
@@ -163,7 +215,7 @@ def require_finite(value: Any) -> None:
 
 @record
 class Standing(Record):
-    """What adaptive steps carry along for one site: its state, the velocity there, and the way of the
+    """Numbers that adaptive steps carry along for one site: its state, the velocity there, and the way of the
     last step.
     """
 
@@ -181,6 +233,10 @@ class Embedded(Record):
 
     method: Any
     curves: bool
+    ending: ClassVar[None] = None
+
+    def __repr__(self) -> str:
+        return repr(self.method)
 
     @property
     def error_order(self) -> int:
@@ -207,9 +263,16 @@ class Embedded(Record):
 
 @record
 class Whole(Record):
-    """A method of fixed steps, which knows no way inside of one but to make a shorter step."""
+    """A method of fixed steps, which knows no way inside of one but to make a shorter step.
+
+    ending : where steps are cut; None: nowhere.
+    """
 
     method: Any
+    ending: Any = None
+
+    def __repr__(self) -> str:
+        return repr(self.method)
 
     def inside(
         self, system: Any, begun: float, at: float, end: float, before: Any, after: Any
@@ -259,7 +322,7 @@ def one_change(
 def one_remake(
     method: Embedded, system: Any, t: float, h: float, sites: Any, here: int, memory: Layout
 ) -> None:
-    """The same step of one site as on probation, without its error, which is that of all."""
+    """The step of one site as on probation, without its error, which is that of all."""
     old, one = load(sites, here, memory), at_this_site(system)
     if h == 0.0:
         require_finite(one.rate(t, one.essential_part(old.state)))
@@ -273,7 +336,7 @@ def one_remake(
 
 @record
 class Share(Record):
-    """What a formula of the system gives for one site: its share, such as that of the energy.
+    """The value of a formula of the system for one site: its share, such as that of the energy.
 
     parts : of the state, the arguments of the formula.
     """
@@ -298,7 +361,7 @@ class OfSite(Record):
 
 @record
 class Shown(Record):
-    """What samples have: the state of every site, if it is `kept`, in this layout; and totals over all
+    """The content of samples: the state of every site, if it is `kept`, in this layout; and totals over all
     sites of quantities, in rows of another.
     """
 
@@ -327,7 +390,7 @@ CROSSED, UNWATCHED = 1.0, 2.0
 
 @record
 class Sighted(Record):
-    """What samples have, and what is looked at after every step: `events` of the totals of their
+    """The content of samples, and what is looked at after every step: `events` of the totals of their
     quantities, of which `values` is the layout, and `named` an example with a name for each.
     """
 
@@ -349,6 +412,7 @@ def advance_sites(
     memory: Any,
     place: Any,
     sighted: Any,
+    ending: Any,
     turns: int,
     sites: Any,
     seen: Any,
@@ -369,11 +433,12 @@ def advance_sites(
     where an event changes its sign.
 
     memory : the layout of what the method carries along for one site.  place : that of what the
-    control carries along.  sites : two copies of the memory of all sites.  seen, totals : samples
-    of all sites, and of quantities, one behind the other.  look : quantities after a step; values :
-    of the events, before and after it.  goals, states, clocks, out, failures : as for `advance`.  told : as `OverSites` has it.
+    control carries along.  ending : where steps are cut, or None.  sites : copies of the memory of all
+    sites.  seen, totals : samples of all sites, and of quantities, one behind the other.  look :
+    quantities after a step; values : of the events, before and after it.  goals, states, clocks, out,
+    failures : as for `advance`.  told : as `OverSites` has it.
     """
-    everyone = OverSites(method, sites, memory, told)
+    everyone = over_sites(method, sites, memory, told, ending)
     goal, before = read(goals, 0, GOAL), read(march, 0, MARCH)
     n, k, begun, why = 0, 0, before.begun, before.why
     moved = begun != begun
@@ -422,7 +487,7 @@ def watched(
 def one_look(
     method: Any, system: Any, t: float, sites: Any, here: int, memory: Any, shown: Any, look: Any
 ) -> None:  # fmt: skip
-    """What a step leads to, of one site."""
+    """The state of one site at the end of a step."""
     looked_at(system, t, sample(method, load(sites, here, memory)), shown, look, 0)
 
 
@@ -467,7 +532,13 @@ def watched_inside(
     at: float, way: Any, system: Any, sighted: Any, values: Any, sites: Any, *given: Any
 ) -> None:
     """The state inside of a step of all sites, and the values of events."""
-    each(sites, one_inside, way, system, *given)
+    if way.ending is None:
+        each(sites, one_inside, way, system, *given)
+    else:
+        begun, _, _, _, here, memory, *more = given
+        everyone = over_sites(way.method, sites, memory, None, way.ending)
+        everyone.cut(system, begun, 1 - here, INSIDE, at - begun)
+        each(sites, one_there, way.method, system, at, sites, memory, *more)
     if sighted.events:
         write(values, 0, sighted.seen(at, given[-1]), sighted.values)
 
@@ -476,14 +547,20 @@ def one_inside(
     way: Any, system: Any, begun: float, at: float, end: float, sites: Any, here: int, memory: Any,
     shown: Any, seen: Any, totals: Any,
 ) -> None:  # fmt: skip
-    """The same of one site."""
+    """The state of one site inside of a step."""
     before, after = load(sites, 1 - here, memory), load(sites, here, memory)
     state = way.inside(at_this_site(system), begun, at, end, before, after)
     require_finite(state)
-    if shown.quantities:
-        looked_at(system, at, state, shown, totals, 0)
-    if shown.kept:
-        save(seen, 0, state, shown.state)
+    one_shown(system, at, state, shown, seen, totals, 0)
+
+
+def one_there(
+    method: Any, system: Any, t: float, sites: Any, memory: Any, shown: Any, seen: Any, totals: Any
+) -> None:  # fmt: skip
+    """The sample of one site inside of a step that was cut."""
+    state = sample(method, load(sites, INSIDE, memory))
+    require_finite(state)
+    one_shown(system, t, state, shown, seen, totals, 0)
 
 
 def one_sample(
@@ -491,7 +568,13 @@ def one_sample(
     totals: Any, k: int,
 ) -> None:  # fmt: skip
     """The sample of one site."""
-    state = sample(method, load(sites, here, memory))
+    one_shown(system, t, sample(method, load(sites, here, memory)), shown, seen, totals, k)
+
+
+def one_shown(
+    system: Any, t: float, state: Any, shown: Any, seen: Any, totals: Any, k: int
+) -> None:
+    """What is kept of the state of one site."""
     if shown.quantities:
         looked_at(system, t, state, shown, totals, k)
     if shown.kept:
@@ -555,5 +638,5 @@ def one_start(
 
 
 def first_memory(method: Any, system: Any, given: Any, started: Any, h: float, starts: Any) -> Any:
-    """What a method carries along for one site at the start."""
+    """The memory of a method for one site at the start."""
     return method.start(at_this_site(system), fitted(load(starts, 0, given), started), h)

@@ -20,7 +20,7 @@ from ..errors import (
 from ..formulas.pytree import inside, layout_of
 from ..formulas.sites import FEW, SiteArray, SiteTable, TooManySites, one_site, padded, rows_of
 from ..systems.site_state import StateOfSites
-from ..systems.tabulated import has_inputs
+from ..systems.tabulated import during, has_inputs
 from . import arguments
 from .control import (
     ANEW,
@@ -45,6 +45,7 @@ from .jumps import Ways, beyond_jump, stretches, until_jumps
 from .result import of_run
 from .sites_carry import SiteCarry
 from .sites_driver import (
+    COPIES,
     CROSSED,
     ROW,
     UNWATCHED,
@@ -102,6 +103,7 @@ class SiteRun(Course):
     pace = 1  # steps of a call
     ended: int | None = None  # by which event
     level: float | None = None  # of the derivative that numbers carry along
+    dense = False  # are the ends of all adaptive steps kept?
 
     def __init__(
         self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
@@ -140,6 +142,7 @@ class SiteRun(Course):
         self.march, self.look = np.array([0.0, np.nan, 0.0]), np.zeros(max(1, self.totals.shape[1]))
         self.values = np.full((2, max(1, len(plan.events))), np.nan)
         self.made = 0  # samples
+        self.found: dict[str, np.ndarray] = {}  # functions of all sites together, recorded
         self.failures: list[Any] = []
         self.notes, self.compiled = 0, False
         if fresh:
@@ -149,8 +152,9 @@ class SiteRun(Course):
         self.events = Sightings(self, plan.events, start) if plan.events else None
 
     def _room_for(self, width: int) -> Planes:
-        """Memory for all sites: two copies of what the method carries along."""
-        return Planes.of_rows(2 * width, self.count)
+        """Memory for all sites: two copies of what the method carries along, more where steps are cut."""
+        copies = 2 if self.shape.ending is None else COPIES
+        return Planes.of_rows(copies * width, self.count)
 
     def laid_out(self, state: Any) -> tuple[Any, np.ndarray]:
         """The state of the first site, and the numbers of all, (width, sites)."""
@@ -181,7 +185,8 @@ class SiteRun(Course):
         self.t_end = end = arguments.real(t_end, "t_end")
         asked = arguments.times(t_eval, self.begun, end)
         ends = np.array([self.begun, end] if end != self.begun else [end])
-        self.asked = self.times = ends if asked is None else asked
+        self.dense = self.plan.options.dense is True
+        self.asked = self.times = (ends[:1] if self.dense else ends) if asked is None else asked
         self.goals[:, 0] = end, way.rtol, way.atol, way.longest, self.steps, self.begun
         self.clocks[STEP] = way.first(self.begun, end)
         jumps = way.jumps(self.begun, end) if way.breaks or has_inputs(way.system) else ()
@@ -189,7 +194,7 @@ class SiteRun(Course):
         self.left = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.begun, found)
 
     def _begin(self) -> None:
-        """What the method carries along at the start."""
+        """Let the method begin at every site."""
         shape, done = self.shape, np.zeros(1)
         failures: list[Any] = []
         beginner = shape.method, self.site, shape.given, shape.started
@@ -275,7 +280,7 @@ class SiteRun(Course):
 
     def _quicker(self, pace: int, used: float) -> int:
         """How many steps the next call makes, by the seconds that this one has used."""
-        if self.lists is not None:
+        if self.lists is not None or self.dense:
             return 1
         return max(1, min(64 * pace, MOST, int(pace * PATIENCE / max(used, 1e-9))))
 
@@ -370,7 +375,7 @@ class SiteRun(Course):
 
     @property
     def _memory(self) -> np.ndarray:
-        """What the method carries along for the sites, (width, sites)."""
+        """Numbers that the method carries along for the sites, (width, sites)."""
         width = self.shape.memory.width
         found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
         return found
@@ -410,6 +415,24 @@ class SiteRun(Course):
             raise self._too_small(self.failures[-1])
         elif self.left and t == self.goals[0, 0] and t != self.t_end:
             beyond_jump(clock, self.goals[:, 0], self.left, self.t_end)
+        if self.dense and self.ended is None and t != self.times[-1]:
+            self.asked = self.times = np.append(self.times, t)
+            self._make_room()
+
+    def _make_room(self) -> None:
+        """Room for twice as many samples, if there are more than was known."""
+        room = len(self.totals)
+        if len(self.times) > room:
+            self.totals, self.own = (
+                np.concatenate([x, np.zeros_like(x)]) for x in (self.totals, self.own)
+            )
+            if self.chosen is None:
+                self.room = 2 * room
+                old, self.seen = (
+                    self.seen,
+                    Planes.of_rows(max(1, self.room * self.wide), self.count),
+                )
+                self.seen.array[: len(old.array)] = old.array
 
     def _keep(self, rows: np.ndarray, totals: np.ndarray) -> None:
         """One more sample."""
@@ -475,6 +498,8 @@ class SiteRun(Course):
         failures = [e for e in self.failures if e is not None]
         at = f"step {steps + 1} of {self.first + self.steps}, t = {t:g}"
         given: Any = self.shape.method, self.site, t, self.h, self.sites, here, 1 - here, memory
+        if self.shape.ending is not None:
+            given = given[0], during(self.site, t, self.h, self.shape.ending.beyond), *given[2:]
         if not self.adaptive:
             error = self._why(
                 failures, self.notes, lambda i: one_site(self.count, i, one_step, *given)
@@ -525,7 +550,7 @@ class SiteRun(Course):
         return self._ended(error, f"in an event at t = {t:g}")
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
-        """What the formula of a site raises.  first : of those among which it is; -1 if all have
+        """The error that the formula of a site raises.  first : of those among which it is; -1 if all have
         failed together, or nobody knows.
         """
         if failures:
@@ -600,7 +625,7 @@ class SiteRun(Course):
         if self.adaptive:
             h = float((self.clocks[TIME, 0] - self.begun) / max(1, self.most))
             rejected = int(self.clocks[REJECTED, 0])
-        return {"h": h, "rejected": rejected}
+        return {"h": h, "rejected": rejected, "breaks": self.way.breaks}
 
     @property
     def most(self) -> int:

@@ -12,10 +12,10 @@ from ..formulas.pytree import build, layout_of, with_slopes
 from . import arguments
 from .dense import unpacked
 from .equal import affordable
+from .result import of_tangent
 from .sites_adjoint import BackwardRun, why_not
 from .sites_states import first_of, site_rows
 from .tangent import LEVEL, frame
-from .trajectory import TangentTrajectory
 
 
 class Along:
@@ -115,9 +115,10 @@ def tangent_by_sites(sites: Any, start: Any, steps: int, t0: float, given: Any) 
         products.append(column @ some if name == "against" else column)
     states = unpacked(frames.layout, np.moveaxis(values, 1, -1))
     tangent = np.stack(products, axis=1 if name == "against" else -1)
-    return TangentTrajectory(
-        plan.system, plan.method, made.h, made.t, plan._one.as_users_see(states), None, made.steps,
-        made.compiled, tangent={name: tangent[..., 0] if name == "along" and some.ndim == 1 else tangent},
+    one = name == "along" and some.ndim == 1
+    return of_tangent(
+        made, made.steps, {name: tangent[..., 0] if one else tangent}, system=plan.system,
+        method=plan.method, h=made.h, t=made.t, states=plan._one.as_users_see(states),
     )  # fmt: skip
 
 
@@ -130,11 +131,12 @@ def against_by_sites(sites: Any, start: Any, steps: int, t0: float, wanted: Any)
     affordable(8 * columns.size * (steps // every + 2), steps, every)
     run = sites.kind(plan, sites.site, start, t0, steps, None, None, None)
     made = run.trajectory()
-    found = [
+    rows = [
         np.stack([back.back({n: w})[0] for w in columns.T], axis=-1) for n in run.numbers.tolist()
     ]
-    tangent = np.stack(found)
-    return TangentTrajectory(
-        plan.system, plan.method, made.h, made.t, made.states, None, made.steps, made.compiled,
-        tangent={"against": tangent[..., 0] if some.ndim == 1 else tangent},
+    tangent = np.stack(rows)
+    found = {"against": tangent[..., 0] if some.ndim == 1 else tangent}
+    return of_tangent(
+        made, made.steps, found, system=plan.system, method=plan.method, h=made.h, t=made.t,
+        states=made.states,
     )  # fmt: skip

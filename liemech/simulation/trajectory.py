@@ -21,6 +21,8 @@ from ..systems.system import State, System, small_state
 from .dense import Between, DenseOutput, ShortSteps, flat
 from .drift import RECORDED, Drift
 from .fictive import Origin
+from .sites_between import SitesBetween
+from .sites_carry import SiteCarry
 from .stopped import NONE, Stop
 from .systems import OfBodies, Systems, of_body
 
@@ -303,32 +305,27 @@ class Trajectory:
         group.
 
         Between adaptive steps by the polynomial of the method, between fixed steps by a
-        shorter step from the last sample.
+        shorter step from the last sample; of many sites always by a shorter step.
         """
         return self._motion(t)
 
     @cached_property
-    def _motion(self) -> Between:
+    def _motion(self) -> Between | SitesBetween:
         """The motion between the samples."""
         if self.dense is not None:
             return self.dense
-        whole = (
-            self.bodies is None
-            and self.rejected is None
-            and len(self.t) == self.steps + 1
-            and self.steps > 0
-        )
-        if self.observed or not whole or np.abs(np.diff(self.t)).max() > abs(self.h) * (1.0 + 1e-6):
+        system: Any = self.system
+        kept = self.bodies is None and not self.observed and len(self.t) == self.steps + 1 > 1
+        example = system.state(**{name: x[0] for name, x in self.states.items()}) if kept else None
+        if isinstance(self.carry, SiteCarry) or isinstance(example, StateOfSites):
+            if kept:
+                return SitesBetween(self, type(example))
+            example = None
+        whole = example is not None and self.rejected is None
+        if not whole or np.abs(np.diff(self.t)).max() > abs(self.h) * (1.0 + 1e-6):
             raise InvalidInput(
                 "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do "
                 "with dense=True, fixed ones with every=1"
-            )
-        system: Any = self.system
-        example = system.state(**{name: x[0] for name, x in self.states.items()})
-        if isinstance(example, StateOfSites):
-            raise InvalidInput(
-                "Trajectory.at is not there for many sites: give the run t_eval, the times at which "
-                "states are wanted"
             )
         method = ending_at_jumps(self.method, self.system, self.breaks)
         states = {name: self.states[name] for name in example.arrays}  # as in the state

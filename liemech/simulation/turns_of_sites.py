@@ -16,10 +16,12 @@ from ..formulas import Record, plain, record
 from ..formulas.pytree import NUMBER
 from ..formulas.sites import padded, rows_of
 from ..formulas.tables import Table, entry
+from ..integrators.ending_at_jumps import jumps_between, uncut
 from ..integrators.sublattices import terms_of
 from ..systems.bonds_at_site import BondsOfSite
 from ..systems.lie_poisson import BodyState
 from ..systems.sublattices import turned
+from ..systems.tabulated import NEAR, during
 from ..systems.terms import at_time
 from ..systems.terms_at_site import at_this_site
 from .control import MARK, STUCK, TAKEN, TIME
@@ -237,7 +239,7 @@ class Turning:
 
     def __init__(self, plan: Any, layout: Any) -> None:
         steps, system = plan._steps, plan._one
-        method = steps.way_of(0)
+        method = uncut(steps.way_of(0))
         motions = method._motions(terms_of(system))
         self.places = motions.places
         form, numbers = motions.of_site(self.places)
@@ -258,8 +260,11 @@ class Turning:
 
     def spread(self, rows: np.ndarray) -> Planes:
         """Rows of numbers of sites in the order of their places, in the first of the copies."""
-        rows = np.tile(rows[..., self.places.sites], (self.copies, 1))
-        return Planes(rows_of(rows), len(self.places.sites))
+        return self.begun(rows[..., self.places.sites])
+
+    def begun(self, rows: np.ndarray) -> Planes:
+        """The same of those that are in this order."""
+        return Planes(rows_of(np.tile(rows, (self.copies, 1))), rows.shape[-1])
 
 
 class TurnsRun(SiteRun):
@@ -273,10 +278,14 @@ class TurnsRun(SiteRun):
     old: Any = None  # those at the node before it
     torn = False  # are the sites further than the steps that were looked into?
 
+    def _room_for(self, width: int) -> Planes:
+        """Memory for all sites: one copy, as they turn in place."""
+        return Planes.of_rows(width, self.count)
+
     @property
     def _looks(self) -> bool:
-        """Is every step looked into, for zeros of events or for times inside of it?"""
-        return bool(self.plan.events) or self.fixed_times
+        """Is every step looked into, for zeros of events, for times inside of it, or for cuts?"""
+        return bool(self.plan.events) or self.fixed_times or self.shape.ending is not None
 
     def _call(self, turns: int) -> None:
         """Some more steps: those to the next sample or a part of them, or to some samples."""
@@ -345,19 +354,21 @@ class TurnsRun(SiteRun):
         turns = min(turns, left)
         if not turns:
             return
+        free = self._uncut(turns)
         if not self.plan.events:  # nothing happens until the next time
             due = (
                 self.times[self.made]
                 if self.made < len(self.times)
                 else np.copysign(np.inf, self.h)
             )
-            far = int(min((due - t) / self.h, turns + 1.0)) - 1
+            far = min(int(min((due - t) / self.h, turns + 1.0)) - 1, free)
             if far > 0:
                 self._turned(far, 1, 1)
                 self._go_on(far, self.last)
                 return
         old, self.torn = self.last, True
-        rows = self._turned(1, min(turns, max(1, ROWS // self.last.size)), 1)
+        some = min(free, max(1, ROWS // self.last.size))
+        rows = self._turned(1, some, 1) if free else self._cut()[None]
         times = self.t0 + (self.taken + 1 + np.arange(len(rows))) * self.h
         totals = self._totals(self._seen(rows), times)
         for row, total in zip(rows, totals):
@@ -418,20 +429,47 @@ class TurnsRun(SiteRun):
         """The states of all sites at a time in the last step, the totals, and the events."""
         if at == end:
             return self._seen(self.last), self.look[: self.totals.shape[1]], self.values[1]
-        turning, order = self.shape.turning, self.shape.order
-        turns, layout, _, number = turning.arguments
-        fresh = np.zeros_like(self.old)
+        order, fresh = self.shape.order, np.zeros_like(self.old)
         fresh[order] = self.old[order]
-        start = Planes(rows_of(np.tile(fresh, (turning.copies, 1))), fresh.shape[1])
-        seen = Planes.of_rows(len(fresh), start.count)
-        given = turns, layout, at - begun, number, begun, 1, 1, 1, start, seen
-        self._make(given, np.zeros(3))
-        rows = self._seen(seen.array[:, : start.count])
+        rows = self._seen(self._moved(fresh, begun, at - begun))
         if not np.isfinite(rows).all():
             raise self._ended(NotFinite(OVERFLOW), f"inside of a step, t = {at:g}")
         totals = self._totals(rows[None], [at])[0]
         values = self._seen_by_events(at, totals) if self.plan.events else ()
         return rows, totals, np.array(values)
+
+    # ---------------------------------------------------------------- steps that are cut
+
+    def _uncut(self, turns: int) -> int:
+        """How many of the next steps are made as they are, as no input jumps in them or at their ends."""
+        ending, t, h = self.shape.ending, self.clocks.item(TIME, 0), self.h
+        if ending is None:
+            return turns
+        end = t + turns * h
+        near = 2.0 * NEAR * max(abs(t), abs(end))
+        low, high = min(t, end) - near, max(t, end) + near
+        jumps = jumps_between(ending.method, self.site, self.way.breaks, low, high)
+        ahead = [(jump - t) / h for jump in jumps if low <= jump <= high]
+        return max(0, int(min([turns, *[n - near / abs(h) for n in ahead]])))
+
+    def _cut(self) -> np.ndarray:
+        """The states of all sites after a step that is cut, by their places."""
+        self.last = self._moved(self.last, self.clocks.item(TIME, 0), self.h)
+        self.turned = self.shape.turning.begun(self.last)
+        self.clock = np.array([0.0, 0.0, self.taken + 1.0])
+        found: np.ndarray = self.last
+        return found
+
+    def _moved(self, rows: np.ndarray, t: float, h: float) -> np.ndarray:
+        """The states of all sites, by their places, after a step of any length from others."""
+        turning, ending, site = self.shape.turning, self.shape.ending, self.site
+        turns, layout, _, number = turning.arguments
+        for begin, s in [(t, h)] if ending is None else ending.parts(site, t, h):
+            seen = turns if ending is None else during(turns, begin, s, ending.beyond)
+            start, after = turning.begun(rows), Planes.of_rows(len(rows), rows.shape[1])
+            self._make((seen, layout, s, number, begin, 1, 1, 1, start, after), np.zeros(3))
+            rows = after.array[:, : start.count]
+        return rows
 
     # ---------------------------------------------------------------- turns
 

@@ -160,9 +160,11 @@ class Lattice(Graph):
         """The product of the numbers along the axes."""
         return int(np.prod(self.shape))
 
-    @cached_property
+    @property
     def edges(self) -> np.ndarray:
-        """Those along the first axis, then those along the second, ..."""
+        """Those along the first axis, then those along the second, ...; not kept, as there may be
+        millions.
+        """
         place = np.arange(self.sites).reshape(self.shape)
         found = []
         for axis, (n, periodic) in enumerate(zip(self.shape, self.periodic)):
@@ -171,6 +173,30 @@ class Lattice(Graph):
                 second = np.roll(place, -1, axis) if periodic else np.delete(place, 0, axis)
                 found.append(np.stack([first.ravel(), second.ravel()], axis=1))
         return np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
+
+    def incidence(self, role: int | None = None) -> Incidence:
+        """The edges at each site: of a lattice without ends from the numbers of its sites alone."""
+        if not all(x or n == 1 for n, x in zip(self.shape, self.periodic)):
+            return incidence_of(self.edges, self.sites, role)
+        place = np.arange(self.sites, dtype=np.int32).reshape(self.shape)
+        others: list[np.ndarray] = []
+        edges: list[np.ndarray] = []
+        for axis, n in enumerate(self.shape):
+            if n > 1:
+                after, before = (np.roll(place, step, axis) for step in (-1, 1))
+                along = self.sites * (len(edges) // (2 if role is None else 1))
+                ends = [(before, along + before), (after, along + place)]
+                if role is None:  # in the order of the edges
+                    same = before < place
+                    pairs = [[np.where(same, x, y), np.where(same, y, x)] for x, y in zip(*ends)]
+                    others, edges = others + pairs[0], edges + pairs[1]
+                else:
+                    others, edges = others + [ends[1 - role][0]], edges + [ends[1 - role][1]]
+        degree = len(others)
+        shape = degree, self.sites
+        table = np.reshape(others, shape) if degree else np.empty(shape, dtype=np.int32)
+        numbers = np.reshape(edges, shape) if degree else np.empty(shape, dtype=np.int32)
+        return Incidence(table[None], numbers, np.full(self.sites, degree))
 
     @cached_property
     def layout(self) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..formulas import Record, dot, jacobian, record, vec
 from ..formulas.pytree import inside, with_fields
+from .tabulated import inputs
 from .terms import AtTime, at_time
 
 APART = 1e-9
@@ -22,10 +23,13 @@ TRIED = 4
 TIMES = 0.0, 0.37, -0.73, 1.19, 7.3, 101.0
 """Times at which a term that changes is looked at."""
 
+SHARES = 0.03, 0.21, 0.42, 0.58, 0.79, 0.97
+"""Of the time that its tables have values for, where they have them for some time only."""
+
 
 @record
 class Kind(Record):
-    """What is seen of a term.
+    """The parts of a term that are looked at.
 
     affine : is it affine in the momentum of each site?  steady : does the velocity that it gives a
     single site stay as it is while the site moves along?  isotropic : is it a function of the
@@ -60,8 +64,17 @@ def _tried(terms: Any, part: Any) -> Iterator[tuple[Any, Any, list[Any]]]:
         mus = [rng.normal(size=terms.group.base_of(i).dim).tolist() for i in ends]
         sites = [terms.site_with(i, vec(*mu), None) for i, mu in zip(ends, mus)]
         term = part.at_edge(number)
-        for t in TIMES if inside(term, AtTime) else (0.0,):
+        for t in _times(term) if inside(term, AtTime) else (0.0,):
             yield terms.group.base_of(ends[0]), at_time(term, t), sites
+
+
+def _times(term: Any) -> list[float]:
+    """Times at which a term is looked at."""
+    ends = [np.asarray(x.knots)[[0, -1]] for x in inputs(term) if x.outside == "refuse"]
+    if not ends:
+        return [*TIMES]
+    low, high = np.max(ends, axis=0)[0], np.min(ends, axis=0)[1]
+    return [float(low + share * (high - low)) for share in SHARES]
 
 
 def _affine(term: Any, sites: list[Any]) -> bool:

@@ -202,8 +202,7 @@ def at_places(form: Any, places: Places) -> Any:
         return with_fields(x, entries=Table(rows.ravel()), places=float(rows.shape[1]))
 
     tables = [
-        SiteTable.of(places.places[moved(table.entries.array.view(np.int64))])
-        for table in inside(form, SiteTable)
+        SiteTable.of(places.places[moved(table.numbers)]) for table in inside(form, SiteTable)
     ]
     arrays = [array(x) for x in inside(form, SiteArray)]
     return exchanged(exchanged(form, SiteTable, tables), SiteArray, arrays)

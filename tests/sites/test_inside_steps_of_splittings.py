@@ -111,7 +111,7 @@ def test_what_functions_are_of() -> None:
         lm.integrate(*many, record=[SQUARES], events=[lambda t, site: site.mu[0]], **way)
 
 
-def test_at_is_told_by_name() -> None:
-    run = lm.integrate(spins(N), lm.RKMK(), spins(N).state(mu=START), h=0.1, steps=3)
-    with pytest.raises(lm.errors.InvalidInput, match="give the run t_eval"):
+def test_at_needs_all_steps() -> None:
+    run = lm.integrate(spins(N), lm.RKMK(), spins(N).state(mu=START), h=0.1, steps=3, every=3)
+    with pytest.raises(lm.errors.InvalidInput, match="kept all its steps"):
         run.at(0.05)
