@@ -19,6 +19,7 @@ import numpy as np
 
 import liemech as lm
 from liemech.simulation.sites_adjoint import BackwardRun
+from liemech.simulation.starts import started_by_sites
 
 
 @lm.record
@@ -46,7 +47,7 @@ def measured(method: Any, n: int, steps: int, rounds: int) -> dict[str, float]:
     plan = lm.Plan(
         spins, method, h=min(0.02, 20.0 / steps), every=steps, compiled=True, progress=False
     )
-    first = plan._start_of_sites(start)
+    first = started_by_sites(plan, start)
     ways = {
         "run": lambda: plan.run(start, steps=steps),
         "J v": lambda: plan.tangent(start, steps=steps, along=w),
@@ -70,7 +71,10 @@ def measured(method: Any, n: int, steps: int, rounds: int) -> dict[str, float]:
     return found | {name: x / least["run"] for name, x in least.items()}
 
 
-HEAD = "| method | sites | steps | run, ns a site and step | J v | J^T w | J^T w and all couplings | MB of the run | of J^T w | and couplings |"
+HEAD = (
+    "| method | sites | steps | run, ns a site and step | J v | J^T w | J^T w and all couplings "
+    "| MB of the run | of J^T w | and couplings |"
+)
 COLUMNS = (
     "ns",
     "J v",

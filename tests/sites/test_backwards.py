@@ -17,6 +17,7 @@ import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput
 from liemech.simulation import sites_adjoint
 from liemech.simulation.reversal import go_back, repetitions
+from liemech.simulation.starts import started_by_sites
 
 edges = lm.neighbours.edges
 
@@ -70,13 +71,13 @@ def by_sites(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def back(plan: Any, start: Any, given: Any, names: tuple[str, ...] = ()) -> Any:
-    return plan._sites.back_through(plan._start_of_sites(start), max(given), 0.0, given, names)
+    return plan._sites.back_through(started_by_sites(plan, start), max(given), 0.0, given, names)
 
 
 def require_transposed(plan: Any, start: Any, steps: int) -> None:
     """<w, J v> = <J^T w, v>, with w at the end and half of it after two steps."""
     rng = np.random.default_rng(5)
-    first = plan._start_of_sites(start)
+    first = started_by_sites(plan, start)
     run = sites_adjoint.BackwardRun(plan._sites, first, steps, 0.0)
     v, w = rng.normal(size=(2, run.components))
     forwards = plan.replace(every=1).tangent(start, steps=steps, along=v).tangent["along"]
