@@ -39,10 +39,15 @@ from .sites_parameters import OfPart, Parameter, zeros
 from .sites_states import first_of, site_rows
 
 ROOM = 2**23
-"""Numbers of states, or of what is kept for parameters, that are at hand together."""
+"""Numbers of states that are kept on the way, and of those of a block of steps, at most, if these are
+several.
+"""
 
-KEPT = 16
-"""States that are kept on the way."""
+NEAR = 2**19
+"""Numbers of states of a block of steps, which stay near the processor."""
+
+LEAST = 16
+"""States that are kept at least."""
 
 
 def why_not(sites: Any, start: Any) -> str:
@@ -59,13 +64,12 @@ def why_not(sites: Any, start: Any) -> str:
 class BackwardRun:
     """The way back through one run of fixed steps of many sites.
 
-    names : of parameters of terms by which is differentiated, too.  kept : states on the way.
+    names : of parameters of terms by which is differentiated, too.
     """
 
     def __init__(
-        self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = (),
-        kept: int = KEPT,
-    ) -> None:  # fmt: skip
+        self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = ()
+    ) -> None:
         plan, why = sites.plan, why_not(sites, start)
         if why:
             raise IncompatibleSystem(
@@ -73,7 +77,7 @@ class BackwardRun:
                 "tableau, KickDrift, LieVerlet, Splitting, compositions of them and SublatticeSplitting "
                 "have one, without loads"
             )
-        self.plan, self.start, self.t0, self.kept = plan, start, t0, kept
+        self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
         self.names, self.first = tuple(start.arrays), first_of(start)
         self.lists = Lists.of(plan._one, sites.site)
@@ -152,13 +156,16 @@ class BackwardRun:
         """Memory: for states of a block of steps, and for what some parts of them ask."""
         way, places = self.way, padded(self.count)
         parts = len(self.of_step)
-        self.block = max(1, min(steps, ROOM // (way.state.width * places * parts)))
+        one = way.state.width * places
+        self.kept = max(LEAST, ROOM // one)
+        block = max(NEAR // (one * parts), -(-steps // self.kept))
+        self.block = max(1, min(steps, block, ROOM // (one * parts)))
         if self.lists is not None:
             self.block = 1
         asked = max(
             x.momenta * way.momentum.width + x.elements * way.element.width for x in way.motions
         )
-        self.some = max(1, ROOM // (4 * max(1, asked) * places)) if kept else self.block * parts
+        self.some = max(1, ROOM // (8 * max(1, asked) * places)) if kept else self.block * parts
         some = min(self.some, self.block * parts) if kept else 0
         most = [max(getattr(x, name) for x in way.motions) for name in ("momenta", "elements")]
         widths = way.state.width, way.felt.width, way.momentum.width, way.element.width

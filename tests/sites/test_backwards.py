@@ -164,8 +164,8 @@ def test_parameters_of_terms(given: Any, monkeypatch: pytest.MonkeyPatch) -> Non
             return w @ short.run(start, steps=steps).mu[-1].ravel()
 
         assert np.abs(found[name] - differences(end, value)).max() < 1e-11
-    monkeypatch.setattr(sites_adjoint, "ROOM", 1)
-    monkeypatch.setattr(sites_adjoint, "KEPT", 2)
+    for name, few in (("ROOM", 1), ("NEAR", 1), ("LEAST", 2)):
+        monkeypatch.setattr(sites_adjoint, name, few)
     again = back(plan, start, {steps: w}, names)
     assert np.array_equal(again[0], slope)
     plain = back(plan.replace(compiled=False), start, {steps: w}, names)
