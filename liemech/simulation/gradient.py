@@ -37,6 +37,7 @@ from .losses import Loss
 from .parameters import full_name, parameter, shape_of
 from .prepared import Steps
 from .progress import Bar
+from .sites_pullback import goes_by_sites, gradient_by_sites
 from .systems import OfBodies
 from .tangent import StepsOfARun, frames_of, parameter_moves, real_numbers, slope, with_step
 from .trajectory import Trajectory
@@ -537,7 +538,7 @@ def backwards(
     elif along is not None:
         every = plan.options.every
     asked = every, loss, along, cotangent
-    if plan._sites is not None and plan._sites.takes(start):
+    if plan._sites is not None and goes_by_sites(plan, start, names, loss, along):
         return _by_sites(plan, what, start, steps, t_end, t0, names, asked)
     start = plan._started(start)
     if plan.fictive:
@@ -560,8 +561,6 @@ def _by_sites(
     plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: Any, asked: Any
 ) -> Gradient:
     """The gradient of a run of many sites, which is gone through backwards."""
-    from .sites_pullback import gradient_by_sites
-
     if plan.adaptive:
         raise IncompatibleSystem(
             f"Plan.{what}: of many sites there is the gradient of fixed steps; give h and steps"

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput
+from ..formulas.of_each import Each
 from ..systems.system import state_of
 from .losses import Loss
+from .parameters import full_name, parameter
 from .sites_adjoint import BackwardRun
 from .sites_states import by_site, first_of, kind_of, site_rows
 from .sites_tangent import Frames
@@ -43,7 +45,8 @@ def gradient_by_sites(
                 f"Plan.{what}: the {name} of many sites is the sum of a function of one, {name}=lambda site: "
                 "..., or lambda t, site: ...; of all together plan.pullback takes the derivative"
             )
-    run = shown.run(start, steps=steps, t0=t0)
+    sites = shown._sites
+    run = sites.kind(shown, sites.site, state, t0, steps, None, None, None).trajectory()
     numbers = np.minimum(np.arange(len(run.t)) * between, steps).tolist()
     value, felt = None, {}
     if cotangent is not None:
@@ -60,8 +63,21 @@ def gradient_by_sites(
     return value, {name: by[name] for name in names}, run
 
 
+def goes_by_sites(plan: Any, start: Any, names: tuple[str, ...], *functions: Any) -> bool:
+    """Is a gradient found site by site: of many sites, of functions of one, by a parameter of edges?"""
+    if plan._sites is None or not plan._sites.knows(start):
+        return False
+    if plan._sites.takes(start) or any(map(of_site, functions)):
+        return True
+    known = [name for name in names if name not in ("start", "h") and "method." not in name]
+    full = [full_name(plan._one, name, "Plan.gradient") for name in known]
+    return any(isinstance(parameter(plan._one, name), Each) for name in full)
+
+
 def of_site(function: Any) -> bool:
     """Is it a function of a site, or of time and a site, by the name of its last argument?"""
+    if function is None:
+        return False
     try:
         names = [*inspect.signature(function).parameters]
     except (TypeError, ValueError):

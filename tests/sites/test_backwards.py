@@ -322,6 +322,50 @@ def test_terms_of_one_site_that_turn_by_themselves() -> None:
         back(plan, system.state(mu=directions(n)), {2: np.ones(18)}, ("J",))
 
 
+def test_gradient_and_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A loss and a running cost of one site, and cotangents by samples, as the written-out sums of them."""
+    plan = lm.Plan(spins(4), lm.RKMK(order=2), h=0.1, compiled=False)
+    start = spins(4).state(mu=directions(4))
+    found = plan.gradient(
+        lambda site: site.mu[2] ** 2,
+        start,
+        steps=4,
+        by=["start", "J"],
+        along=lambda t, site: t * site.mu[0],
+        every=2,
+    )
+    run = plan.replace(every=2).run(start, steps=4)
+    z = run.mu[-1, :, 2]
+    assert abs(found.value - (z @ z + (run.t[:, None] * run.mu[..., 0]).sum())) < 1e-14
+    given = np.zeros((3, 4, 3))
+    given[-1, :, 2] = 2.0 * z
+    given[..., 0] += run.t[:, None]
+    back = plan.pullback({"mu": given}, start, steps=4, by=["start", "J"], every=2)
+    flat = plan.pullback(given.reshape(3, 12), start, steps=4, every=2)
+    whole = plan.replace(every=2).tangent(start, steps=4).tangent["start"]
+    wanted = np.einsum("ki,kij->j", given.reshape(3, 12), whole)
+    for other in (found, back, flat):
+        assert np.abs(other["start"] - wanted).max() < 1e-14
+    assert np.array_equal(found["J"], back["J"])
+    monkeypatch.setattr(lm.System, "small", 12)  # a system of any size has this meaning of a site
+    few = plan.replace().gradient(lambda site: site.mu[2] ** 2, start, steps=4)
+    assert abs(few.value - z @ z) < 1e-14
+    monkeypatch.setattr(lm.System, "small", 0)
+    with pytest.raises(IncompatibleSystem, match="lambda site"):
+        plan.gradient(lambda state: state.mu[0], start, steps=4)
+    with pytest.raises(InvalidInput, match=r"\(4, 3\), as the samples are; got \(3,\)"):
+        plan.pullback({"mu": [1.0, 2.0, 3.0]}, start, steps=4)
+    system, first = chain(3)
+    bodies = lm.Plan(system, lm.KickDrift(), h=0.05, compiled=False)
+    w = np.random.default_rng(1).normal(size=(3, 3, 3))
+    whole = bodies.tangent(first, steps=2).tangent["start"][-1]
+    end = bodies.run(first, steps=2).g[-1]
+    e = np.asarray([lm.SO3().algebra.hat(x) for x in np.eye(3)])
+    components = np.einsum("sij,sik,ckj->sc", w, end, e)
+    found = bodies.pullback({"g": w}, first, steps=2)["start"]
+    assert np.abs(found - components.ravel() @ whole[9:]).max() < 1e-13
+
+
 @native
 @pytest.mark.slow
 def test_units() -> None:
