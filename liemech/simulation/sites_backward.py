@@ -153,7 +153,7 @@ def one_turned_back(
 def one_other_back(
     way: WayBack, turn: Turn, part: Part, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
 ) -> None:  # fmt: skip
-    """What a site feels of others that turn."""
+    """The way of one site back that others turn by."""
     before, w = load(states, n, way.state), load(felt, 0, way.felt)
     along = load(alongs, 0, way.along)
     more = turn.of_others(part, before.mu, along)
