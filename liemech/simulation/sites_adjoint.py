@@ -186,9 +186,13 @@ class BackwardRun:
 
     def _parts(self, wanted: list[Parameter]) -> list[OfPart]:
         found, steps, way = [], self.plan._steps, self.way
-        for key in dict.fromkeys((id(x.energy), x.which) for x in wanted):
-            some = [x for x in wanted if (id(x.energy), x.which) == key]
-            energy = some[0].energy
+        asked = [
+            (x.energy, k)
+            for x in wanted
+            for k in (range(len(x.energy.parts)) if x.which is None else [x.which])
+        ]
+        for energy, which in {(id(e), k): (e, k) for e, k in asked}.values():
+            some = [x for x in wanted if x.energy is energy and x.which in (None, which)]
             in_momenta = isinstance(energy, MomentumTerms)
             name = "momenta" if in_momenta else "elements"
             if not isinstance(energy, (MomentumTerms, PlaceTerms)) or not any(
@@ -199,7 +203,7 @@ class BackwardRun:
                     f"{some[0].name} for many sites; RKMK has one by the energies of momenta too"
                 )
             layout = way.momentum if in_momenta else way.element
-            part = energy.parts[some[0].which]
+            part = energy.parts[which]
             found.append(OfPart(energy, part, some, self.places, layout, steps))
         return found
 
@@ -237,9 +241,10 @@ class BackwardRun:
         if self.last:
             blocks = -(-self.last // self.block)
             go_back(0, blocks, self.kept, self.rows, self._advance, self._back)
-        found: dict[str, np.ndarray] = {}
+        found: dict[str, Any] = {}
         for part in self.parts:
-            found |= part.found
+            for name, own in part.found.items():
+                found[name] = found[name] + own if name in found else own
         slope = self._components()
         if not np.isfinite(slope).all():
             raise NotFinite(

@@ -1,4 +1,6 @@
-"""Parameters of the terms of many sites by which is differentiated on the way back, edge by edge."""
+"""Parameters of the terms of many sites, and of the sites, by which is differentiated on the way back, edge
+by edge.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler.planes import Planes
-from ..errors import IncompatibleSystem
+from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas import vec
 from ..formulas.of_each import Each, each
 from ..formulas.pytree import Layout, carried_layout, exchanged, inside, layout_of, with_fields
@@ -18,7 +20,7 @@ from ..systems.graphs import AllPairs
 from ..systems.sums_of_terms import MomentumTerms, OfTerms
 from ..systems.terms import Term, site_class
 from ..systems.terms_at_site import EachOfSites
-from .parameters import full_name, named, parameter, shape_of
+from .parameters import full_name, named, parameter, parameters, shape_of
 from .sites_backward import EdgesAsked, Varied, edges_back
 from .sites_execution import SiteExecution
 
@@ -27,18 +29,32 @@ WRAPPERS = "term"
 
 
 class Parameter:
-    """A parameter of a term by which is differentiated.
+    """A parameter by which is differentiated, of a term or of the sites.
 
-    name : as it was asked for.  energy : the terms among which it is, `which` of them; path : of the
-    fields that lead to it.
+    name : as it was asked for.  energy : the terms among which it is, `which` of them; None: it is one of
+    the sites, which all terms may see.  path : of the fields that lead to it; of sites its number.
     """
+
+    which: int | None
 
     def __init__(self, system: Any, name: str) -> None:
         caller = "Plan.gradient"
+        of_sites = terms_of_sites(system, name)
+        if of_sites:
+            same = [x for x in parameters(system) if x.endswith(f".{name}")]
+            if same:
+                raise InvalidInput(
+                    f"{caller}: {name} is a parameter of the sites, and {same[0]} one of a term; give the longer "
+                    "name, or name them differently"
+                )
+            self.name, self.energy, self.which = name, of_sites[0], None
+            self.path: Any = (self.energy.names.index(name),)
+            self.value = self.energy.own[self.path[0]]
+            return
         self.name, self.full = name, full_name(system, name, caller)
         parts = self.full.split(".")
         value: Any = system
-        self.energy: Any = None
+        self.energy = None
         for i, part in enumerate(parts):
             if isinstance(value, OfTerms):
                 self.energy, rest = value, parts[i:]
@@ -76,10 +92,11 @@ class Parameter:
         """That of one value."""
         return self.value.shape if isinstance(self.value, Each) else np.shape(self.value)
 
-    def at_edges(self, count: int) -> Varied:
-        """Its values at so many edges."""
+    def at_edges(self, count: int, ends: Any = None) -> Varied:
+        """Its values at so many edges.  ends : of one of sites, which they are."""
         if isinstance(self.value, Each):
-            values = self.value.values.reshape(count, -1)
+            values = self.value.values if ends is None else self.value.values[ends]
+            values = values.reshape(count, -1)
         else:
             values = np.broadcast_to(
                 np.asarray(self.value, dtype=float).ravel(), (count, max(1, np.size(self.value)))
@@ -104,27 +121,35 @@ class OfPart:
         edges = AllPairs(group.copies).edges if is_near(graph) else graph.edges
         self.count, self.arity = len(edges), edges.shape[1]
         term: Any = part.term
-        values = [one.at_edges(self.count) for one in wanted]
-        for one, value in zip(wanted, values, strict=True):
-            term = one.put(term, value, one.path)
-        order = [next(k for k, y in enumerate(values) if y is x) for x in inside(term, Varied)]
-        self.wanted = [wanted[k] for k in order]  # as formulas find them in the term
+        held: list[tuple[Parameter, Any, Varied]] = []
+        for one in [x for x in wanted if x.which is not None]:
+            held.append((one, None, one.at_edges(self.count)))
+            term = one.put(term, held[-1][2], one.path)
         others = inside(term, Each)
         term = exchanged(term, Each, [EachOfSites.of_each(x) for x in others])
-        own = tuple(
-            tuple(
-                EachOfSites.of_each(each(x.values[edges[:, k]])) if isinstance(x, Each) else x
-                for x in energy.own
+        own: list[list[Any]] = []
+        for there in edges.T:
+            own.append(
+                [
+                    EachOfSites.of_each(each(x.values[there])) if isinstance(x, Each) else x
+                    for x in energy.own
+                ]
             )
-            for k in range(self.arity)
-        )
+            for one in [x for x in wanted if x.which is None]:
+                held.append((one, there, one.at_edges(self.count, there)))
+                own[-1][one.path[0]] = held[-1][2]
         ends = SiteTable.of(places[edges.T])
         site = site_class(energy.names)()
         self.edges = EdgesAsked(
-            term, group.base, site, own, ends, isinstance(energy, MomentumTerms)
+            term, group.base, site, tuple(map(tuple, own)), ends, isinstance(energy, MomentumTerms)
         )
+        order = [
+            next(k for k, y in enumerate(held) if y[2] is x) for x in inside(self.edges, Varied)
+        ]
+        self.held = [held[k][:2] for k in order]  # as formulas find them
+        self.sites = group.copies
         self.asked = asked
-        width = sum(max(1, int(np.prod(one.shape))) for one in wanted)
+        width = sum(max(1, int(np.prod(one.shape))) for one, _ in self.held)
         self.total = carried_layout(zeros(width))
         self.sums = Planes.of_rows(width, self.count)
         planes = Planes.of_rows(1, 1)
@@ -143,14 +168,24 @@ class OfPart:
 
     @property
     def found(self) -> dict[str, np.ndarray]:
-        """The derivatives by name: of a parameter that all edges share their sum."""
-        result, begin = {}, 0
-        for one in self.wanted:
+        """The derivatives by name: of a parameter that all edges or sites share their sum."""
+        result: dict[str, Any] = {}
+        begin = 0
+        for one, ends in self.held:
             width = max(1, int(np.prod(one.shape)))
             rows = self.sums.array[begin : begin + width, : self.count].T.reshape(-1, *one.shape)
             begin += width
-            result[one.name] = rows.copy() if isinstance(one.value, Each) else rows.sum(axis=0)
+            if ends is not None:
+                edges, rows = rows, np.zeros((self.sites, *one.shape))
+                np.add.at(rows, ends, edges)
+            own = rows.copy() if isinstance(one.value, Each) else rows.sum(axis=0)
+            result[one.name] = result[one.name] + own if one.name in result else own
         return result
+
+
+def terms_of_sites(system: Any, name: str) -> list[OfTerms]:
+    """The terms whose sites have a parameter of this name."""
+    return [x for x in inside(system, OfTerms) if name in x.names]
 
 
 def zeros(width: int) -> Any:

@@ -15,6 +15,7 @@ from ..systems.system import state_of
 from .losses import Loss
 from .parameters import full_name, parameter
 from .sites_adjoint import BackwardRun
+from .sites_parameters import terms_of_sites
 from .sites_states import by_site, first_of, kind_of, site_rows
 from .sites_tangent import Frames
 from .starts import started_by_sites
@@ -70,6 +71,8 @@ def goes_by_sites(plan: Any, start: Any, names: tuple[str, ...], *functions: Any
     if plan._sites.takes(start) or any(map(of_site, functions)):
         return True
     known = [name for name in names if name not in ("start", "h") and "method." not in name]
+    if any(terms_of_sites(plan._one, name) for name in known):
+        return True
     full = [full_name(plan._one, name, "Plan.gradient") for name in known]
     return any(isinstance(parameter(plan._one, name), Each) for name in full)
 

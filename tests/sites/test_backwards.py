@@ -86,21 +86,26 @@ def require_transposed(plan: Any, start: Any, steps: int) -> None:
     assert abs(w @ forwards[-1] + 0.5 * w @ forwards[2] - backwards @ v) < 1e-14 * size
 
 
-def magnet(J: Any, B: Any = (0.1, 0.2, 0.3), rate: float = 2.0, D: Any = None) -> Any:
+CHARGES = [1.0, -0.5, 2.0, 0.0, 0.3]
+
+
+def magnet(
+    J: Any, B: Any = (0.1, 0.2, 0.3), rate: float = 2.0, D: Any = None, charge: Any = tuple(CHARGES)
+) -> Any:
     """Five spins in a field that swings, with one of them held; with D all kinds of terms."""
     twist = Twist([0.3, 0.1, -0.2] if D is None else D).over(edges([(1, 0), (1, 2)], sites=5))
     terms = lm.Terms(
         Exchange(lm.each(J)).over(lm.neighbours.ring(5)),
         Swinging(B, rate),
         *([] if D is None else [twist, Chiral(0.7).over(edges([(0, 1, 2)], sites=5))]),
-        charge=lm.each([1.0, -0.5, 2.0, 0.0, 0.3]),
+        charge=lm.each(charge),
         held=[4],
     )
     return lm.DrivenLiePoissonSystem(lm.SO3() ** 5, terms)
 
 
 COUPLINGS = [1.0, 0.7, 1.3, -0.4, 0.9]
-FEW: dict[str, Any] = {"J": COUPLINGS, "rate": 2.0}
+FEW: dict[str, Any] = {"J": COUPLINGS, "rate": 2.0, "charge": CHARGES}
 ALL: dict[str, Any] = FEW | {"B": [0.1, 0.2, 0.3], "D": [0.3, 0.1, -0.2]}
 
 
