@@ -35,6 +35,7 @@ class Parameter:
     the sites, which all terms may see.  path : of the fields that lead to it; of sites its number.
     """
 
+    energy: Any
     which: int | None
 
     def __init__(self, system: Any, name: str) -> None:
