@@ -250,7 +250,6 @@ METHODS_OF_BODIES = [
     lm.LieVerlet(),
     lm.KickDrift(order=4),
     lm.RKMK(order=2),
-    lm.Composition(lm.LieVerlet(), order=4),
     lm.KickDrift(lm.RKMK(order=4)),
 ]
 
@@ -272,6 +271,15 @@ def test_methods_of_bodies(method: Any) -> None:
 
 @native
 @pytest.mark.slow
+def test_compositions() -> None:
+    """Substeps, some of them backwards; kicks in between are one."""
+    system, start = chain(5)
+    method = lm.Composition(lm.LieVerlet(), order=4)
+    require_transposed(lm.Plan(system, method, h=0.1, progress=False), start, 12)
+
+
+@native
+@pytest.mark.slow
 def test_parameters_of_potentials() -> None:
     """As differences of runs."""
     w = np.append(np.random.default_rng(1).normal(size=24), np.zeros(24))
@@ -282,7 +290,7 @@ def test_parameters_of_potentials() -> None:
     def end(stiffness: Any = (10.0, 20.0, 30.0), gravity: Any = 9.81) -> Any:
         other, _ = bodies(stiffness=stiffness, gravity=float(gravity))
         run = lm.Plan(other, plan.method, h=0.02, every=12, compiled=True, progress=False)
-        return w @ run.run(start, steps=12).mu[-1].ravel()
+        return w[:24] @ run.run(start, steps=12).mu[-1].ravel()
 
     wanted = differences(end, [10.0, 20.0, 30.0])
     assert np.abs(found["stiffness"] - wanted).max() < 1e-11
