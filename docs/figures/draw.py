@@ -61,6 +61,7 @@ SECTIONS = {
         "chaos_in_a_galaxy",
         "energy_exchange",
         "magnons",
+        "couplings",
     ),
     "Constraints, joints, rolling": (
         "index_reduction",
