@@ -38,6 +38,7 @@ from .losses import Loss
 from .parameters import full_name, parameter, shape_of
 from .prepared import Steps
 from .progress import Bar
+from .sites_pullback import goes_by_sites, gradient_by_sites
 from .systems import OfBodies
 from .tangent import StepsOfARun, frames_of, parameter_moves, real_numbers, slope, with_step
 from .trajectory import Trajectory
@@ -569,7 +570,7 @@ def backwards(
     elif along is not None:
         every = plan.options.every
     asked = every, loss, along, cotangent
-    if plan._sites is not None and plan._sites.takes(start):
+    if plan._sites is not None and goes_by_sites(plan, start, names, loss, along):
         return _by_sites(plan, what, start, steps, t_end, t0, names, asked)
     start = plan._started(start)
     if plan.fictive:
@@ -591,18 +592,14 @@ def backwards(
 def _by_sites(
     plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: Any, asked: Any
 ) -> Gradient:
-    """The product of a cotangent with the run of many sites, by `tangent`."""
-    every, _, _, cotangent = asked
-    if cotangent is None or every is not None or names != ("start",) or isinstance(cotangent, dict):
+    """The gradient of a run of many sites, which is gone through backwards."""
+    if plan.adaptive:
         raise IncompatibleSystem(
-            f"Plan.{what}: of many sites there is the product with a cotangent of the last state by "
-            "the start: plan.pullback(cotangent, start, steps=...), with (N,) numbers: of the momenta of "
-            "all sites, then of eta of all"
+            f"Plan.{what}: of many sites there is the gradient of fixed steps; give h and steps"
         )
     count = plan._count(steps, t_end, t0)
-    ends = plan.replace(every=max(1, count))
-    run = ends.tangent(start, steps=count, t0=t0, against=cotangent)
-    return Gradient(None, {"start": run.tangent["against"][-1]}, run, math.nan)
+    value, found, run = gradient_by_sites(plan, what, start, count, t0, names, *asked)
+    return Gradient(value, found, run, math.nan)
 
 
 def gradient_of(
