@@ -397,7 +397,7 @@ class Prepared:
 def prepared(
     plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool
 ) -> Prepared:
-    """What was prepared for this plan before, or is now.  lasting : do its steps not depend on a run?"""
+    """Directions and code, of an earlier gradient of this plan or made now.  lasting : do its steps not depend on a run?"""
     key = names, bodies, layout_of(one), t0 if "h" in names else None
     known: Prepared | None = plan._backwards.get(key) if lasting else None
     if known is None or known.system is not plan.system:
@@ -577,6 +577,16 @@ def backwards(
         raise IncompatibleSystem(
             f"Plan.{what}: steps in fictive time depend on how the run began; plan.tangent "
             "differentiates them"
+        )
+    if layout_of(member(start, 0)).in_memory:
+        raise IncompatibleSystem(
+            f"Plan.{what}: {plan._one!r} has large matrices, whose numbers in memory carry no "
+            "derivative; differences of runs tell it"
+        )
+    if plan._first_of("method").noisy:
+        raise IncompatibleSystem(
+            f"Plan.{what}: the noise of {plan._first_of('method')!r} goes on by number of steps, and "
+            "blocks of steps begin anew; differences of runs with one seed tell the derivative"
         )
     with plan._beginning(start, t0):
         if not plan.adaptive:
