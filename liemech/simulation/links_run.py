@@ -190,7 +190,10 @@ class LinksRun(SiteRun):
             self.events: Any = EventsOfLinks(self, start)
 
     def _room_for(self, width: int) -> Planes:
-        """Two copies of what the method carries along, and what a step works with."""
+        """Two copies of what the method carries along, and what a step works with.  Elimination goes
+        from joint to joint, so that one thread makes a step.
+        """
+        self.workers = 1
         form = self.plan._one.linked
         made = Planes.of_rows(2 * width + len(form.fixed) + form.more, self.count)
         self.work = made.array[2 * width :]
