@@ -536,7 +536,7 @@ def watched_inside(
         each(sites, one_inside, way, system, *given)
     else:
         begun, _, _, _, here, memory, *more = given
-        everyone = over_sites(way.method, sites, memory, None, way.ending)
+        everyone = OverSitesToJumps(way.method, sites, memory, None, way.ending)
         everyone.cut(system, begun, 1 - here, INSIDE, at - begun)
         each(sites, one_there, way.method, system, at, sites, memory, *more)
     if sighted.events:
