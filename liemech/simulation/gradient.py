@@ -372,7 +372,7 @@ class Met:
 
 
 class Prepared:
-    """Directions and code that gradients of one system by the same names share.
+    """Layouts and native code that gradients of one system by the same names share.
 
     frames : of each part of a state the directions in which it moves.
     """
@@ -397,7 +397,7 @@ class Prepared:
 def prepared(
     plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool
 ) -> Prepared:
-    """Directions and code, of an earlier gradient of this plan or made now.  lasting : do its steps not depend on a run?"""
+    """The `Prepared` of this plan, from before or made now.  lasting : do its steps not depend on a run?"""
     key = names, bodies, layout_of(one), t0 if "h" in names else None
     known: Prepared | None = plan._backwards.get(key) if lasting else None
     if known is None or known.system is not plan.system:

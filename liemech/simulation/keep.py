@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IntegrationFailure, IntegrationInterrupted
+from .control import TAKEN
 
 ROWS = 2**17
 """Samples inside of steps whose states are found at once."""
@@ -354,6 +355,25 @@ class Quantities:
                 self.kept.append((t[:n], kept))
             raise
         self.kept.append((t, kept))
+
+    def of_body(self, i: int, samples: Any) -> dict[str, Any]:
+        """Those fields of the run of one body beside others, as far as it came; the states themselves
+        where a function fails.  samples : makes these.
+        """
+        if self.kept:
+            n = max(1, int(self.run.observers[0].samples_after(self.run.clocks[TAKEN, i])))
+            t = np.concatenate([t for t, _ in self.kept])[:n]
+            kept = {name: [one[name] for _, one in self.kept] for name in self.recorder.names}
+            states = {name: np.concatenate(x)[:n, i] for name, x in kept.items()}
+            return {"t": t if t.ndim == 1 else t[:, i], "states": states}
+        found: dict[str, Any] = samples()
+        system = self.run.known(i).get("system", self.run.of(i)[0])
+        about = SimpleNamespace(system=system, bodies=None)
+        given = about, self.run.view.kind, found["t"], found["states"], self.run.asked_for
+        try:
+            return found | {"states": self.recorder.values(*given)}
+        except Exception:
+            return found
 
     def fields(self, samples: Any) -> dict[str, Any]:
         """The fields of a trajectory that are samples.  samples : makes those of the states."""

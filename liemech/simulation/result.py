@@ -111,8 +111,8 @@ def of_run(run: Any, goes_on: bool = True) -> Any:
 
 
 def of_body(run: Any, i: int, goes_on: bool = True) -> Any:
-    """The run of one body as it would be alone; beside others with its states."""
-    quantities = None if run.bodies else run.quantities
+    """The run of one body as it would be alone."""
+    quantities = run.quantities
     system, method = run.of(i)
     watch = run.events.each.get(i) if run.events else None
     fields = _fields(run, quantities) | {
@@ -124,7 +124,9 @@ def of_body(run: Any, i: int, goes_on: bool = True) -> Any:
         "ended": None if watch is None else watch.ended,
         "stopped": NONE,
     }
-    samples = _samples(lambda: run.view.fields(*run.samples(i)), quantities)
+    make = lambda: run.view.fields(*run.samples(i))  # noqa: E731
+    beside = quantities and run.bodies
+    samples = quantities.of_body(i, make) if beside else _samples(make, quantities)
     carry = functools.partial(run.carry_of, i) if goes_on else lambda: None
     known = run.known(i) | ({"dense": None} if quantities else {})
     return run.run_of.promised(SimpleNamespace(carry=carry), **fields | samples | known)

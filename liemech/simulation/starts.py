@@ -7,7 +7,6 @@ from typing import Any
 from ..compiler import kernel
 from ..errors import InvalidInput, InvalidType
 from ..formulas.pytree import known_layout, layout_of, names_of, restricted
-from ..integrators.rattle_of_links import Links
 from ..systems.system import State, member
 from . import arguments
 
@@ -72,6 +71,7 @@ def needed(plan: Any, system: Any, start: Any) -> Any:
 
 def started_by_sites(plan: Any, start: Any) -> Any:
     """The start of a system of many sites, with the parts that the run needs."""
+    from ..integrators.rattle_of_links import Links  # here, for most runs have no sites
     from .sites_states import by_site, first_of
 
     sites: Any = plan._sites

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scenes_of_runs
 
 import liemech as lm
 from liemech import errors
@@ -166,3 +167,23 @@ def test_memory_is_that_of_what_is_kept():
 def test_what_cannot_be_kept_is_refused(record, words):
     with pytest.raises(errors.LiemechError, match=words):
         lm.integrate(BODY, start=START, steps=3, record=record, **STEPS)
+
+
+@pytest.mark.parametrize("scene", scenes_of_runs.FAILING, ids=lambda scene: scene.name)
+@pytest.mark.parametrize("samples", [None, 12], ids=["all kept", "a few at a time"])
+def test_the_run_of_a_body_that_stops_has_what_is_kept(scene, samples, monkeypatch):
+    """As far as it came; not the states, which were not asked for."""
+    if samples is not None:
+        monkeypatch.setattr(equal, "SAMPLES", samples)
+    known, times = scenes_of_runs.observer(scene, "functions")
+    plan = lm.Plan(
+        scene.system, scene.method, compiled=False, progress=False, **scene.options | known
+    )
+    with pytest.warns(RuntimeWarning, match="stopped early"):
+        run = plan.run(scene.start(3), **scene.spans({})[0] | times)
+    for i, stop in run.stopped.items():
+        own = stop.error.trajectory
+        assert own.states.keys() == run.states.keys() and own.observed == run.observed
+        for name, x in own.states.items():
+            assert len(x) == len(own) <= stop.steps + 1
+            assert np.array_equal(x, run.states[name][: len(own), i]), name
