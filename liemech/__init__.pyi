@@ -118,6 +118,8 @@ from .retractions import Cayley as Cayley
 from .retractions import CayleyAdjoint as CayleyAdjoint
 from .retractions import Exponential as Exponential
 from .retractions import Retraction as Retraction
+from .simulation.bridges import to_jax as to_jax
+from .simulation.bridges import to_torch as to_torch
 from .simulation.integrate import integrate as integrate
 from .simulation.measured_orders import measure_order as measure_order
 from .simulation.options import ErrorControl as ErrorControl
@@ -147,6 +149,7 @@ from .systems.group_equation import GroupEquation as GroupEquation
 from .systems.group_equation import LinearGroupEquation as LinearGroupEquation
 from .systems.hamiltonian import Hamiltonian as Hamiltonian
 from .systems.homogeneous_equation import HomogeneousEquation as HomogeneousEquation
+from .systems.isospectral_flow import IsospectralFlow as IsospectralFlow
 from .systems.kinetic_energy import KineticEnergy as KineticEnergy
 from .systems.lagrangian import Lagrangian as Lagrangian
 from .systems.lie_poisson import BodyState as BodyState

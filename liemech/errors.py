@@ -94,6 +94,10 @@ class OrderWarning(UserWarning):
     """
 
 
+class GradientWarning(UserWarning):
+    """A motion is so sensitive to its start that a gradient through it has lost most of its digits."""
+
+
 class StepWarning(UserWarning):
     """A step is so large that its equation may have no solution, or several."""
 

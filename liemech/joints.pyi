@@ -6,11 +6,15 @@ from .models.joint_forces import Motor as Motor
 from .models.joint_forces import Spring as Spring
 from .models.joint_forces import Stops as Stops
 from .models.joints import BallJoint as BallJoint
+from .models.joints import FloatingJoint as FloatingJoint
+from .models.joints import PlanarJoint as PlanarJoint
 from .models.joints import PrismaticJoint as PrismaticJoint
 from .models.joints import RevoluteJoint as RevoluteJoint
 from .models.joints import RigidRod as RigidRod
 from .models.joints import UniversalJoint as UniversalJoint
-from .models.linkage import Link as Link
+from .models.link import Frame as Frame
+from .models.link import Link as Link
+from .models.link import LinkShape as LinkShape
 from .models.linkage import Linkage as Linkage
 from .models.linkage import chain as chain
 from .models.rolling import Blade as Blade

@@ -359,3 +359,36 @@ def test_modules_of_formulas_name_their_source() -> None:
         )
     ]
     complain(silent, "Modules of the mathematical layers that nowhere say `Source:`:")
+
+
+OPENINGS = "What ", "Such ", "So many ", "The same "
+"""Words with which a docstring says what a thing is like before it says what it is."""
+
+
+def test_docstrings_say_what_things_are() -> None:
+    documented = ast.Module | ast.ClassDef | ast.FunctionDef
+    opening = [
+        f"{module}, {getattr(node, 'name', 'module')}: {text.partition(chr(10))[0]}"
+        for module, tree in trees().items()
+        for node in ast.walk(tree)
+        if isinstance(node, documented)
+        and (text := ast.get_docstring(node) or "").startswith(OPENINGS)
+    ]
+    complain(opening, f"Docstrings that open with {', '.join(OPENINGS)}:")
+
+
+RESULTS = "liemech.simulation.result", "liemech.simulation.trajectory"
+
+
+def test_trajectories_are_made_in_one_place() -> None:
+    makers = {"Trajectory", "TangentTrajectory", "TransformedTrajectory", "run_of"}
+    makers |= {"promised"}
+    others = [
+        f"{module}, line {node.lineno}"
+        for module, tree in trees().items()
+        if module.startswith("liemech.simulation") and module not in RESULTS
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and str(getattr(node.func, "attr", getattr(node.func, "id", ""))) in makers
+    ]
+    complain(others, "Trajectories that are not made by simulation/result.py:")

@@ -67,7 +67,7 @@ def in_memory(code: bytes) -> dict[str, int]:
     for content, number in set(re.findall(rb"liemech_table_([0-9a-f]{24})_(\d+)", code)):
         table = TABLES[content.decode()][int(number)]
         found[f"liemech_table_{content.decode()}_{int(number)}"] = table.ctypes.data
-    for name in set(re.findall(rb"liemech_([dz]ge(?:mm|sv))(?!\w)", code)):
+    for name in set(re.findall(rb"liemech_([dz]ge(?:mm|sv|trf))(?!\w)", code)):
         found[f"liemech_{name.decode()}"] = blas.addresses()[name.decode()]
     for name in ("malloc", "free", "memmove"):
         if name.encode() in code:

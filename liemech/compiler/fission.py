@@ -299,7 +299,7 @@ def used(i: ir.Value) -> Iterable[ir.Value]:
 
 
 def copied(i: ir.Value, block: ir.Block) -> Any:
-    """The same instruction under another name."""
+    """An instruction under another name."""
     new: Any = copy.copy(i)
     new.parent, new._name = block, block.scope.register("")
     for key in [k for k in vars(new) if "cached" in k]:

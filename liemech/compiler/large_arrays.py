@@ -8,6 +8,7 @@ loop is overwritten in the next one, and what the loop carries on is copied at t
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import operator
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -215,21 +216,52 @@ class LargeArrays:
     def computed(self, node: tuple[Any, ...], form: tuple[Any, ...]) -> Num:
         """The place of what an expression gives, number by number."""
         place = self.allocate(size_of(form))
-        target, sources = self.pointer(place), self._sources(node, {})
-        self.wide(
-            size_of(form),
-            lambda i, width: self.store(self._value(node, sources, i, width, {}), target, i),
-        )
+        leaves: dict[int, ir.Value] = {}
+        pattern = self._pattern(node, leaves)
+
+        def body(target: ir.Value, *given: ir.Value) -> None:
+            sources = dict(zip(leaves, given))
+            self.wide(
+                size_of(form),
+                lambda i, width: self.store(self._value(node, sources, i, width, {}), target, i),
+            )
+
+        self.apart((pattern, size_of(form)), [self.pointer(place), *leaves.values()], body)
         return place
 
-    def _sources(self, node: Any, found: dict[int, ir.Value]) -> dict[int, ir.Value]:
-        """Where the vectors and matrices of an expression lie."""
+    def _pattern(self, node: Any, leaves: dict[int, ir.Value]) -> Any:
+        """The form of an expression; its leaves are added: where vectors and matrices lie, and numbers."""
         if isinstance(node, tuple):
-            for x in node[1:]:
-                self._sources(x, found)
-        elif isinstance(node, Large) and id(node) not in found:
-            found[id(node)] = self.address(node)
-        return found
+            return node[0], *[self._pattern(x, leaves) for x in node[1:]]
+        if id(node) not in leaves:
+            leaves[id(node)] = self.address(node) if isinstance(node, Large) else node.value
+        return [*leaves].index(id(node)), isinstance(node, Large)
+
+    def apart(
+        self,
+        key: tuple[Any, ...],
+        values: list[ir.Value],
+        body: Callable[..., ir.Value | None],
+        result: ir.Type | None = None,
+    ) -> ir.Value:
+        """A call of a native function that does this work wherever it occurs, so that code stays short.
+
+        key : tells it from others.  body : gives the result from the values inside.
+        """
+        b = self.e.builder
+        name = f"large.{hashlib.sha256(repr(key).encode()).hexdigest()[:16]}"
+        function = b.module.globals.get(name)
+        if function is None:
+            kind = ir.FunctionType(result or ir.VoidType(), [v.type for v in values])
+            function = ir.Function(b.module, kind, name)
+            function.linkage = "internal"
+            for attribute in ("noinline", "nounwind"):
+                function.attributes.add(attribute)
+            with b.inside(function, False):
+                b.position_at_end(function.append_basic_block("entry"))
+                made = body(*function.args)
+                b.ret_void() if made is None else b.ret(made)
+        return b.call(function, values)
 
     def _value(
         self,
@@ -244,7 +276,7 @@ class LargeArrays:
             if isinstance(node, Large):
                 known[id(node)] = self.load(sources[id(node)], i, width)
             elif isinstance(node, Num):
-                known[id(node)] = self.e.spread(node.value, width)
+                known[id(node)] = self.e.spread(sources[id(node)], width)
             else:
                 parts = [self._value(x, sources, i, width, known) for x in node[1:]]
                 if node[0] == "abs":
@@ -259,35 +291,43 @@ class LargeArrays:
 
     def inner(self, a: Large, b: Large) -> Num:
         """The sum of the products of numbers, in the order of `formulas.large.total`."""
-        first, second = self.address(a), self.address(b)
         build = self.e.builder
-        return self._sum(
-            a.size,
-            lambda i, w: build.fmul(self.load(first, i, w), self.load(second, i, w)),
-        )
+
+        def product(i: ir.Value, w: int, first: ir.Value, second: ir.Value) -> ir.Value:
+            return build.fmul(self.load(first, i, w), self.load(second, i, w))
+
+        return self._sum("inner", product, a, b)
 
     def distance2(self, a: Large, b: Large) -> Num:
         """The sum of squared differences."""
-        first, second, build = self.address(a), self.address(b), self.e.builder
+        build = self.e.builder
 
-        def square(i: ir.Value, w: int) -> ir.Value:
+        def square(i: ir.Value, w: int, first: ir.Value, second: ir.Value) -> ir.Value:
             off = build.fsub(self.load(first, i, w), self.load(second, i, w))
             return build.fmul(off, off)
 
-        return self._sum(a.size, square)
+        return self._sum("distance", square, a, b)
 
     def sum(self, a: Large) -> Num:
         """The sum of all numbers."""
-        first = self.address(a)
-        return self._sum(a.size, lambda i, w: self.load(first, i, w))
+        return self._sum("sum", lambda i, w, first: self.load(first, i, w), a)
 
-    def _sum(self, count: int, term: Callable[[ir.Value, int], ir.Value]) -> Num:
+    def _sum(self, name: str, term: Callable[..., ir.Value], *of: Large) -> Num:
+        """The sum of terms made of the numbers of some vectors."""
+        count = of[0].size
+
+        def body(*places: ir.Value) -> ir.Value:
+            return self._summed(count, lambda i, w: term(i, w, *places))
+
+        given = [self.address(x) for x in of]
+        return self.e.num([self.apart((name, count), given, body, F64)])
+
+    def _summed(self, count: int, term: Callable[[ir.Value, int], ir.Value]) -> ir.Value:
         b = self.e.builder
         whole, total = count // TOGETHER * TOGETHER, ir.Constant(F64, 0.0)
         if whole:
             halves = range(0, TOGETHER, WIDE)
             at = lambda i, k: b.add(i, ir.Constant(I64, k))  # noqa: E731
-            zero = ir.Constant(I64, 0)
             sums = [term(ir.Constant(I64, k), WIDE) for k in halves]
             if whole > TOGETHER:
                 before, head, done = b.block, b.append_basic_block(), b.append_basic_block()
@@ -310,25 +350,32 @@ class LargeArrays:
                 half = len(numbers) // 2
                 numbers = [b.fadd(x, y) for x, y in zip(numbers[:half], numbers[half:])]
             total = numbers[0]
-            del zero
         for k in range(whole, count):
             total = b.fadd(total, term(ir.Constant(I64, k), 1))
-        return self.e.num([total])
+        return total
 
     # ---------------------------------------------------------------- matrices
 
     def product(self, a: Large, b: Large) -> Large:
         """A B, by BLAS: stored by columns, B^T A^T."""
+        found = self.new(((a.shape[0], b.shape[1]), a.is_complex))
+        self.apart(
+            ("product", a.form, b.form),
+            [self.address(x) for x in (a, b, found)],
+            lambda *places: self._multiply(a, b, *places),
+        )
+        return found
+
+    def _multiply(
+        self, a: Large, b: Large, left: ir.Value, right: ir.Value, found: ir.Value
+    ) -> None:
         (m, k), n = a.shape, b.shape[1]
-        found = self.new(((m, n), a.is_complex))
         kind = "z" if a.is_complex else "d"
         no, sizes = self._known(BYTE, ord("N")), [self._known(I32, x) for x in (n, m, k)]
         one, zero = (constants(self.e, [x, 0.0], F64) for x in (1.0, 0.0))
         self._call(
-            f"{kind}gemm", no, no, *sizes, one, self.address(b), sizes[0], self.address(a),
-            sizes[2], zero, self.address(found), sizes[0],
+            f"{kind}gemm", no, no, *sizes, one, right, sizes[0], left, sizes[2], zero, found, sizes[0],
         )  # fmt: skip
-        return found
 
     def over(self, b: Large, a: Large) -> Large:
         """B A^-1, by LAPACK; nan if A is singular."""
@@ -351,11 +398,52 @@ class LargeArrays:
             self.wide(found.size, lambda i, w: self.store(self.e.spread(nan, w), target, i))
         return found
 
+    def determinant(self, a: Large) -> Any:
+        """det A, the product of LAPACK's pivots."""
+        both = self.allocate(2)
+        factors, pivots = self.new(a.form), self.allocate(len(a))
+        places = [self.address(a), self.address(factors), self.pointer(pivots), self.pointer(both)]
+        self.apart(("determinant", a.form), places, lambda *given: self._pivots(a, *given))
+        parts = [
+            self.e.num([self.load(self.pointer(both), ir.Constant(I64, k), 1)]) for k in range(2)
+        ]
+        return Complex(*parts) if a.is_complex else parts[0]
+
+    def _pivots(
+        self, a: Large, source: ir.Value, factors: ir.Value, pivots: ir.Value, both: ir.Value
+    ) -> None:
+        b, n, width = self.e.builder, len(a), 2 if a.is_complex else 1
+        self.move(source, factors, a.size)
+        info, size = b.alloca(I32), self._known(I32, n)
+        self._call(f"{'z' if a.is_complex else 'd'}getrf", size, size, factors, size, pivots, info)
+        zero, one = (ir.Constant(I64, k) for k in (0, 1))
+        for k, value in ((zero, 1.0), (one, 0.0)):
+            self.store(ir.Constant(F64, value), both, k)
+        with self._range(zero, ir.Constant(I64, n)) as k:
+            at = b.load(b.gep(b.bitcast(pivots, I32.as_pointer()), [k], source_etype=I32), typ=I32)
+            own = b.icmp_signed("==", b.sext(at, I64), b.add(k, one))
+            s = b.select(own, ir.Constant(F64, 1.0), ir.Constant(F64, -1.0))
+            place = b.mul(k, ir.Constant(I64, width * (n + 1)))
+            x = b.fmul(s, self.load(factors, place, 1))
+            y = b.fmul(
+                s, self.load(factors, b.add(place, one), 1) if width == 2 else ir.Constant(F64, 0.0)
+            )
+            re, im = self.load(both, zero, 1), self.load(both, one, 1)
+            self.store(b.fsub(b.fmul(re, x), b.fmul(im, y)), both, zero)
+            self.store(b.fadd(b.fmul(re, y), b.fmul(im, x)), both, one)
+
     def turned(self, a: Large, conjugate: bool) -> Large:
         """The transpose, of complex matrices perhaps of the conjugate, block by block."""
+        found = self.new((a.shape[::-1], a.is_complex))
+        self.apart(
+            ("turned", a.form, conjugate),
+            [self.address(a), self.address(found)],
+            lambda source, target: self._turn(a, conjugate, source, target),
+        )
+        return found
+
+    def _turn(self, a: Large, conjugate: bool, source: ir.Value, target: ir.Value) -> None:
         b, (m, n) = self.e.builder, a.shape
-        found = self.new(((n, m), a.is_complex))
-        source, target = self.address(a), self.address(found)
         parts = 2 if a.is_complex else 1
         signs = ir.Constant(ir.VectorType(F64, 2), [1.0, -1.0])
 
@@ -373,12 +461,19 @@ class LargeArrays:
             if conjugate:
                 x = b.fmul(x, signs)
             self.store(x, target, place(j, i, m))
-        return found
 
     def without_adjoint(self, a: Large) -> Large:
         """A - A^H, an entry and its mirror image at a time, block by block."""
-        b, n, found = self.e.builder, len(a), self.new(a.form)
-        source, target = self.address(a), self.address(found)
+        found = self.new(a.form)
+        self.apart(
+            ("without adjoint", a.form),
+            [self.address(a), self.address(found)],
+            lambda source, target: self._less_adjoint(a, source, target),
+        )
+        return found
+
+    def _less_adjoint(self, a: Large, source: ir.Value, target: ir.Value) -> None:
+        b, n = self.e.builder, len(a)
         parts = 2 if a.is_complex else 1
         signs = ir.Constant(ir.VectorType(F64, 2), [1.0, -1.0])
 
@@ -405,7 +500,6 @@ class LargeArrays:
                 x, y = (self.load(source, at, parts) for at in (place(i, j), place(j, i)))
                 self.store(b.fsub(x, conjugate(y)), target, place(i, j))
                 self.store(b.fsub(y, conjugate(x)), target, place(j, i))
-        return found
 
     @contextlib.contextmanager
     def _range(self, begin: ir.Value, end: ir.Value, step: int = 1) -> Iterator[ir.Value]:
@@ -445,11 +539,19 @@ class LargeArrays:
 
     def mapped(self, known: LinearMap, x: Large) -> Large:
         """The image of a linear map."""
-        b, found = self.e.builder, self.new(known.target)
-        source, target = self.address(x), self.address(found)
-        if sum(len(rows) for rows, *_ in known.groups) < found.size:
+        found = self.new(known.target)
+        self.apart(
+            ("mapped", known.content),
+            [self.address(x), self.address(found)],
+            lambda source, target: self._map(known, source, target),
+        )
+        return found
+
+    def _map(self, known: LinearMap, source: ir.Value, target: ir.Value) -> None:
+        b, size = self.e.builder, size_of(known.target)
+        if sum(len(rows) for rows, *_ in known.groups) < size:
             zero = ir.Constant(F64, 0.0)
-            self.wide(found.size, lambda i, w: self.store(self.e.spread(zero, w), target, i))
+            self.wide(size, lambda i, w: self.store(self.e.spread(zero, w), target, i))
         for k, (rows, coefficients, _) in enumerate(known.groups):
             terms = coefficients.shape[1]
             places, factors, at = (self._table(known, k, part) for part in range(3))
@@ -465,13 +567,20 @@ class LargeArrays:
                 else:
                     total = self._terms(places, factors, source, first, terms)
                 self.store(total, target, self._integer(at, i))
-        return found
 
     def along_diagonals(self, known: DiagonalSolver, x: Large) -> Large:
         """The solution of tridiagonal equations along the diagonals, row by row."""
-        b, found, n = self.e.builder, self.new(x.form), len(x)
-        target = self.address(found)
-        self.move(self.address(x), target, x.size)
+        found = self.new(x.form)
+        self.apart(
+            ("along diagonals", known.content),
+            [self.address(x), self.address(found)],
+            lambda source, target: self._along(known, source, target),
+        )
+        return found
+
+    def _along(self, known: DiagonalSolver, source: ir.Value, target: ir.Value) -> None:
+        b, n = self.e.builder, known.shape[0]
+        self.move(source, target, 2 * n * n)
         if known.singular:
             self._without_trace(target, n)
         down, up, inverse = (self._global(known.symbol(k), F64) for k in range(3))
@@ -510,7 +619,6 @@ class LargeArrays:
             scale(first)
         if known.singular:
             self._without_trace(target, n)
-        return found
 
     def _without_trace(self, target: ir.Value, n: int) -> None:
         """Subtract from the main diagonal of a complex matrix its mean."""

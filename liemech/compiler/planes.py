@@ -27,7 +27,7 @@ class Planes:
 
     @classmethod
     def of_rows(cls, rows: int, count: int) -> Planes:
-        """So many rows of zeros."""
+        """Rows of zeros, as many as are asked for."""
         return cls(room(rows, padded(count)), count)
 
 

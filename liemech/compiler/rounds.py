@@ -54,12 +54,12 @@ def of_eight(
 
 
 def seen(pairs: Rounds, j: int) -> Any:
-    """What eight sites have published, from site j on."""
+    """Numbers that eight sites have published, from site j on."""
     _native()
 
 
 def sums(pairs: Rounds, j: int) -> Any:
-    """What eight sites have got so far."""
+    """Sums of eight sites so far."""
     _native()
 
 

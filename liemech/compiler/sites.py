@@ -372,7 +372,7 @@ class SiteLoops:
         return [(self.scratch, 2 * k + turn) for k in range(len(numbers))]
 
     def of(self, meeting: Meeting, table: SiteTable, d: Any) -> Any:
-        """What a neighbour has published, gathered lane by lane, once."""
+        """Numbers that a neighbour has published, gathered lane by lane, once."""
         gathered, t = meeting.published.gathered, self.t
         lasts = type(d) is int and t.state.region == self._over("Meeting").region
         key = t.emitter.cast(table.entries.place, "f", False)[0], d
@@ -385,7 +385,7 @@ class SiteLoops:
         return gathered[key]
 
     def at(self, meeting: Meeting, j: Any) -> Any:
-        """What one site has published, for all that ask."""
+        """Numbers that one site has published, for all that ask."""
         b, place = self.b, self.e.cast(j, "i", False)[0]
         return self._published(
             meeting,
@@ -445,7 +445,7 @@ class SiteLoops:
         return build(layout, iter(self._kept(self._last(first, layout.width))))
 
     def seen(self, pairs: Rounds, j: Any) -> Any:
-        """What eight sites have published, from site j on."""
+        """Numbers that eight sites have published, from site j on."""
         place = self.e.cast(j, "i", False)[0]
         return self._published(
             pairs.meeting,
@@ -453,7 +453,7 @@ class SiteLoops:
         )
 
     def sums(self, pairs: Rounds, j: Any) -> Any:
-        """What eight sites have got so far."""
+        """Sums of eight sites so far."""
         numbers = [self.e.num(self._eight(place)) for place in self._sums(pairs, j)]
         return build(pairs.layout, iter(numbers))
 

@@ -44,7 +44,7 @@ from ..formulas.pytree import (
     with_fields,
 )
 from ..formulas.records import Record
-from ..formulas.series import Series
+from ..formulas.series import Series, SeriesInMemory
 from ..formulas.signatures import bare
 from ..formulas.vectors import Mat, Vec
 from . import content_hashes, driver, lookups, memory_loops
@@ -144,9 +144,12 @@ class Interpreter(Statements):
             return self.construct(function, args, options)
         if function in (Vec, Mat):
             return function(*args, **options)
-        if function in (Series, *PAIRS) or getattr(function, "__module__", None) in _ARITHMETIC:
+        if (
+            function in (Series, SeriesInMemory, *PAIRS)
+            or getattr(function, "__module__", None) in _ARITHMETIC
+        ):
             if isinstance(function, types.FunctionType) and not function.__qualname__.startswith(
-                ("Vec.", "Mat.", "Series.")
+                ("Vec.", "Mat.", "Series.", "SeriesInMemory.")
             ):
                 return self.inline(function, args, options)
             return function(*args, **options)

@@ -15,8 +15,7 @@ import numpy as np
 from ..errors import InvalidInput, InvalidType
 from .arrays import real_array, shown
 from .batches import broadcast, check_elements, refuse
-from .large import Large
-from .numbers import Pair, StandIn
+from .numbers import InMemory, Pair, StandIn
 from .signatures import ARRAYS, RECORDS, Signature, keywords, misspelt
 from .vectors import Mat, Vec
 
@@ -154,7 +153,7 @@ def _whole_array(signature: Signature, space: Any, where: str, name: str, value:
 def _is_small(value: Any, kind: str) -> bool:
     """Is it what formulas hand to each other, a number or a small vector?"""
     if kind != "float":
-        return isinstance(value, (Vec, Mat, Large))
+        return isinstance(value, (Vec, Mat, InMemory))
     if isinstance(value, (int, float, np.integer, np.floating)):
         return not isinstance(value, bool)
     # series, symbols
@@ -200,7 +199,7 @@ def _small(
 def _check_shapes(signature: Signature, space: Any, where: str, arguments: dict[str, Any]) -> None:
     for name, kind in signature.kinds.items():
         value: Any = arguments.get(name)
-        shape = space._shape(name, kind) if isinstance(value, (Vec, Mat, Large)) else None
+        shape = space._shape(name, kind) if isinstance(value, (Vec, Mat, InMemory)) else None
         if shape is not None and value.shape != shape:
             raise InvalidInput(f"{where}: {name} has shape {value.shape}; it must be {shape}")
 

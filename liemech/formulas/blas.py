@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-ROUTINES = {"gemm": 13, "gesv": 8}
+ROUTINES = {"gemm": 13, "gesv": 8, "getrf": 6}
 """The routines that are used, and how many arguments each has, all of them addresses."""
 
 
@@ -28,7 +28,8 @@ def addresses() -> dict[str, int]:
     pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
     found = {}
     for kind in "dz":
-        for routine, library in (("gemm", cython_blas), ("gesv", cython_lapack)):
+        for routine in ROUTINES:
+            library = cython_blas if routine == "gemm" else cython_lapack
             capsule = library.__pyx_capi__[kind + routine]
             found[kind + routine] = pointer(capsule, name(capsule))
     return found
@@ -118,4 +119,23 @@ def over(b: np.ndarray, a: np.ndarray, is_complex: bool) -> np.ndarray:
         )  # fmt: skip
     if info.value:
         found[:] = np.nan
+    return found
+
+
+def determinant(a: np.ndarray, is_complex: bool) -> tuple[float, float]:
+    """The real and the imaginary part of det A, the product of the pivots.  a : (n, n), as of
+    `product`.
+    """
+    n, factors, info = len(a), a.copy(), ctypes.c_int(0)
+    pivots, size = np.empty(n, dtype=np.int32), ctypes.byref(ctypes.c_int(n))
+    with one_thread():
+        _routine("zgetrf" if is_complex else "dgetrf")(
+            size, size, factors.ctypes.data, size, pivots.ctypes.data, ctypes.byref(info)
+        )
+    found, of_one = (1.0, 0.0), 1 if is_complex else 0
+    for k, at in enumerate(pivots.tolist()):
+        c = factors[k, k].tolist() if of_one else [factors.item(k, k), 0.0]
+        s = 1.0 if at == k + 1 else -1.0
+        x, y = s * c[0], s * c[1]
+        found = found[0] * x - found[1] * y, found[0] * y + found[1] * x
     return found

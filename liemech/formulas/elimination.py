@@ -11,7 +11,7 @@ from .complex_numbers import Complex
 from .double_double import DoubleDouble, is_long
 from .dual import constant
 from .functions import where
-from .large import Large
+from .numbers import InMemory
 from .pytree import plain
 from .sums import abs2
 from .vectors import Mat, Vec, cross, dot, mat, vec
@@ -85,7 +85,7 @@ def solve_matrix(m: Mat, rhs: Mat) -> Mat:
 
     m : (n, n), rhs : (n, k).  Raises InvalidType if m is not square or rhs has another length.
     """
-    if isinstance(m, Large):  # type: ignore[unreachable]
+    if isinstance(m, InMemory):  # type: ignore[unreachable]
         return rhs.T.over(m.T).T  # type: ignore[unreachable]
     n = _square("solve", m, rhs)
     rows = _of_one_kind([vec(*m[i], *rhs[i]) for i in range(n)])
@@ -144,7 +144,7 @@ def inverse(m: Mat) -> Mat:
 
     m : (n, n).  Raises InvalidType if it is not square.
     """
-    if isinstance(m, Large):  # type: ignore[unreachable]
+    if isinstance(m, InMemory):  # type: ignore[unreachable]
         return (0.0 * m).plus(1.0).over(m)  # type: ignore[unreachable]
     _square("inverse", m, m)
     return solve_matrix(m, unit(m))
@@ -155,6 +155,8 @@ def determinant(m: Mat) -> Any:
 
     m : (n, n).  Raises InvalidType if it is not square.
     """
+    if isinstance(m, InMemory):  # type: ignore[unreachable]
+        return m.determinant()  # type: ignore[unreachable]
     n = _square("determinant", m, m)
     rows, product = _of_one_kind([*m]), 1.0
     for k in range(n):

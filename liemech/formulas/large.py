@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import InvalidType
 from . import blas
+from .complex_numbers import Complex
 from .numbers import InMemory, StandIn
 from .vectors import Vec
 
@@ -141,7 +142,9 @@ class Large(InMemory):
                 engine = x._engine if x.numbers is None else engine
             elif isinstance(x, StandIn):
                 engine = x.emitter.large  # type: ignore[attr-defined]
-            elif not isinstance(x, (int, float)) and getattr(x, "shape", ()) != self.shape:
+            elif isinstance(x, InMemory) or (
+                not isinstance(x, (int, float)) and getattr(x, "shape", ()) != self.shape
+            ):
                 return NotImplemented
         if engine is not None:
             return engine.by_numbers(op, a, b)
@@ -266,6 +269,13 @@ class Large(InMemory):
         found[(diagonal, diagonal, 0) if self.is_complex else (diagonal, diagonal)] += s
         return Large.of(found, self.is_complex)
 
+    def determinant(self) -> Any:
+        """det A, by Gaussian elimination with pivots."""
+        if self.numbers is None:
+            return self._engine.determinant(self)
+        both = blas.determinant(self.numbers, self.is_complex)
+        return Complex(*both) if self.is_complex else both[0]
+
     def over(self, a: Large) -> Large:
         """B A^-1, by Gaussian elimination with pivots; nan if A is singular."""
         if self.numbers is None or a.numbers is None:
@@ -379,6 +389,8 @@ class LinearMap:
 
     def __call__(self, x: Any) -> Large:
         """The image, each number the sum of its terms from left to right."""
+        if isinstance(x, InMemory) and not isinstance(x, Large):
+            return x.each(self)
         if not isinstance(x, Large):
             run = next((c for c in x if isinstance(c, StandIn)), None)
             x = Large(x) if run is None else run.emitter.large.stored(x)  # type: ignore[attr-defined]
@@ -439,6 +451,8 @@ class DiagonalSolver:
 
     def __call__(self, b: Large) -> Large:
         """X of a complex matrix B."""
+        if isinstance(b, InMemory) and not isinstance(b, Large):
+            return b.each(self)
         if b.form != (self.shape, True):
             raise InvalidType(f"{b!r} where a complex matrix of shape {self.shape} belongs")
         if b.numbers is None:

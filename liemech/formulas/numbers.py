@@ -96,6 +96,10 @@ class InMemory(Operand):
         """The scalar product."""
         raise NotImplementedError
 
+    def each(self, linear: Callable[[Any], Any]) -> Any:
+        """The image under a linear map of what is made of such vectors or matrices."""
+        raise NotImplementedError
+
 
 def _arrays(x: Any) -> Any:
     """Arrays instead of vectors and matrices, and of one object instead of a number that carries

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidType
-from .large import Large
+from .numbers import InMemory
 from .vectors import Mat, Vec, small
 
 _LIBRARY = __name__.partition(".")[0]
@@ -135,7 +135,7 @@ def promise(cls: type, name: str) -> tuple[int, str, str] | None:
 def breaks(promised: tuple[int, str, str], result: Any) -> bool:
     """Is the result no number, vector or matrix, whichever was promised?"""
     kind = type(result)
-    if isinstance(result, Large):
+    if isinstance(result, InMemory):
         return bool(result.axes != promised[0])
     return kind in _NO_NUMBERS if promised[0] == 0 else kind is not (None, Vec, Mat)[promised[0]]
 

@@ -15,7 +15,7 @@ to themselves).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from ..errors import InvalidType, NotCompilable
 from . import functions as f
@@ -24,6 +24,7 @@ from .numbers import (
     INTEGER_POWER,
     ONLY_THERE,
     CarriesMore,
+    InMemory,
     Operand,
     Pair,
     StandIn,
@@ -31,7 +32,7 @@ from .numbers import (
     whole_power,
 )
 from .products import Products, cauchy, plus
-from .pytree import build, layout_of, leaves
+from .pytree import build, fields_of, fill, layout_of, leaves
 from .taken_back import noted
 from .vectors import vec
 
@@ -67,6 +68,12 @@ class Series(Operand):
         term = self.term(k)
         return 0.0 if term is None else term
 
+    @property
+    def head(self) -> Any:
+        """c_0."""
+        term = self.term(0)
+        return 0.0 if term is None else term
+
     # -------------------------------------------------------------- arithmetic
 
     def __add__(self, other: Any) -> Any:
@@ -95,12 +102,15 @@ class Series(Operand):
     def __mul__(self, other: Any) -> Any:
         if isinstance(other, Series):
             return _multiplied(self, other)
+        if isinstance(other, InMemory):
+            return self * SeriesInMemory(other)
         return _multiple(other, self) if _is_number(other) else NotImplemented
 
-    def __rmul__(self, other: Any) -> Any:
-        return _multiple(other, self) if _is_number(other) else NotImplemented
+    __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Any:
+        if isinstance(other, InMemory) and not isinstance(other, Series):
+            return self / SeriesInMemory(other)
         if not isinstance(other, Series):
             return (
                 _made(lambda k: _each(lambda c: c / other, self.term(k)), self)
@@ -112,13 +122,15 @@ class Series(Operand):
 
         def rule(k: int) -> Any:  # a_k = sum_j b_j q_(k-j)
             if k == 0:
-                return _each(lambda c: c / other[0], self.term(0))
+                return _each(lambda c: c / other.head, self.term(0))
             rest = _difference(self.term(k), cauchy(other, quotient, k, first=1))
-            return _each(lambda c: c * inverse[0], rest)
+            return _each(lambda c: c * inverse.head, rest)
 
         return quotient.by(rule)
 
     def __rtruediv__(self, other: Any) -> Any:
+        if isinstance(other, InMemory):
+            return SeriesInMemory(other) / self
         return Series(other) / self if _is_number(other) else NotImplemented
 
     def __pow__(self, n: Any) -> Any:
@@ -302,7 +314,7 @@ def _made(rule: Callable[[int], Any], *of: Series) -> Series:
 
 def _undetermined(*of: Series) -> Series:
     """A series of which the term k is made of the terms k of others, by sums."""
-    found = Series()
+    found = Series() if all(type(x) is Series for x in of) else SeriesInMemory()
     found._rank = max(x._rank for x in of)
     found._products = next((x._products for x in of if x._products), None)
     return found
@@ -349,8 +361,142 @@ class _Rule:
 def _inverse(x: Series) -> Series:
     """1/x_0, computed when a first term needs it."""
     found = Series()
-    found._rule = lambda k: 1.0 / x[0]
+    found._rule = lambda k: 1.0 / x.head
     return found
+
+
+# ------------------------------------------------------------------ of what lies in memory
+
+
+class SeriesInMemory(Series, InMemory):
+    """The same with vectors or matrices in memory as terms, or series of them in their turn: `+ - * /`
+    number by number, with numbers and series of numbers too, `@` of matrices.
+    """
+
+    __slots__ = ()
+
+    @staticmethod
+    def at(state: Any) -> Any:
+        """A state of series that begin with the vectors and matrices of another one."""
+        fields = fields_of(state).items()
+        return fill(type(state), {k: x if x is None else SeriesInMemory(x) for k, x in fields})
+
+    @staticmethod
+    def continued(unknown: Any, rates: Any, h: Any) -> None:
+        """Let the unknowns of a state solve y' = h rate, where the rates, a value like y, may depend on
+        y.
+        """
+        for y, rate in zip(fields_of(unknown).values(), fields_of(rates).values(), strict=True):
+            if y is not None:
+                y.grow(rate, h)
+
+    def __iter__(self) -> Any:
+        raise InvalidType("a power series of a vector in memory has no components to go through")
+
+    @property
+    def _one(self) -> Any:
+        """A term that is there."""
+        k = 0
+        while self.term(k) is None:
+            k += 1
+        return self.term(k)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """That of its terms."""
+        shape: tuple[int, ...] = self._one.shape
+        return shape
+
+    @property
+    def axes(self) -> int:  # type: ignore[override]
+        return len(self.shape)
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def coefficient_of(self, k: int) -> Any:
+        """c_k, zeros where there is no such term."""
+        term = self.term(k)
+        return 0.0 * self._one if term is None else term
+
+    def each(self, linear: Callable[[Any], Any]) -> SeriesInMemory:
+        """The image under a linear map, term by term."""
+        return cast(SeriesInMemory, _made(lambda k: _each(linear, self.term(k)), self))
+
+    def __getitem__(self, index: Any) -> Any:
+        """The series of an entry."""
+        return Series().by(lambda k: _each(lambda c: c[index], self.term(k)))
+
+    def __add__(self, other: Any) -> Any:
+        return Series.__add__(self, _as_series(other))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Any:
+        return Series.__sub__(self, _as_series(other))
+
+    def __rsub__(self, other: Any) -> Any:
+        return Series.__sub__(_as_series(other), self)
+
+    def __matmul__(self, other: Any) -> Any:
+        return _convolved(self, _as_series(other), lambda a, b: a @ b, SeriesInMemory())
+
+    def __rmatmul__(self, other: Any) -> Any:
+        return _as_series(other) @ self
+
+    def inner_with(self, other: Any) -> Any:
+        """The series of the scalar product."""
+        return _convolved(self, _as_series(other), lambda a, b: a.inner_with(b), Series())
+
+    @property
+    def T(self) -> SeriesInMemory:
+        """The transpose."""
+        return self.each(lambda c: c.T)
+
+    @property
+    def H(self) -> SeriesInMemory:
+        """The conjugate transpose."""
+        return self.each(lambda c: c.H)
+
+    def without_adjoint(self) -> SeriesInMemory:
+        """A - A^H."""
+        return self.each(lambda c: c.without_adjoint())
+
+    def plus(self, s: float) -> SeriesInMemory:
+        """A + s 1."""
+        found: Any = SeriesInMemory(self.coefficient_of(0).plus(s))
+        return cast(SeriesInMemory, found.by(self.term))
+
+    def over(self, a: SeriesInMemory) -> SeriesInMemory:
+        """X = B A^-1:  X_k A_0 = B_k - sum_j X_(k-j) A_j,  j > 0."""
+        found: Any = SeriesInMemory()
+
+        def rule(k: int) -> Any:
+            rest = self.term(k)
+            for j in range(1, k + 1):
+                x, y = found.term(k - j), a.term(j)
+                rest = _difference(rest, None if x is None or y is None else x @ y)
+            return _each(lambda c: c.over(a.head), rest)
+
+        return found.by(rule)
+
+
+def _as_series(x: Any) -> Any:
+    """Vectors and matrices in memory as series that end with their first term."""
+    return SeriesInMemory(x) if isinstance(x, InMemory) and not isinstance(x, Series) else x
+
+
+def _convolved(a: Series, b: Series, product: Callable[[Any, Any], Any], found: Series) -> Any:
+    """sum_j a_j b_(k-j) of a product that does not commute."""
+
+    def rule(k: int) -> Any:
+        total = None
+        for j in range(k + 1):
+            x, y = a.term(j), b.term(k - j)
+            total = total if x is None or y is None else plus(total, product(x, y))
+        return total
+
+    return found.by(rule)
 
 
 # ------------------------------------------------------------------ elementary functions:
@@ -408,7 +554,7 @@ def _rule(
 def _over(
     function: Callable[..., Any], steepness: Callable[[Series], Series]
 ) -> Callable[[Series], Series]:
-    """The same from d = 1/f' as a function of x, in one sum of products.
+    """The series of the inverse from d = 1/f' as a function of x, in one sum of products.
 
     d y' = x':   d_0 y_k = x_k - sum_j (j/k) y_j d_(k-j),   0 < j < k
     """

@@ -161,7 +161,7 @@ def meet(value: Any) -> Meeting:
 
 
 class Meeting:
-    """What all sites have published at one place of a formula."""
+    """Values that all sites have published at one place of a formula."""
 
     __slots__ = ("published", "site")
 
@@ -305,7 +305,7 @@ def _entry(table: SiteTable, d: int, site: int) -> int:
 
 
 class _Asked(BaseException):
-    """What a site asks for, where nobody has the answer yet; no formula catches it."""
+    """A question of a site, where nobody has the answer yet; no formula catches it."""
 
 
 class Visit:
@@ -391,7 +391,7 @@ def some_sites(count: int, begin: int, end: int, formula: Callable[..., Any], *a
 
 
 class _Some(dict[int, Any]):
-    """What sites have published at one place, as far as they have come there.
+    """Values that sites have published at one place, as far as they have come there.
 
     number : of the place.  visit : lets a site come as far as to a place.
     """
@@ -469,7 +469,7 @@ def _placed(error: Any, site: int) -> None:
 def _visited(
     site: int, count: int, answers: list[Any], formula: Any, args: tuple[Any, ...]
 ) -> tuple[str, Any]:
-    """What a site asks for next, and the value it gives for it."""
+    """The next question of a site, and the value it gives for it."""
     before, _present.visit = _present.visit, Visit(site, count, answers)
     try:
         formula(*args)

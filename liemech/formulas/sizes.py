@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from .dual import size_of
+from .large import sum_of
+from .numbers import InMemory
 from .vectors import Vec, vec
 
 EPSILON = 2.0**-52
@@ -18,7 +20,11 @@ def one_norm(x: Vec) -> float:
 
 
 def one_norms(x: Vec, blocks: tuple[int, ...]) -> Vec:
-    """`one_norm` of each of the blocks into which the components fall, told by their lengths."""
+    """`one_norm` of each of the blocks into which the components fall, told by their lengths; of
+    a vector in memory that of all of it.
+    """
+    if isinstance(x, InMemory):
+        return vec(*[sum_of(abs(x)) for _ in blocks])
     norms: list[float] = []
     first = 0
     for n in blocks:

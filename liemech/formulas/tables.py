@@ -43,6 +43,14 @@ class Table:
         made.content, made.array, made.place = None, None, place
         return made
 
+    def part(self, begin: int) -> Table:
+        """The rest of the table from an entry on, where it lies."""
+        made = object.__new__(Table)
+        made.content, made.array = self.content, self.array[begin:]
+        made.place = self.place + begin
+        _alive.setdefault(made.place, made)
+        return made
+
     def __len__(self) -> int:
         return len(self.array)
 

@@ -276,7 +276,7 @@ class LieGroup(Record):
 
     @final
     def __pow__(self, copies: int) -> Any:
-        """So many copies of the group: the configurations of as many sites."""
+        """The product of copies of the group: the configurations of as many sites."""
         # which is built on this class
         power: Any = import_module(".power", __package__)
         return power.PowerGroup(self, copies)

@@ -13,8 +13,7 @@ from ..errors import InvalidType
 from ..formulas import Complex, Mat, Vec, mat, record, solve, solve3, vec
 from ..formulas.double_double import is_long
 from ..formulas.elimination import INFINITE, inverse, solve_matrix
-from ..formulas.large import Large
-from ..formulas.numbers import raise_if
+from ..formulas.numbers import InMemory, raise_if
 from ..formulas.sums import (
     antisymmetric_map,
     bilinear,
@@ -309,6 +308,11 @@ class MatrixLieAlgebra(LieAlgebra):
         if self.generated.few_triples:
             return self._dcayley_inv_dual(-xi) @ mu
         m = adjoint(self.hat(-xi))
+        if self.is_large:
+            p = self.covector(mu)
+            left = m @ p
+            commutator = left.without_adjoint() if self.group.keeps_lengths else left - p @ m
+            return mu - self.pairing(0.5 * commutator + 0.25 * (left @ m))
         triple = self.pairing(m @ self.covector(mu) @ m)
         return mu - (0.5 * self.ad_star(-xi, mu) + 0.25 * triple)
 
@@ -379,7 +383,7 @@ class MatrixLieAlgebra(LieAlgebra):
 
 def adjoint(m: Mat) -> Mat:
     """The conjugate transpose."""
-    if isinstance(m, Large):
+    if isinstance(m, InMemory):
         return m.H
     if isinstance(m[0, 0], Complex):
         return mat(*[vec(*[x.conjugate() for x in row]) for row in m.T])

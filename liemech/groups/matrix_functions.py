@@ -12,6 +12,7 @@ from ..formulas import Mat, mat, vec
 from ..formulas.double_double import DoubleDouble, is_long
 from ..formulas.elimination import INFINITE, inverse
 from ..formulas.large import Large, inner
+from ..formulas.numbers import InMemory
 from ..formulas.sums import abs2, total
 
 TINY = 2.0**-112
@@ -38,7 +39,7 @@ def frobenius2(m: Mat) -> float:
 
 def plus(m: Mat, s: float) -> Mat:
     """m + s 1."""
-    if isinstance(m, Large):
+    if isinstance(m, InMemory):
         return m.plus(s)
     return mat(
         *[vec(*[m[i, j] + s if i == j else m[i, j] for j in range(len(m))]) for i in range(len(m))]

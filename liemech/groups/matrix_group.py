@@ -263,6 +263,11 @@ class MatrixLieGroup(LieGroup):
             return None  # the trace is kept by every conjugation
         return self.why_no_cayley()
 
+    @cached_property
+    def times_i(self) -> Large:
+        """i times the unit matrix, in memory."""
+        return Large(1j * np.eye(self.generated.n))
+
     # ---------------------------------------------------------------- Casimir functions
 
     def casimirs(self, mu: Vec) -> Vec:

@@ -158,7 +158,10 @@ class EndingAtJumps(Wrapping):
     def _begun(self, system: Any, memory: Any, lasting: float, h: float) -> Any:
         """The memory of steps of length `lasting` for those of length h."""
         if lasting != h:
-            memory = self.method.start(system, self.method.observe(memory), h)
+            anew = self.method.start(system, self.method.observe(memory), h)
+            memory = fitted(
+                anew, layout_of(memory)
+            )  # numbers that carry a derivative go on with it
         return memory
 
     def next_end(self, system: Any, t: float, end: float) -> float:

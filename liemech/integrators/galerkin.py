@@ -94,6 +94,7 @@ class GalerkinVariational(Implicit):
                 f"{self!r} needs a body with a lagrangian; {body!r} has none. "
                 "LiePoissonHamiltonJacobi(order=4) does without one, RKMK accepts every system"
             )
+        self.require_written_out(body.group)
         self.retraction.require(body.group)
 
     # ---------------------------------------------------------------- constants

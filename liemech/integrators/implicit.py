@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ..errors import NoConvergence, OutsideChart, undefined
-from ..formulas import record, sqrt
-from ..solvers import LIMIT
+from ..formulas import Vec, dot, record, sqrt
+from ..formulas.large import distance2
+from ..solvers import LIMIT, fixed_point
 from ..systems.lie_poisson import BodyState
 from .memory import Memory, Remembering, followed, repeated
 
@@ -34,6 +36,30 @@ class Implicit(Remembering):
     def after(self, memory: Memory, state: BodyState, unknown: Any) -> Memory:
         """The memory after a step that led to this state and had this unknown."""
         return Memory(state, memory.node, followed(memory.past, unknown))
+
+    def iterated(
+        self,
+        system: Any,
+        retraction: Any,
+        h: float,
+        mu: Vec,
+        guess: tuple[Vec, Vec],
+        displacement: Callable[[Vec], Vec],
+    ) -> tuple[Vec, Vec]:
+        """Of large matrices the p with (dtau^-1_x)* p = mu, right-trivialised, and its displacement
+        x = x(p), both from a guess: p + mu - (dtau^-1_x)* p again and again, without a Jacobian.  Raises NoConvergence,
+        OutsideChart.
+        """
+
+        def sweep(both: tuple[Vec, Vec]) -> tuple[tuple[Vec, Vec], float, float]:
+            p, x = both
+            new = p + (mu - retraction.dtau_inv_dual(system.group, -x, p))
+            return (new, displacement(new)), sqrt(distance2(new, p)), sqrt(dot(new, new))
+
+        p, x = fixed_point(sweep, guess, self, h)
+        if not retraction.is_chart(system.group, x):
+            raise self._out_of_chart(h, f"|x| = {sqrt(dot(x, x)):.2g}")
+        return p, x
 
     def _unsolved(self, h: float, size: float, enough: float, detail: str = "") -> NoConvergence:
         """The error of a step whose equation Newton's method did not solve; `size` and `enough` are

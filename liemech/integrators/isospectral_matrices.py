@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..formulas import Mat, sqrt
-from ..formulas.elimination import solve_matrix
+from ..formulas import Complex, Mat, atan2, cos, exp, log, plain, sin, sqrt
+from ..formulas.elimination import determinant, solve_matrix
 from ..formulas.large import Large, distance2
 from ..groups.matrix_algebra import adjoint
 from ..groups.matrix_functions import frobenius2, plus
@@ -35,7 +35,7 @@ def momentum_of(system: Any, w: Mat) -> Any:
 def velocity_of(system: Any, w: Mat) -> Mat:
     """X = hat(dH/dmu)."""
     m = w if system.group.keeps_lengths else adjoint(w)
-    return system.hamiltonian.velocity_matrix(system.group.algebra, m)
+    return system.velocity_matrix(m)
 
 
 def midpoint(system: Any, w0: Mat, guess: Mat, method: Any, h: float) -> tuple[Mat, Mat]:
@@ -46,7 +46,7 @@ def midpoint(system: Any, w0: Mat, guess: Mat, method: Any, h: float) -> tuple[M
     that is, W = W_0 - [P, W] + P W P and W_1 = W_0 - 2 [P, W].  Raises NoConvergence.
     """
     sweep = lambda both: midpoint_sweep(system, w0, both[0], h)  # noqa: E731
-    found: tuple[Mat, Mat] = fixed_point(sweep, (guess, guess), method, h)
+    found: tuple[Mat, Mat] = fixed_point(sweep, (guess, plain(guess)), method, h)
     return found
 
 
@@ -69,7 +69,27 @@ def midpoint_sweep(system: Any, w0: Mat, w: Mat, h: float) -> tuple[tuple[Mat, M
 def midpoint_turn(system: Any, w: Mat, h: float) -> Mat:
     """(1 + P)(1 - P)^-1 - 1: how an element turns in the step whose middle is W."""
     p = (0.5 * h) * velocity_of(system, w)
-    return solve_matrix(plus(-p, 1.0), 2.0 * p)
+    return on_group(system.group, solve_matrix(plus(-p, 1.0), 2.0 * p))
+
+
+def on_group(group: Any, turn: Mat) -> Mat:
+    """The turn t of elements of a group without Cayley map, SU(n) or SL(n), whose momenta move like
+    those of U(n) and GL(n): (1 + t) det(1 + t)^(-1/n) - 1.
+
+    Multiples of the unit matrix move no momentum.
+    """
+    if group.why_no_cayley() is None:
+        return turn
+    full = plus(turn, 1.0)
+    n, d = len(full), determinant(full)
+    if not group.generated.complex:
+        return plus(exp(log(d) * (-1.0 / n)) * full, -1.0)
+    angle = atan2(d.im, d.re) * (-1.0 / n)
+    if isinstance(full, Large):
+        full = cos(angle) * full + sin(angle) * (full @ group.times_i)
+    else:
+        full = Complex(cos(angle), sin(angle)) * full
+    return plus(full, -1.0)
 
 
 def stages(

@@ -27,6 +27,7 @@ from ..retractions import Exponential, Retraction
 from ..solvers import TOLERANCE, newton
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
+from ..systems.system import lies_in_memory
 from .derivability import require_derivatives
 from .implicit import Implicit
 from .memory import Memory, extrapolated
@@ -68,7 +69,6 @@ class LiePoissonHamiltonJacobi(Implicit):
 
     symmetric: ClassVar[bool] = True
     analytic: ClassVar[bool] = True
-    writes_out: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("hamiltonian",)
 
@@ -108,6 +108,11 @@ class LiePoissonHamiltonJacobi(Implicit):
         self, system: Any, h: float, mu: Vec, guess: Vec, middle: float = 0.0
     ) -> tuple[Vec, Vec]:
         """The p and x = ds/dp that fit mu, of a step about the time `middle`."""
+        if lies_in_memory(system.group):
+            return self.iterated(
+                system, self.retraction, h, mu, (guess, h * velocity_at(system, middle, guess)),
+                lambda p: self.displacement(system, h, p, middle),
+            )  # fmt: skip
         tolerance = TOLERANCE if self.order <= 4 else FINER
         p, size, enough, folded = newton(
             lambda p: self.equation(system, h, mu, p, middle),
@@ -157,6 +162,7 @@ class LiePoissonHamiltonJacobi(Implicit):
             order == 4
             and isinstance(self.retraction, Exponential)
             and isinstance(system, LiePoissonSystem)
+            and not lies_in_memory(system.group)
         ):
             return self.two_terms(system, h, p)
         return total(second_kind(system, self.retraction, p, order // 2, h, middle))

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..errors import IncompatibleSystem, InvalidType, undefined
-from ..formulas import Record, Vec, record, sqrt, vec
+from ..formulas import Record, Vec, dot, record, sqrt, vec
+from ..formulas.numbers import InMemory
 from ..formulas.pytree import fields_of
 from ..formulas.sites import mean
 from ..retractions import Retraction
@@ -124,12 +125,7 @@ class Method(Record):
             raise IncompatibleSystem(
                 f"{self!r} needs a system such as RigidBody([1.0, 1.5, 2.0]); got {system!r}"
             )
-        if self.writes_out and lies_in_memory(system.group):
-            raise IncompatibleSystem(
-                f"{self!r} needs derivatives by every component, and {system.group!r} has "
-                f"{system.group.dim}, in memory. Isospectral(order=2), RKMK(order=4) and "
-                "CommutatorFree(order=4) go by products of matrices"
-            )
+        self.require_written_out(system.group)
         if system.noisy and not self.noisy:
             raise IncompatibleSystem(
                 f"{self!r} draws no random numbers, and {system!r} has noise. {system.alternatives}."
@@ -143,6 +139,15 @@ class Method(Record):
         for _, value in fields_of(self).items():
             if isinstance(value, Retraction):
                 value.require(system.group)
+
+    def require_written_out(self, group: Any) -> None:
+        """Raise IncompatibleSystem for large matrices if the method needs every number written out."""
+        if self.writes_out and lies_in_memory(group):
+            raise IncompatibleSystem(
+                f"{self!r} needs derivatives by every component, and {group!r} has {group.dim}, in "
+                "memory. Isospectral(order=2), RKMK(order=4) and LiePoissonHamiltonJacobi(order=4) go "
+                "by products of matrices"
+            )
 
     def _explain(self, arguments: dict[str, Any]) -> None:
         """Raise what is wrong with the system for which a formula failed."""
@@ -228,6 +233,11 @@ def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tupl
     tolerances; of many sites those of all.
     """
     change, scale = system.variation(state, omega)
+    if isinstance(change[0], InMemory):
+        return (
+            sqrt(mean_square_of_parts(change, scale, rtol, atol)),
+            sqrt(mean_square_of_parts(scale, scale, rtol, atol)),
+        )
     total = vec(0.0, 0.0)
     for c, s in zip(change, scale):
         weight = 0.0
@@ -236,3 +246,23 @@ def sizes(system: Any, state: Any, omega: Vec, rtol: float, atol: float) -> tupl
         total = total + vec((weight * c) * (weight * c), (weight * s) * (weight * s))
     total = mean(total / len(change))
     return sqrt(total[0]), sqrt(total[1])
+
+
+LEAST = 2.0**-1000
+"""Added to a tolerance, which may be zero: no change is then no error, and any change is too large."""
+
+
+def mean_square_of_parts(
+    changes: tuple[Any, ...], sizes: tuple[Any, ...], rtol: float, atol: float
+) -> float:
+    """The mean square of changes over atol + rtol sizes, of vectors in memory."""
+    total, count = 0.0, 0
+    for change, size in zip(changes, sizes):
+        ratio = change / (rtol * size + (atol + LEAST))
+        total, count = total + dot(ratio, ratio), count + len(change)
+    return total * (1.0 / count)
+
+
+def larger(a: Any, b: Any) -> Any:
+    """The larger ones of the numbers of two vectors in memory, to rounding."""
+    return 0.5 * ((a + b) + abs(a - b))

@@ -30,6 +30,7 @@ from ..groups.vector_space import VectorSpace
 from ..retractions import Cayley
 from ..solvers import fixed_point, newton
 from ..systems.double_bracket import DoubleBracket
+from ..systems.isospectral_flow import IsospectralFlow
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.stochastic import NoisyMotion
 from ..systems.system import lies_in_memory
@@ -191,7 +192,8 @@ class Isospectral(Implicit):
 
     Rotations, and groups of matrices of any size whose algebra is closed under the adjoint x^H: SO(n),
     SU(n), U(n), SL(n), GL(n), Sp(2n), with any Hamiltonian.  There the momentum is the matrix W of
-    W' = [W, hat(xi)]; elements move too where the group has a Cayley map.  Stages are iterated to
+    W' = [W, hat(xi)]; elements of SU(n) and SL(n) move like those of U(n) and GL(n), divided by the n-th
+    root of the determinant.  Stages are iterated to
     rounding; raises NoConvergence.
     Source: Modin and Viviani, Lie-Poisson methods for isospectral flows, Found. Comput. Math. 20
     (2020).
@@ -243,11 +245,6 @@ class Isospectral(Implicit):
     def first(self, system: Any, state: BodyState, h: float) -> Any:
         """h B at the start, for all stages; of large matrices and order 2 the momentum itself."""
         if by_matrices(system):
-            if state.g is not None and system.group.why_no_cayley() is not None:
-                raise IncompatibleSystem(
-                    f"{self!r}: elements of {system.group!r} do not move by its steps, which leave the "
-                    "group; start without g, or take RKMK(order=4)"
-                )
             w = isospectral_matrices.matrix_of(system, state.mu)
             if self.order == 2:
                 return w
@@ -282,7 +279,7 @@ class Isospectral(Implicit):
             q, r = isospectral_matrices.increments(system, self.tableau[1], found)
             change = isospectral_matrices.conjugated(system, w, q, r)
             if g is not None:
-                g = g + g @ r
+                g = g + g @ isospectral_matrices.on_group(system.group, r)
         mu = state.mu + isospectral_matrices.momentum_of(system, change)
         return Memory(BodyState(mu, g), memory.node, (found, *memory.past[:-1]))
 
@@ -307,7 +304,8 @@ class Isospectral(Implicit):
 
 def by_matrices(system: Any) -> bool:
     """Is it a Lie-Poisson system of a group of matrices that is given by generators?"""
-    return isinstance(system, LiePoissonSystem) and isinstance(system.group, MatrixLieGroup)
+    served = isinstance(system, (LiePoissonSystem, IsospectralFlow))
+    return served and isinstance(system.group, MatrixLieGroup)
 
 
 def continued(past: tuple[Any, ...]) -> Any:

@@ -15,7 +15,8 @@ from collections.abc import Callable
 from typing import Any
 
 from ..formulas import Vec, vec
-from ..formulas.series import Series
+from ..formulas.numbers import InMemory
+from ..formulas.series import Series, SeriesInMemory
 from ..groups.bernoulli import BERNOULLI
 from ..groups.lie_group import LieGroup
 from ..retractions import Exponential, Retraction
@@ -36,14 +37,14 @@ def second_kind(
     there m = p - t^2 p_2 - ... as a series in t^2.  The unit of time is h: powers of it might
     under- or overflow.
     """
-    group, n = system.group, system.group.dim
-    m = vec(*[Series(c) for c in p])
+    group = system.group
+    m = begun(p)
     v, mu = motion(system, h, m, 0.5, time)
     odd, even = [], [m]  # type: list[Vec], list[Vec]
     for k in range(0, 2 * terms, 2):
-        x = vec(*[Series(None, *[c for term in odd for c in (term[i], None)]) for i in range(n)])
+        x = of_terms([None, *[c for term in odd for c in (term, None)]], p)
         if k:
-            known = vec(*[Series(*[c for term in even for c in (term[i], None)]) for i in range(n)])
+            known = of_terms([c for term in even for c in (term, None)], p)
             even = [*even, _at(k, mu) - _added_to_momentum(group, retraction, x, known, mu, k)]
         odd = [
             *odd,
@@ -74,7 +75,7 @@ def first_kind(
         h' = -h u,   u = Ad_tau(xi)^-1 v.
     """
     group = system.group
-    m = vec(*[Series(c) for c in scale * s0.momentum(group, retraction, xi)])
+    m = begun(scale * s0.momentum(group, retraction, xi))
     v, _ = motion(system, h, m, -1.0, time)
     u = series(group.Ad(group.inverse(retraction.tau(group, xi)), v))
     momentum = s0.along(group, retraction, xi, u)
@@ -91,18 +92,39 @@ def motion(system: Any, h: float, m: Vec, pace: float, time: float = 0.0) -> tup
     """Velocity and momentum a time `pace` t h after the momentum was m at `time`: v = h dH(mu),
     mu' = pace ad*_v mu.
     """
-    mu = vec(*[Series(c) for c in m])
+    mu = begun(m)
     v = series(h * velocity_at(system, Series(time, pace * h), mu))
-    for component, rate in zip(mu, system.group.ad_star(v, mu)):
+    for component, rate in zip(each(mu), each(system.group.ad_star(v, mu))):
         component.grow(rate, pace)
     return v, mu
+
+
+def begun(x: Vec) -> Vec:
+    """The vector of series that begin with the components, and end with them unless they are told how
+    to go on.
+    """
+    return SeriesInMemory(x) if isinstance(x, InMemory) else vec(*[Series(c) for c in x])
+
+
+def of_terms(terms: list[Any], like: Vec) -> Vec:
+    """The vector of series with these terms, vectors like another one or None."""
+    if isinstance(like, InMemory):
+        return SeriesInMemory(*terms)
+    return vec(*[
+        Series(*[None if term is None else term[i] for term in terms]) for i in range(len(like))
+    ])  # fmt: skip
+
+
+def each(x: Vec) -> Any:
+    """The series of a vector: its components, or one of vectors in memory."""
+    return (x,) if isinstance(x, InMemory) else x
 
 
 def settle(m: Vec, terms: list[Vec]) -> None:
     """Set the unknown series m to m_0 + e a + e^2 b + ... of the terms a, b, ..., which may depend
     on m.
     """
-    for component, rest in zip(m, collected(terms)):
+    for component, rest in zip(each(m), each(collected(terms))):
         component.by((Series(None, 1.0) * rest).term)
 
 
@@ -113,7 +135,10 @@ def collected(terms: list[Vec]) -> Vec:
     total = series(terms[0])
     for k in range(1, len(terms)):
         power = Series(*[None for _ in range(k)], 1.0)
-        total = vec(*[a + power * b for a, b in zip(total, terms[k])])
+        if isinstance(total, InMemory):
+            total = total + power * terms[k]
+        else:
+            total = vec(*[a + power * b for a, b in zip(total, terms[k])])
     return total
 
 
@@ -125,11 +150,15 @@ def values(terms: list[Vec]) -> list[Vec]:
 
 def series(x: Vec) -> Vec:
     """The vector with every component a series, also those that depend on nothing."""
+    if isinstance(x, InMemory):
+        return x if isinstance(x, SeriesInMemory) else SeriesInMemory(x)
     return vec(*[c if isinstance(c, Series) else Series(c) for c in x])
 
 
 def _at(k: int, x: Vec) -> Vec:
     """The terms of t^k."""
+    if isinstance(x, InMemory):
+        return series(x).coefficient_of(k)
     return vec(*[c[k] for c in series(x)])
 
 
@@ -141,7 +170,7 @@ def _added_to_velocity(group: LieGroup, retraction: Retraction, x: Vec, v: Vec, 
     """
     if not isinstance(retraction, Exponential):
         return _at(k, retraction.dtau_inv(group, x, v)) - _at(k, v)
-    turning = vec(*[Series(None, *[a[j] - b[j + 1] for j in range(1, k)]) for a, b in zip(v, x)])
+    turning = of_terms([None, *[_at(j, v) - _at(j + 1, x) for j in range(1, k)]], v)
     return _at(k, _bernoulli(lambda y: group.ad(-x, y), group.ad(-x, turning), 1, k - 1))
 
 
@@ -155,7 +184,7 @@ def _added_to_momentum(
     """
     if not isinstance(retraction, Exponential):
         return _at(k, retraction.dtau_inv_dual(group, x, p))
-    odd = vec(*[Series(None, *[-2.0 * c[j] if j % 2 else None for j in range(1, k)]) for c in mu])
+    odd = of_terms([None, *[-2.0 * _at(j, mu) if j % 2 else None for j in range(1, k)]], mu)
     return _at(k, _bernoulli(lambda y: group.ad_star(-x, y), group.ad_star(-x, odd), 2, k))
 
 

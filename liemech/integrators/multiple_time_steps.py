@@ -354,7 +354,7 @@ class MultipleTimeSteps(Remembering):
 
 
 def _kicked(memory: Memory, kick: Vec) -> Memory:
-    """What a method remembers, with another momentum."""
+    """The memory of a method, with another momentum."""
     state = memory.state
     return Memory(BodyState(state.mu + kick, state.g), memory.node, memory.past)
 

@@ -15,14 +15,30 @@ from typing import Any, ClassVar
 
 from ..compiler.planes import at, below, each, load, put, save
 from ..errors import NoConvergence
-from ..formulas import Mat, Record, Vec, dot, jacobian, mat, plain, record, vec, vectors, where
-from ..formulas.pytree import Layout, carried_layout, fitted, layout_of
+from ..formulas import (
+    Mat,
+    Record,
+    Vec,
+    cross,
+    derivative,
+    dot,
+    jacobian,
+    mat,
+    plain,
+    record,
+    transpose,
+    vec,
+    vectors,
+    where,
+)
+from ..formulas.pytree import Layout, carried_layout, fitted, layout_of, with_fields
 from ..formulas.tables import entry, whole
 from ..groups.lie_group import LieGroup
 from ..solvers import NOISE, TOLERANCE
 from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System
+from ..systems.tabulated import during, inputs, jump_ahead
 from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, carried, eliminated
 from .memory import extrapolated, followed, repeated
 from .solvability import CONTRACTION, INFINITY, SHORTEST
@@ -33,8 +49,13 @@ POSE = layout_of(mat(*[vec(*[0.0] * 4)] * 4))
 BLOCK = layout_of(mat(*[vec(*[0.0] * 6)] * 6))
 NUMBER = layout_of(0.0)
 
+REST6 = vec(*[0.0] * 6)
+
 NEAR = 2.0**-20
 """A correction below this part of the displacement, both squared, leaves the derivative as it is."""
+
+LINEAR = 2.0**-50
+"""A correction below this part, of an iteration that converges linearly, is the last one."""
 
 AT_LOADS = 50
 """Corrections of the velocities that loads depend on, at the end of a step."""
@@ -60,7 +81,8 @@ class Rows(Record):
     first one, a joint of which it is the second one, each with 1, or 0 if there is none), `tie` (of a joint
     a later one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
     is none), `own` (the parameters of a joint of each
-    kind: the joint itself, or the first of a kind that it is not, so that formulas have numbers).
+    kind: the joint itself, or the first of a kind that it is not, so that formulas have numbers),
+    `acting` and `on` (the kind of what acts on a body, and its parameters, likewise).
     """
 
     inertia: int
@@ -71,6 +93,8 @@ class Rows(Record):
     touch: int
     tie: int
     own: int
+    acting: int
+    on: int
     note: int
     force: int
     pull: int
@@ -97,20 +121,30 @@ class Rows(Record):
     rate: int
     effort: int
     gain: int
+    field: int
+    push: int
+    wanted: int
+    given: int
+    bent: int
     block: int
 
     @classmethod
-    def of(cls, full: bool, most: int, freedoms: int, own: int) -> Rows:
+    def of(
+        cls, full: bool, most: int, freedoms: int, own: int, on: int, pushed: bool, bent: bool
+    ) -> Rows:
         """Those of inertias that are matrices, or not; so many conditions and coordinates of a
-        joint, and numbers of its own.
+        joint, and numbers of its own; of what acts on a body, whether there are loads on bodies, and
+        one on all of them by one formula.
         """
-        n, J = most + freedoms, 36 if full else 6
+        n, J, w = most + freedoms, 36 if full else 6, 6 if pushed else 0
         widths = dict(
-            inertia=J, inverse=J, weight=1, ends=4, alive=most, touch=4, tie=4, own=own, note=3, force=6, pull=6,
+            inertia=J, inverse=J, weight=1, ends=4, alive=most, touch=4, tie=4, own=own, acting=1,
+            on=on, note=3, force=6, pull=6,
             held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
             second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
-            wrench=12, rate=freedoms, effort=freedoms, gain=freedoms * freedoms, block=0,
+            wrench=12, rate=freedoms, effort=freedoms, gain=freedoms * freedoms, field=6,
+            push=w, wanted=w, given=6 * w, bent=36 if bent else 0, block=0,
         )  # fmt: skip
         places, row = {}, 0
         for name, width in widths.items():
@@ -123,28 +157,42 @@ class Links(System):
     """Bodies on SE(3) held together by joints, as loops over memory need them: a place in memory has
     a body and a joint.
 
-    kinds : layouts of the kinds of joints.  most, freedoms : conditions of a joint, at most, and
+    kinds : layouts of the kinds of joints.  fields : of what acts on bodies beside joints, if
+    anything does; on_all : what acts on all of them by one formula, or None.  window : time and
+    length of the step that tables see, if they jump.  most, freedoms : conditions of a joint, at most, and
     coordinates that loads act along.  full : are inertias matrices?
-    bodies, joints : how many.  more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
+    bodies, joints : how many.  sides : on which of the two sides of joints the body of a `tie` is,
+    of the first and of the later one, where it is the same for all of them; else -1.
+    more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
     couplings : pairs of joints that a body ties together, beside `tie`, with the sides on which it is,
     and the block.  pivots, belows, updates : what elimination does, see `order_of`.  places : in a row.
     """
 
     group: LieGroup
     kinds: tuple[Any, ...]
+    fields: tuple[Any, ...]
+    on_all: Any
+    window: tuple[Any, ...]
     rows: Rows
     most: int
     freedoms: int
     full: bool
     springs: bool
+    pushed: bool
     bodies: float
     joints: float
     trace: float
+    sides: tuple[int, int]
     more: Any
     couplings: Any
     pivots: Any
     belows: Any
     updates: Any
+
+    @property
+    def loaded(self) -> bool:
+        """Are there loads, which depend on velocities?"""
+        return self.pushed or self.freedoms > 0
 
     def displaced(self, retraction: Any, state: BodyState, omega: Vec) -> BodyState:
         """The state of a free body, displaced."""
@@ -163,18 +211,74 @@ class Links(System):
         """That of another one."""
         return at(below(work, self.rows.inverse), body, 0, BLOCK if self.full else SIX)
 
+    def answers_of(self, work: Any, body: int, pushes: Any) -> list[Vec]:
+        """The changes of the velocity of a body by momenta at the end of a step, where its load
+        depends on it.
+        """
+        if self.pushed:
+            given = at(below(work, self.rows.given), body, 0, BLOCK)
+            return [answered(given, push) for push in pushes]
+        inverse = self.inverse_of(work, body)
+        return [times(inverse, push) for push in pushes]
+
     def of_kind(self, work: Any, formula: Any, k: int = 0) -> Any:
         """A formula of the joint, as a record of its kind."""
         before = sum([kind.width for kind in self.kinds[:k]])
-        one = load(below(work, self.rows.own + before), 0, self.kinds[k])
+        one = self.seen(load(below(work, self.rows.own + before), 0, self.kinds[k]))
         if k == len(self.kinds) - 1:
             return formula(one)
         if load(below(work, self.rows.ends), 0, ENDS)[3] == k:
             return formula(one)
         return self.of_kind(work, formula, k + 1)
 
+    def on_body(self, work: Any, formula: Any, k: int = 0) -> Any:
+        """A formula of what acts on the body, as a record of its kind."""
+        before = sum([kind.width for kind in self.fields[:k]])
+        one = self.seen(load(below(work, self.rows.on + before), 0, self.fields[k]))
+        if k == len(self.fields) - 1:
+            return formula(one)
+        if load(below(work, self.rows.acting), 0, KIND) == k:
+            return formula(one)
+        return self.on_body(work, formula, k + 1)
+
+    def next_jump(self, work: Any, t: float, end: float, ending: Any) -> float:
+        """The first jump of an input after t on the way to `end`."""
+        to = jump_ahead(ending.breaks, 0, int(ending.count), t, end)
+        if self.on_all is not None:
+            to = first_jump(self.on_all, t, to, ending.every)
+        for j in range(int(self.joints)):
+            which = at(below(work, self.rows.ends), j, 0, ENDS)[3]
+            to = self.jump_at(work, self.rows.own, self.kinds, j, which, t, to, ending.every)
+        if len(self.fields) > 0:
+            for b in range(int(self.bodies)):
+                kind = at(below(work, self.rows.acting), b, 0, KIND)
+                to = self.jump_at(work, self.rows.on, self.fields, b, kind, t, to, ending.every)
+        return to
+
+    def jump_at(
+        self, work: Any, row: int, kinds: Any, i: int, which: int, t: float, to: float, every: bool
+    ) -> float:
+        """The same of what acts in one place, of one of these kinds."""
+        for k in range(len(kinds)):
+            if which == k:
+                to = first_jump(at(below(work, row), i, 0, kinds[k]), t, to, every)
+            row = row + kinds[k].width
+        return to
+
+    def seen(self, one: Any) -> Any:
+        """What acts, with tables as the step sees them."""
+        return during(one, *self.window) if len(self.window) > 0 else one
+
+
+def first_jump(one: Any, t: float, to: float, every: bool) -> float:
+    """The first jump of the tables of a value after t, up to `to`."""
+    for table in inputs(one):
+        to = table.jump_ahead(t, to, every)
+    return to
+
 
 TIE = carried_layout((0, 0.0, 0.0, 0.0))
+KIND = carried_layout(0)
 ENDS, TOUCH = carried_layout((0, 0, 0.0, 0)), carried_layout((0, 0.0, 0, 0.0))
 
 
@@ -192,7 +296,8 @@ class LinkMemory(Record):
 class RattleOfLinks(Record):
     """LieRATTLE, or a composition of it, of many bodies and joints.
 
-    shares : of the substeps, each with its node.  substeps, stages : how many there are.
+    shares : of the substeps, each with its node.  substeps, stages : how many there are.  ending :
+    where steps are cut at jumps of inputs, as an EndingAtJumps has it; None: nowhere.
     """
 
     retraction: Any
@@ -201,6 +306,7 @@ class RattleOfLinks(Record):
     stages: int
     most: int
     name: str = ""
+    ending: Any = None
 
     together: ClassVar[bool] = True
     symmetric: ClassVar[bool] = True
@@ -222,12 +328,36 @@ class RattleOfLinks(Record):
     def step_together(
         self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
     ) -> None:
-        """A step of all bodies, from one copy of the memory to the other."""
+        """A step of all bodies, from one copy of the memory to the other.  Where inputs jump it is
+        one from there to the next jump, as in `EndingAtJumps.step`: what it remembers of steps of
+        another length is forgotten.
+        """
         work = below(sites, 2 * memory.width)
         each(sites, copied, sites, here, there, memory)
         state = memory.parts[0]
         old = below(sites, there * memory.width)
         pasts = below(old, state.width)
+        if self.ending is None:
+            self.substeps_of(system, t, h, sites, old, pasts, work, state)
+            return
+        now, end, lasting, going = t, t + h, h, True
+        while going:
+            to = system.next_jump(work, now, end, self.ending)
+            begin, s = self.ending.kept_away(now, to, where(now == t and to == end, h, to - now))
+            if s != lasting:
+                each(sites, forgotten, pasts, self.stages, self.most)
+            lasting = s
+            seen = with_fields(system, window=(begin, s, self.ending.beyond))
+            self.substeps_of(seen, begin, s, sites, old, pasts, work, state)
+            now, going = to, where(h > 0.0, to < end, to > end)
+        if lasting != h:
+            each(sites, forgotten, pasts, self.stages, self.most)
+
+    def substeps_of(
+        self, system: Any, t: float, h: float, sites: Any, old: Any, pasts: Any, work: Any,
+        state: Layout,
+    ) -> None:  # fmt: skip
+        """The substeps of a step."""
         for s in range(int(self.substeps)):
             share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
             self.substep(system, t + node * h, share * h, sites, old, pasts, s, work, state)
@@ -243,24 +373,20 @@ class RattleOfLinks(Record):
         turn = 1 if at(ready, 0, 2, NUMBER) == 1.0 else 0
         put(ready, 0, 2, 0.0, NUMBER)
         while turn < 3:
+            if system.loaded and turn > 0:
+                self.loads(system, t, turn, h, sites, old, work, state)
             if turn == 1:
-                if system.freedoms > 0:
-                    each(sites, velocities_here, system, old, work, state)
-                    each(sites, rates_here, system, work)
-                    each(sites, loads_here, system, t, old, work, state)
-                    scattered(system, work)
-                    each(sites, loaded_here, system, work)
                 each(sites, guessed, system, h, old, pasts, s, work, state)
-            if turn > 0:
+            if turn == 1 or (turn > 0 and not system.loaded):
                 self.solve(system, turn, h, sites, old, work, state)
             if turn == 1:
                 each(sites, moved_body, system, self.retraction, h, old, work, state)
             if turn < 2:
                 each(sites, joints_here, system, old, work, state)
                 scattered(system, work)
+                if system.on_all is not None and system.on_all.potential is not None:
+                    pulled_together(system, old, work, state)
                 each(sites, kicked, system, 0.5 * h * float(turn), old, work, state)
-                if system.freedoms > 0 and turn == 1:
-                    self.load_at_the_end(system, t + h, 0.5 * h, sites, old, work, state)
             turn = turn + 1
         each(sites, ended, system, old, pasts, s, work, state)
         put(ready, 0, 2, 1.0, NUMBER)
@@ -282,7 +408,7 @@ class RattleOfLinks(Record):
             before, anew, done, inside = INFINITY, True, False, False
             while True:
                 k = part * h
-                if turn == 2:
+                if not system.loaded and turn == 2:
                     each(sites, excess_of, system, work)
                 elif anew:
                     each(sites, correction_of_body, system, retraction, k, old, work, state)
@@ -331,36 +457,84 @@ class RattleOfLinks(Record):
             put(below(work, rows.note), 0, 1, reached, NUMBER)
             raise NoConvergence("no solution grows out of h = 0 up to this step")
 
-    def load_at_the_end(
-        self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, state: Layout
-    ) -> None:
-        """The kick by loads at the velocity that it leads to, on the constraint: Newton's method for
-        the rates of the joints, together with the impulses.
+    def loads(
+        self, system: Any, t: float, turn: int, h: float, sites: Any, old: Any, work: Any,
+        state: Layout,
+    ) -> None:  # fmt: skip
+        """In turn 1 loads as they are at the beginning, which go to the field.  In turn 2 the kick by
+        them at the velocity that it leads to, on the constraint: Newton's method for the rates of the
+        joints, and the velocities of bodies under a load of their own, together with the impulses;
+        and then, as without loads, the impulses that take away what leads off the constraint.
+        Of a load on all bodies by one formula the derivative has the blocks of single bodies only.
         """
         rows, n = system.rows, system.most + system.freedoms
-        each(sites, rates_here, system, work)
-        tried, last, change, scale = 0, False, 1.0, 0.0
+        t, k = (t + h, 0.5 * h) if turn == 2 else (t, 1.0)
+        each(sites, velocities_here, system, old, work, state)
+        if system.freedoms > 0:
+            each(sites, rates_here, system, work)
+        tried, last, change, scale = 0, turn == 1, 1.0, 0.0
+        off, size = 0.0, 0.0
+        enough = TOLERANCE if system.on_all is None else LINEAR  # without the whole derivative
         while True:
-            each(sites, efforts_there, system, t, h, old, work, state)
-            scattered(system, work)
+            if system.freedoms > 0:
+                each(sites, efforts_there, system, t, k, old, work, state)
+                scattered(system, work)
+            if system.pushed:
+                self.load_of_all(system, t, k, old, work, state)
+                each(sites, pushed_there, system, t, k, old, work, state)
+            if last:
+                each(sites, loaded_body, system, float(turn), old, work, state)
+                if turn == 1:
+                    break
+                k, last = 0.0, False
+                continue
+            if tried == AT_LOADS:
+                put(below(work, rows.note), 0, 0, -1.0, NUMBER)
+                raise NoConvergence("no velocity found that fits the loads at the end of a step")
             each(sites, loaded_velocity, system, old, work, state)
-            if last or tried == AT_LOADS:
-                break
             each(sites, excess_of_rates, system, work)
             each(sites, tied, system, rows.first, n, work)
             coupled(system, work, rows.first, n)
             factored(system, work, 1.0, n)
             solved(sites, system, work, n)
-            before = change
-            change, whole = corrected_rates(system, work)
+            each(sites, wrench_of_corrections, system, work)
+            scattered(system, work)
+            if k == 0.0:
+                break
+            before, apart = change, off
+            change, whole = corrected_rates(system, work) if system.freedoms > 0 else (0.0, 0.0)
             scale = max(scale, whole)  # of what is lost as well: a step may end at rest
             small = change <= TOLERANCE * TOLERANCE * scale
             noisy = change >= before and change <= NOISE * NOISE * scale
             last, tried = small or noisy or change == 0.0, tried + 1
-        if not last:
-            put(below(work, rows.note), 0, 0, -1.0, NUMBER)
-            raise NoConvergence("no velocity found that fits the loads at the end of a step")
-        each(sites, loaded_body, system, old, work, state)
+            if system.pushed:
+                each(sites, corrected_velocity, system, work)
+                off, whole, _, _, _ = summed(system, work)
+                size = max(size, whole)
+                small = off <= enough * enough * size
+                noisy = tried > 1 and off >= apart and off <= NOISE * NOISE * size
+                last = last and (small or noisy or off == 0.0)
+
+    def load_of_all(
+        self, system: Any, t: float, h: float, old: Any, work: Any, state: Layout
+    ) -> None:
+        """The kick h F of a load on all bodies by one formula, for each of them; and, of each body
+        alone, its derivative by the velocity, column by column.
+        """
+        if system.on_all is None or system.on_all.load is None:
+            return
+        rows, one = system.rows, system.seen(system.on_all)
+        g = entries_of_all(system, old, state)
+        xi = numbers_of_all(system, below(work, rows.wanted), SIX)
+
+        def kick(w: Vec) -> Vec:
+            return h * one.load.covector(t, w, g)
+
+        put_parts(system, below(work, rows.push), 0, kick(xi))
+        for i in range(6 * one.count):
+            unit = vec(*[1.0 if k == i else 0.0 for k in range(6 * one.count)])
+            column = derivative(kick, xi, unit)[i // 6 * 6 : i // 6 * 6 + 6]
+            put(below(work, rows.bent), i // 6, i % 6, column, SIX)
 
 
 # ------------------------------------------------------------------ formulas of one body
@@ -371,30 +545,90 @@ def copied(sites: Any, here: int, there: int, memory: Layout) -> None:
     save(sites, there, load(sites, here, memory), memory)
 
 
+def forgotten(pasts: Any, stages: int, most: int) -> None:
+    """Nothing is known of steps before."""
+    for k in range(3 * stages):
+        save(pasts, k, vec(*[0.0] * (6 + most)), vector(6 + most))
+
+
 def velocities_here(system: Any, old: Any, work: Any, state: Layout) -> None:
-    """xi = J^-1 mu."""
+    """xi = J^-1 mu, at which loads are looked for first."""
+    rows = system.rows
     xi = times(system.inverse(work), plain(load(old, 0, state).mu))
-    save(below(work, system.rows.velocity), 0, xi, SIX)
+    save(below(work, rows.velocity), 0, xi, SIX)
+    if system.pushed:
+        save(below(work, rows.wanted), 0, xi, SIX)
 
 
-def loaded_here(system: Any, work: Any) -> None:
-    """Weight and springs, and loads at this velocity."""
-    place = below(work, system.rows.force)
-    save(place, 0, load(place, 0, SIX) + pull_on(system, work), SIX)
+def pushed_there(system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
+    """The kick h F of loads on a body, and the answer of the body to momentum, (J - h F')^-1, by
+    columns.
+    """
+    rows, g = system.rows, plain(load(old, 0, state).g)
+    w, J = load(below(work, rows.wanted), 0, SIX), system.inertia(work)
+    kick, slopes = REST6, [REST6 for _ in range(6)]
+    if system.on_all is not None and system.on_all.load is not None:
+        kick = load(below(work, rows.push), 0, SIX)
+        slopes = [*load(below(work, rows.bent), 0, BLOCK)]
+    if len(system.fields) > 0:
+        kick = kick + h * system.on_body(work, lambda one: one.push(t, w, g))
+        more = h * transpose(system.on_body(work, lambda one: slopes_of(one, t, w, g)))
+        slopes = [a + b for a, b in zip(slopes, more)]
+    A = [
+        [(J[i, j] if system.full else J[i] if i == j else 0.0) - slopes[j][i] for j in range(6)]
+        for i in range(6)
+    ]
+    columns, _ = eliminated(mat(*[vec(*row) for row in A]), [*UNITS], 1.0)
+    save(below(work, rows.push), 0, kick, SIX)
+    save(below(work, rows.given), 0, mat(*columns), BLOCK)
+
+
+def slopes_of(one: Any, t: float, w: Vec, g: Mat) -> Mat:
+    """The derivative of a load on a body by the velocity."""
+    return jacobian(lambda y: one.push(t, y, g), w)
 
 
 def loaded_velocity(system: Any, old: Any, work: Any, state: Layout) -> None:
-    """J^-1 of the momentum with the kick by loads."""
-    mu = plain(load(old, 0, state).mu) + pull_on(system, work)
-    save(below(work, system.rows.velocity), 0, times(system.inverse(work), mu), SIX)
+    """The velocity with the kick by loads: J^-1 (mu + h F), of a load on the body that is linear in it
+    about the velocity that is wanted, J xi = mu + h F + h F' (xi - w).
+    """
+    rows, mu = system.rows, plain(load(old, 0, state).mu)
+    if system.freedoms > 0:
+        mu = mu + pull_on(system, work)
+    if system.pushed:
+        w, kick = load(below(work, rows.wanted), 0, SIX), load(below(work, rows.push), 0, SIX)
+        off = times(system.inertia(work), w) - mu - kick
+        xi = w - answered(load(below(work, rows.given), 0, BLOCK), off)
+    else:
+        xi = times(system.inverse(work), mu)
+    save(below(work, rows.velocity), 0, xi, SIX)
 
 
-def loaded_body(system: Any, old: Any, work: Any, state: Layout) -> None:
-    """The state after the kick by loads, and its velocity."""
-    one = load(old, 0, state)
-    mu = one.mu + pull_on(system, work)
+def corrected_velocity(system: Any, work: Any) -> None:
+    """The velocity at which loads are looked for next, and how far it is from the last one."""
+    rows, J = system.rows, system.inertia(work)
+    push = answered(load(below(work, rows.given), 0, BLOCK), pull_on(system, work))
+    before, told = load(below(work, rows.wanted), 0, SIX), below(work, rows.told)
+    w = load(below(work, rows.velocity), 0, SIX) - push
+    save(below(work, rows.wanted), 0, w, SIX)
+    save(told, 0, dot(w - before, times(J, w - before)), NUMBER)
+    save(told, 1, dot(w, times(J, w)), NUMBER)
+
+
+def loaded_body(system: Any, turn: float, old: Any, work: Any, state: Layout) -> None:
+    """In turn 1 weight, springs and loads; in turn 2 the state after the kick by loads, and its
+    velocity.
+    """
+    rows, one = system.rows, load(old, 0, state)
+    place, push = below(work, rows.force), REST6
+    if system.freedoms > 0:
+        push = pull_on(system, work)
+    if system.pushed:
+        push = push + load(below(work, rows.push), 0, SIX)
+    force, mu = load(place, 0, SIX), one.mu + where(turn > 1.0, 1.0, 0.0) * push
+    save(place, 0, force + where(turn > 1.0, 0.0, 1.0) * push, SIX)
     save(old, 0, fitted(BodyState(mu, one.g), state), state)
-    save(below(work, system.rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
+    save(below(work, rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
 
 
 def guessed(system: Any, h: float, old: Any, pasts: Any, s: int, work: Any, state: Layout) -> None:
@@ -532,7 +766,12 @@ def kicked(system: Any, h: float, old: Any, work: Any, state: Layout) -> None:
     """The field, the state after a kick h by it, and its velocity."""
     rows, one = system.rows, load(old, 0, state)
     force = weight_of(system, work, one.g) + pull_on(system, work)
+    if system.on_all is not None and system.on_all.potential is not None:
+        force = force + load(below(work, rows.field), 0, SIX)
+    if len(system.fields) > 0:
+        force = force + system.on_body(work, lambda it: it.pull(plain(one.g)))
     mu = one.mu + h * force
+    mu = vec(*[where(h == 0.0, a, b) for a, b in zip(one.mu, mu)])  # rests of rounding as well
     save(old, 0, fitted(BodyState(mu, one.g), state), state)
     save(below(work, rows.force), 0, force, SIX)
     save(below(work, rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
@@ -704,12 +943,18 @@ def tied(system: Any, begins: int, n: int, work: Any) -> None:
     """The two blocks of a joint and a later one that a body ties it to."""
     rows, layout, square = system.rows, matrix(n, 6), matrix(n, n)
     other, mine, theirs, there = load(below(work, rows.tie), 0, TIE)
-    side = rows.second - rows.first
+    one, two = system.sides
     found: list[Any] = []
     for begin in (begins, rows.first_pushed):
-        one, two = (below(work, begin + k * side) for k in range(2))
-        own = chosen(mine, load(one, 0, layout), load(two, 0, layout))
-        his = chosen(theirs, at(one, other, 0, layout), at(two, other, 0, layout))
+        places = [below(work, begin + k * (rows.second - rows.first)) for k in range(2)]
+        if one < 0:
+            own = chosen(mine, *[load(place, 0, layout) for place in places])
+        else:
+            own = load(places[one], 0, layout)
+        if two < 0:
+            his = chosen(theirs, *[at(place, other, 0, layout) for place in places])
+        else:
+            his = at(places[two], other, 0, layout)
         found = [*found, own, his]
     a, b, p, q = found
     blocks = below(work, rows.block)
@@ -759,15 +1004,6 @@ def rates_here(system: Any, work: Any) -> None:
     save(below(work, rows.rate), 0, vec(*rates), vector(system.freedoms))
 
 
-def loads_here(system: Any, t: float, old: Any, work: Any, state: Layout) -> None:
-    """The forces of loads on both bodies."""
-    rows, n = system.rows, system.freedoms
-    g, k = poses_of(system, old, work, state)
-    rates = load(below(work, rows.rate), 0, vector(n))
-    efforts = system.of_kind(work, lambda one: one.efforts(t, one.seen(t, g, k), rates, n))
-    save_push(system, work, efforts)
-
-
 def save_push(system: Any, work: Any, efforts: Any) -> None:
     """The forces on both bodies of torques along the motions of a joint."""
     sides = motions_of(system, work)
@@ -801,40 +1037,101 @@ def excess_of_rates(system: Any, work: Any) -> None:
     rows, n, m = system.rows, system.most + system.freedoms, system.most
     first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
     alive = load(below(work, rows.alive), 0, vector(m))
-    gain = load(below(work, rows.gain), 0, matrix(system.freedoms, system.freedoms))
     here: list[Any] = []
     pushed: list[Any] = []
     xi: list[Any] = []
     for place, body in ((rows.first, first), (rows.second, second)):
-        own, inverse = load(below(work, place), 0, matrix(n, 6)), system.inverse_of(work, body)
-        moved = [times(inverse, row) for row in own]
-        kicks = [
-            -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)])
-            for i in range(system.freedoms)
-        ]
+        own = load(below(work, place), 0, matrix(n, 6))
+        moved = system.answers_of(work, body, own)
+        kicks: list[Any] = []
+        if system.freedoms > 0:
+            gain = load(below(work, rows.gain), 0, matrix(system.freedoms, system.freedoms))
+            kicks = [
+                -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)])
+                for i in range(system.freedoms)
+            ]
         here, pushed = [*here, own], [*pushed, [*moved[:m], *kicks]]
         xi = [*xi, at(below(work, rows.velocity), body, 0, SIX)]
-    rates = load(below(work, rows.rate), 0, vector(system.freedoms))
     rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
-    off = [x - w for x, w in zip(rest[m:], rates)]
+    off: list[Any] = []
+    if system.freedoms > 0:
+        rates = load(below(work, rows.rate), 0, vector(system.freedoms))
+        off = [x - w for x, w in zip(rest[m:], rates)]
     blank = vec(*[1.0 - x for x in alive], *[1.0 for _ in range(system.freedoms)])
     save_pushed(system, work, pushed, here, blank, n)
     save(below(work, rows.rest), 0, vec(*rest[:m], *off), vector(n))
 
 
+def wrench_of_corrections(system: Any, work: Any) -> None:
+    """The pull on both bodies of impulses, and of the kick by a change of rates, which is no pull."""
+    rows, n, m = system.rows, system.most + system.freedoms, system.most
+    found = load(below(work, rows.impulse), 0, vector(n))
+    pulls = [*found[:m]]
+    if system.freedoms > 0:
+        gain = load(below(work, rows.gain), 0, matrix(system.freedoms, system.freedoms))
+        pulls = [*pulls, *[-dot(row, found[m:]) for row in gain]]
+    sides = [load(below(work, row), 0, matrix(n, 6)) for row in (rows.first, rows.second)]
+    sums = [vectors.sum([a * row for a, row in zip(pulls, side)]) for side in sides]
+    save(below(work, rows.wrench), 0, vec(*sums[0], *sums[1]), TWELVE)
+
+
 def corrected_rates(system: Any, work: Any) -> tuple[float, float]:
     """Rates after Newton's correction; the sums of the squares of corrections, and of rates before
-    them.
+    them with how far off those were: at rest the kicks alone say what rounding is.
     """
     n, m = system.most + system.freedoms, system.most
     change, whole, layout = 0.0, 0.0, vector(system.freedoms)
     rates, found = below(work, system.rows.rate), below(work, system.rows.impulse)
+    rest = below(work, system.rows.rest)
     for j in range(int(system.joints)):
         step = at(found, j, 0, vector(n))[m:]
-        old = at(rates, j, 0, layout)
+        old, off = at(rates, j, 0, layout), at(rest, j, 0, vector(n))[m:]
         put(rates, j, 0, old + step, layout)
-        change, whole = change + dot(step, step), whole + dot(old, old)
+        change, whole = change + dot(step, step), whole + dot(old, old) + dot(off, off)
     return change, whole
+
+
+# ------------------------------------------------------------------ all bodies by one formula
+
+
+def entries_of_all(system: Any, poses: Any, layout: Layout) -> Vec:
+    """The entries of all poses, row by row, (16 N,)."""
+    found = [pose_in(at(poses, b, 0, layout)) for b in range(system.on_all.count)]
+    return vec(*[x for g in found for row in g for x in row])
+
+
+def numbers_of_all(system: Any, place: Any, layout: Layout) -> Vec:
+    """The numbers of all bodies, one after another."""
+    return vec(*[x for b in range(system.on_all.count) for x in at(place, b, 0, layout)])
+
+
+def put_parts(system: Any, place: Any, k: int, whole: Vec) -> None:
+    """The parts of a covector on all bodies, (6 N,), each to its body."""
+    for b in range(system.on_all.count):
+        put(place, b, k, whole[6 * b : 6 * b + 6], SIX)
+
+
+def pulled_together(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """The force of a potential of all poses; of one that is derived one component after the other,
+    -dV/ds along g exp(s e_i).
+    """
+    one, field = system.on_all, below(work, system.rows.field)
+    g = entries_of_all(system, old, state)
+    if not one.derived:
+        put_parts(system, field, 0, one.potential.force(one.group, g))
+        return
+    for i in range(6 * one.count):
+        unit = vec(*[1.0 if k == i else 0.0 for k in range(6 * one.count)])
+        along: list[Any] = []
+        for b in range(one.count):
+            w, v = unit[6 * b : 6 * b + 3], unit[6 * b + 3 : 6 * b + 6]
+            rows = [g[16 * b + 4 * j : 16 * b + 4 * j + 3] for j in range(3)]
+            along = [*along, *[x for R in rows for x in (*cross(R, w), dot(R, v))], *REST4]
+        slope = derivative(one.potential.energy, g, vec(*along))
+        put(field, i // 6, i % 6, -slope, NUMBER)
+
+
+REST4 = vec(*[0.0] * 4)
 
 
 # ------------------------------------------------------------------ from joint to joint

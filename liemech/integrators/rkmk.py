@@ -6,6 +6,7 @@ from typing import Any
 
 from ..errors import InvalidInput, InvalidType, OrderWarning, warn
 from ..formulas import Record, Vec, plain, record, sqrt, vec, where
+from ..formulas.numbers import InMemory
 from ..formulas.sites import mean
 from ..formulas.sizes import one_norms
 from ..groups.bernoulli import BERNOULLI, TERMS
@@ -17,7 +18,7 @@ from ..systems.system import System
 from ..tableaus.butcher import BY_ORDER
 from ..tableaus.tableau import ButcherTableau
 from ..tableaus.trees import Row
-from .method import Method
+from .method import LEAST, Method, larger, mean_square_of_parts
 
 
 @record
@@ -269,6 +270,10 @@ class RKMK(Method):
     def slope(self, system: System, t: float, start: Any, omega: Vec) -> Vec:
         """dtau^-1_Omega xi(t, the start displaced by tau(Omega)), trivialised like the velocity."""
         xi = system.rate(t, system.displaced(self.retraction, start, omega))
+        return self.in_chart(system, omega, xi)
+
+    def in_chart(self, system: System, omega: Vec, xi: Vec) -> Vec:
+        """dtau^-1_Omega xi, in closed form or by its series."""
         place = sided(omega, system.side)
         if isinstance(self.truncation, str):
             return self.retraction.dtau_inv(system.group, place, xi)
@@ -301,13 +306,12 @@ def _difference(b: Row, b_hat: Row, slopes: list[Vec], h: float) -> Vec:
     return combination(tuple([x - y for x, y in zip(b, b_hat)]), slopes, h)
 
 
-LEAST = 2.0**-1000
-"""Added to a tolerance, which may be zero: no change is then no error, and any change is too large."""
-
-
 def mean_square(system: System, state: Any, new: Any, off: Vec, rtol: float, atol: float) -> float:
     """The mean square of what a displacement changes, over the tolerance; of many sites of all."""
     (change, before), (_, after) = system.variation(state, off), system.variation(new, off)
+    if isinstance(change[0], InMemory):
+        largest = tuple([larger(a, b) for a, b in zip(before, after)])
+        return mean_square_of_parts(change, largest, rtol, atol)
     total = 0.0
     for c, a, b in zip(change, before, after):
         ratio = c / (atol + rtol * max(a, b) + LEAST)

@@ -103,7 +103,7 @@ class TermSplitting(Remembering):
             )
 
     def instead(self, system: Any) -> str:
-        """What to use for a system with other terms."""
+        """Advice: a method for a system with other terms."""
         return (
             "RKMK accepts every energy, CovariantVariational(Cayley()) and its kin are symplectic"
         )
@@ -203,6 +203,6 @@ class BondSplitting(TermSplitting):
 
     def instead(self, system: Any) -> str:
         """SublatticeSplitting, where it can."""
-        if Sublattices(system.hamiltonian).refused:
+        if Sublattices(terms_of(system)).refused:
             return super().instead(system)
         return f"SublatticeSplitting(order={self.order}) accepts it"

@@ -7,14 +7,16 @@ from typing import Any, ClassVar
 
 from ..errors import InvalidInput
 from ..formulas import Vec, derivative, exp, log, plain, record, sqrt, vec, where
+from ..formulas.numbers import InMemory
 from ..formulas.products import Products
-from ..formulas.series import Series
+from ..formulas.series import Series, SeriesInMemory
 from ..groups.bernoulli import TERMS
 from ..groups.lie_algebra import sided
 from ..retractions import Cayley, Exponential, Retraction
-from ..systems.system import System
-from .method import Method
-from .rkmk import LEAST, Trial
+from ..systems.system import System, lies_in_memory
+from .method import LEAST, Method, larger, mean_square_of_parts
+from .motion_series import begun, series
+from .rkmk import Trial
 
 ORDERS = 2, 30
 """The lowest order and the highest one."""
@@ -58,8 +60,6 @@ class Taylor(Method):
     equation for Omega).
     """
 
-    writes_out: ClassVar[bool] = True
-
     shortens: ClassVar[bool] = True
     analytic: ClassVar[bool] = True
 
@@ -95,6 +95,8 @@ class Taylor(Method):
     def _terms(self, system: System, t: float, state: Any, h: float) -> tuple[Vec, ...]:
         """Omega_1, ..., Omega_order: along the step Omega = sum_k s^k Omega_k, 0 <= s <= 1."""
         start = plain(system.essential_part(state))
+        if lies_in_memory(system.group):
+            return self._terms_in_memory(system, t, start, h)
         products = Products()
         y = Series.unknown(start, products)
         time: Any = Series(t, h).among(products)
@@ -109,6 +111,17 @@ class Taylor(Method):
             Series.grown(unknown, rate, h)
         orders = range(1, self.order + 1)
         return tuple([vec(*[Series.coefficient(x, k) for x in omega]) for k in orders])
+
+    def _terms_in_memory(self, system: System, t: float, start: Any, h: float) -> tuple[Vec, ...]:
+        """The same where vectors and matrices are the terms of series."""
+        y = SeriesInMemory.at(start)
+        time: Any = Series(t, h)
+        xi = series(system.rate(time, y))
+        omega = begun(0.0 * xi.head)
+        rates, slope = system.moving(y, xi), self._slope(system, omega, xi)
+        SeriesInMemory.continued(y, rates, h)
+        omega.grow(slope, h)
+        return tuple([omega.coefficient_of(k) for k in range(1, self.order + 1)])
 
     def _slope(self, system: System, omega: Vec, xi: Vec) -> Vec:
         """dtau^-1_Omega xi; for the exponential its series, of which later terms have no part in
@@ -158,10 +171,31 @@ class Taylor(Method):
         """
         p, terms = self.order, self._terms(system, t, state, h)
         moved, size = system.variation(state, terms[0])
+        if isinstance(moved[0], InMemory):
+            sizes = tuple([larger(s, abs(NEAR * c)) for c, s in zip(moved, size)])
+            before, last = (
+                mean_square_of_parts(system.variation(state, term)[0], sizes, rtol, atol)
+                for term in terms[p - 2 :]
+            )
+            return self._shortened(system, state, first, terms, before, last, dense)
         weights = [1.0 / (atol + rtol * max(s, abs(NEAR * c)) + LEAST) for c, s in zip(moved, size)]
         before, last = (
             mean_square(weights, system.variation(state, term)[0]) for term in terms[p - 2 :]
         )
+        return self._shortened(system, state, first, terms, before, last, dense)
+
+    def _shortened(
+        self,
+        system: System,
+        state: Any,
+        first: Vec,
+        terms: tuple[Vec, ...],
+        before: float,
+        last: float,
+        dense: bool,
+    ) -> Trial:
+        """The step as long as the mean squares of its last two terms allow."""
+        p = self.order
         share = shortened(last, before, p)
         share = where(share < WHOLE, share, 1.0)
         powers = [share]

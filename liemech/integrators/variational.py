@@ -8,14 +8,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InvalidInput, InvalidType
+from ..errors import IncompatibleSystem, InvalidInput, InvalidType
 from ..formulas import Mat, Vec, dot, mat, norm, plain, record, vec, vectors
 from ..formulas.double_double import is_long
 from ..retractions import Exponential, Retraction
 from ..solvers import narrow, newton, refined
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState
-from ..systems.system import System
+from ..systems.system import System, lies_in_memory
 from .discrete_lagrangian import DiscreteLagrangian
 from .implicit import Implicit
 from .memory import Memory, extrapolated
@@ -55,7 +55,6 @@ class CovariantVariational(Implicit):
     Shkoller, Nonlinearity 12 (1999).
     """
 
-    writes_out: ClassVar[bool] = True
     symplectic: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("lagrangian",)
 
@@ -68,6 +67,16 @@ class CovariantVariational(Implicit):
             raise InvalidType(
                 f"{type(self).__name__}: lagrangian must be a DiscreteLagrangian, the action of a "
                 f"step, or None; got {self.lagrangian!r}"
+            )
+
+    def require(self, system: Any) -> None:
+        """A system with a Lagrangian; of large matrices with the Lagrangian of the body alone."""
+        super().require(system)
+        if self.lagrangian is not None and lies_in_memory(system.group):
+            raise IncompatibleSystem(
+                f"{self!r} differentiates the action of a step by every component, and "
+                f"{system.group!r} has {system.group.dim}, in memory. Leave lagrangian out, or take "
+                "LiePoissonHamiltonJacobi(order=4)"
             )
 
     def __repr__(self) -> str:
@@ -107,7 +116,13 @@ class CovariantVariational(Implicit):
 
         A root that Newton's method finds is the right one where there is no other: before the first
         fold, if that is known, and in the inner half of the chart.  Elsewhere the step is grown.
+        Of large matrices the momentum is iterated instead.
         """
+        if lies_in_memory(system.group):
+            p = system.lagrangian.momentum((1.0 / h) * guess)
+            return self.iterated(
+                system, self.retraction, h, mu, (p, guess), lambda p: h * system.velocity(p)
+            )[1]
         second = self._second(system, h)
         step, m = h / second, second * mu
         rate, coarse = 1.0 / step, narrow(m)

@@ -1,4 +1,5 @@
 from .andrews import AndrewsMechanism as AndrewsMechanism
+from .bloch_iserles import BlochIserles as BlochIserles
 from .charged_particle import AxialField as AxialField
 from .charged_particle import ChargedParticle as ChargedParticle
 from .charged_particle import GuidingCentre as GuidingCentre
@@ -7,6 +8,8 @@ from .charged_particle import TokamakField as TokamakField
 from .charged_particle import UniformField as UniformField
 from .constrained_pendulums import ChainPendulum as ChainPendulum
 from .constrained_pendulums import FourBarLinkage as FourBarLinkage
+from .cosserat_rod import CosseratRod as CosseratRod
+from .cosserat_rod import RodStrain as RodStrain
 from .effectors import ConservativeEffector as ConservativeEffector
 from .effectors import Effector as Effector
 from .fermi_pasta_ulam import FermiPastaUlam as FermiPastaUlam
@@ -31,6 +34,7 @@ from .pendulums import Pendulum as Pendulum
 from .planetary_system import PlanetarySystem as PlanetarySystem
 from .poisson_top import PoissonTop as PoissonTop
 from .reaction_wheels import ReactionWheels as ReactionWheels
+from .rod_section import RodSection as RodSection
 from .space_bodies import FallingBody as FallingBody
 from .space_bodies import OrbitingBody as OrbitingBody
 from .space_fields import GravityGradient as GravityGradient
@@ -43,6 +47,8 @@ from .space_forces import SolarPressure as SolarPressure
 from .spacecraft import Spacecraft as Spacecraft
 from .surfaces import ParticleOnEllipsoid as ParticleOnEllipsoid
 from .toda import TodaLattice as TodaLattice
+from .toda_flow import TodaFlow as TodaFlow
+from .von_neumann import VonNeumann as VonNeumann
 from .water import SPC as SPC
 from .water import Gravity as Gravity
 from .zeitlin_sphere import ZeitlinSphere as ZeitlinSphere

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..systems.constrained_body import BoundBody
 from ..systems.mechanical import MechanicalSystem
-from .linkage import Link
+from .link import Link
 
 Array = NDArray[np.float64]
 

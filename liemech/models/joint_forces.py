@@ -332,7 +332,7 @@ class LinkagePotential(Potential):
 
     def force(self, group: LieGroup, g: Element) -> Vec:
         """The sum of the forces."""
-        pushes = [one.push(0.0, g, REST) for one in self.at_joints]
+        pushes = [one.push(0.0, g, REST6) for one in self.at_joints]
         total = self.weights.force(group, g) + pushed(pushes, group.dim)
         return total if self.other is None else total + self.other.force(group, g)
 

@@ -9,7 +9,31 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from .joint_forces import AtJoint
+from ..formulas import Record, record
+from .joint_forces import AtJoint, seen_about
+
+
+@record
+class JointAngle(Record):
+    """The angle of a joint less a level, or the shift, as a function of time and state: an event of a run.
+
+    Angles are seen from half a turn below the level to half a turn above it, where they jump.
+    terminal, direction : of the event.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 3.5.
+    """
+
+    at: AtJoint
+    freedom: int
+    level: float
+    terminal: int
+    direction: float
+
+    def __call__(self, t: float, state: Any) -> float:
+        q, joint = self.at.angles(state.g), self.at.joint
+        if joint.turns and joint.freedoms < 3:
+            q = seen_about(q, self.level)
+        return q[self.freedom] - self.level
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -30,7 +54,7 @@ class JointMotion:
         return f"JointMotion({self.linkage.label(self.number)}, {len(self.run)} samples)"
 
     def only(self, force: Any) -> JointMotion:
-        """The same with the torque, power and work of one force alone, or of those of a class such
+        """This motion with the torque, power and work of one force alone, or of those of a class such
         as Motor.
         """
         some = [

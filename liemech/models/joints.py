@@ -340,6 +340,107 @@ TURNS = (0, 1), (1, 2), (2, 0)
 
 
 @record
+class PlanarJoint(Joint):
+    """A point of the first body stays in a plane of the second one, and an axis of it across the
+    plane; three conditions.
+
+    at_first, at_second : the point, and one of the plane, (3,), in m.  axis_first, axis_second : the
+    normal of the plane in each body, (3,), of any length.
+    Its coordinates are the shifts along the two vectors `across` the normal of the second body, in
+    m, and the angle about the normal, from -pi to pi, 0 as that of a RevoluteJoint.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), table 4.1 (planar joint).
+    """
+
+    conditions: ClassVar[int] = 3
+    freedoms: ClassVar[int] = 3
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+    axis_first: Vec = AXES[2]
+    axis_second: Vec = AXES[2]
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """The height of x_1 over the plane, and the components of axis 2 across axis 1."""
+        d, axis = place(g, self.at_first) - place(k, self.at_second), turned(k, self.axis_second)
+        return vec(dot(axis, d), *[dot(turned(g, u), axis) for u in across(self.axis_first)])
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Of the height, and of the axes."""
+        axes = [crossed(g, u, k, self.axis_second) for u in across(self.axis_first)]
+        return (shift(g, self.at_first, k, self.at_second, self.axis_second), *axes)
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The components of x_1 - x_2 in the plane, and the angle."""
+        d = place(g, self.at_first) - place(k, self.at_second)
+        one, two = across(self.axis_second)
+        u = turned(g, across(self.axis_first)[0])
+        angle = atan2(dot(u, turned(k, two)), dot(u, turned(k, one)))
+        return vec(dot(turned(k, one), d), dot(turned(k, two), d), angle)
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Moving in the plane, and turning about its normal."""
+        one, two = across(self.axis_second)
+        return (
+            shift(g, self.at_first, k, self.at_second, one),
+            shift(g, self.at_first, k, self.at_second, two),
+            (join(self.axis_first, REST), join(-self.axis_second, REST)),
+        )
+
+    def relative(self, q: Vec) -> Mat:
+        """The turn by q[2] about the normal, and the shifts."""
+        one, two = across(self.axis_first), across(self.axis_second)
+        mounted = carrying((*one, self.axis_first), (*two, self.axis_second))
+        moved = self.at_second + q[0] * two[0] + q[1] * two[1]
+        return hung(SO3().exp(q[2] * self.axis_second) @ mounted, self.at_first, moved)
+
+
+@record
+class FloatingJoint(Joint):
+    """A joint that leaves all motions free, no conditions: it names where a body begins, and carries
+    springs and dampers between two bodies.
+
+    at_first, at_second : a point in each body, (3,), in m.
+    Its coordinates are the rotation vector of the first body, and x_1 - x_2 in the axes of the
+    second, (6,).
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), table 4.1 (6-DoF joint).
+    """
+
+    conditions: ClassVar[int] = 0
+    freedoms: ClassVar[int] = 6
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """Nothing."""
+        return vec()
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """None."""
+        return ()
+
+    def coordinates(self, g: Mat, k: Mat) -> Vec:
+        """The rotation vector, and the shift."""
+        d = place(g, self.at_first) - place(k, self.at_second)
+        return join(SO3().log(transpose(rotation(k)) @ rotation(g)), seen(k, d))
+
+    def motions(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """The relative angular velocity in the axes of the first body, and the rates of the shift."""
+        turns = [(join(e, REST), join(-seen(k, turned(g, e)), REST)) for e in AXES]
+        return (*turns, *[shift(g, self.at_first, k, self.at_second, e) for e in AXES])
+
+    def relative(self, q: Vec) -> Mat:
+        """The rotation and the shift."""
+        return hung(SO3().exp(q[:3]), self.at_first, self.at_second + q[3:])
+
+    def slopes(self, q: Vec, slope: Vec) -> Vec:
+        """By the derivative of the logarithm."""
+        return join(SO3().algebra.dexp_inv_dual(-q[:3], slope[:3]), slope[3:])
+
+
+@record
 class RigidRod(Joint):
     """A point of one body stays at a distance of a point of the other:
     (|x_1 - x_2|^2 - L^2)/(2 L) = 0, one condition, in m.
@@ -505,6 +606,12 @@ def turning(g: Mat, e: Vec, n: Vec) -> Vec:
 def crossed(g: Mat, u: Vec, k: Mat, e: Vec) -> tuple[Vec, Vec]:
     """The derivatives of R u . S e by both poses."""
     return turning(g, u, turned(k, e)), turning(k, e, turned(g, u))
+
+
+def shift(g: Mat, a: Vec, k: Mat, b: Vec, e: Vec) -> tuple[Vec, Vec]:
+    """The derivatives of S e . (x_1 - x_2) by both poses, e an axis of the second body."""
+    n, d = turned(k, e), place(g, a) - place(k, b)
+    return along(g, a, n), turning(k, e, d) - along(k, b, n)
 
 
 def across(axis: Vec) -> tuple[Vec, Vec]:

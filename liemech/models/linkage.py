@@ -10,18 +10,19 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType
-from ..formulas import Element, Mat, Record, Vec, check_finite, real_array, record, vec
+from ..formulas import Element, Vec, check_finite, real_array, record, vec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..groups.product import ProductGroup
 from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import Links
+from ..names import meant
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import KineticEnergy
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
-from ..systems.potential import Force, Potential
-from .inertia import checked_inertia
+from ..systems.potential import Potential
+from .body_forces import of_bodies
 from .joint_forces import (
     AtJoint,
     JointForce,
@@ -29,8 +30,9 @@ from .joint_forces import (
     LinkageForce,
     LinkagePotential,
 )
-from .joint_motion import JointMotion
+from .joint_motion import JointAngle, JointMotion
 from .joints import BallJoint, Joint, Joints, RevoluteJoint
+from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
 from .mounting import (
     closed,
@@ -39,39 +41,12 @@ from .mounting import (
     rows_of_motions,
     velocity_with,
 )
+from .urdf import linkage_of
 
 SURVIVES = 1e-9
 """A motion of space that changes conditions and energy by no more than this part of what others do
 is a symmetry.
 """
-
-
-@record
-class Link(Record):
-    """A rigid body of a linkage; its frame sits in the centre of mass.
-
-    mass : in kg.  inertia : about the centre of mass, the principal moments, (3,), or the matrix,
-    (3, 3), in kg m^2; with principal moments a linkage is cheaper.  name : for messages.
-
-    Source: Goldstein, Classical Mechanics, 3rd ed., chapter 5.
-    """
-
-    mass: float
-    inertia: Vec | Mat
-    name: str | None = field(default=None, kw_only=True, repr=False)
-
-    def __post_init__(self) -> None:
-        mass = real_array(self.mass, "Link: mass")
-        if mass.ndim or not 0.0 < mass < np.inf:
-            raise InvalidInput(f"Link: mass must be a positive number; got {self.mass!r}")
-        object.__setattr__(self, "inertia", checked_inertia(self.inertia, "Link: inertia", 3)[0])
-        super().__post_init__()
-
-    @classmethod
-    def rod(cls, mass: float, length: float, radius: float, *, name: str | None = None) -> Link:
-        """A straight cylinder of even density along e3.  mass : in kg, length, radius : in m."""
-        across = mass * (3.0 * radius * radius + length * length) / 12.0
-        return cls(mass, [across, across, 0.5 * mass * radius * radius], name=name)
 
 
 @record
@@ -109,9 +84,12 @@ class Linkage(ConstrainedBody):
     links : the bodies, numbered from 0 on.  joints : such as BallJoint(0, 1, at_first, at_second);
     None is the ground.
     gravity : in m/s^2, downwards along e3.
-    forces : at joints: springs, dampers, motors, such as Spring("elbow", 3.0).  potential : one of
-    all poses, load : a Force on all bodies, if there are such.
+    forces : at joints: springs, dampers, motors, such as Spring("elbow", 3.0).  potential, load :
+    a Potential and a Force on SE(3) of single bodies, by names or numbers, {"hand": Drag(0.1)}; or
+    one of all bodies together, a formula of all g and xi.
     kept : the conditions of each joint that count, as `independent` finds them; None: all.
+    frames : that are fixed in links, such as that of a tool; `frame` tells where they are.  shapes :
+    by which links are shown; without them they are boxes.
     g, (16 N,), are the poses [[R, p], [0, 1]] of the centres of mass, row by row; `assembled` makes
     a start of poses, and `poses` poses of g.  mu, (6 N,), are the angular and linear momenta of
     each body in its own axes.
@@ -135,9 +113,11 @@ class Linkage(ConstrainedBody):
     joints: tuple[Any, ...]
     gravity: float = 9.80665
     forces: tuple[Any, ...] = ()
-    potential: Potential | None = field(default=None, kw_only=True, repr=False)
-    load: Force | None = field(default=None, kw_only=True, repr=False)
+    potential: Any = field(default=None, kw_only=True, repr=False)
+    load: Any = field(default=None, kw_only=True, repr=False)
     kept: tuple[tuple[int, ...], ...] | None = field(default=None, kw_only=True, repr=False)
+    frames: tuple[Frame, ...] = field(default=(), kw_only=True, repr=False)
+    shapes: tuple[LinkShape, ...] = field(default=(), kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         given: Any = self
@@ -151,6 +131,21 @@ class Linkage(ConstrainedBody):
                     f"Linkage: {name} is a list of one or more {kind.__name__}s; got {items!r}"
                 )
         links, joints = tuple(self.links), tuple(self.joints)
+        for what, fixed in (("frames", Frame), ("shapes", LinkShape)):
+            value = getattr(self, what)
+            if not isinstance(value, (list, tuple)) or not all(isinstance(x, fixed) for x in value):
+                raise InvalidType(f"Linkage: {what} is a list of {fixed.__name__}s; got {value!r}")
+            if not all(x.body is None or x.body < len(links) for x in value):
+                raise InvalidInput(
+                    f"Linkage: {what} name bodies that are not there; there are {len(links)}, "
+                    "numbered from 0"
+                )
+            object.__setattr__(self, what, tuple(value))
+        if not any(joint.conditions for joint in joints):
+            raise InvalidInput(
+                "Linkage: no joint takes away a freedom; bodies that move freely are a RigidBody or "
+                "a MechanicalSystem on SE3()"
+            )
         for joint in joints:
             for number in (joint.first, joint.second):
                 if number is not None and number >= len(links):
@@ -166,16 +161,10 @@ class Linkage(ConstrainedBody):
         group = ProductGroup(*[SE3()] * len(links))
         free = LiePoissonSystem(group, KineticEnergy(_inertia(links)))
         energy: Any = Weights([link.mass * self.gravity for link in links])
+        for name in ("potential", "load"):
+            value = of_bodies(name, getattr(given, name), lambda x: number_of(links, x, "link"))
+            object.__setattr__(self, name, value)
         potential, load = given.potential, given.load
-        for name, value, kind, words in (
-            ("potential", potential, Potential, "an `energy(g)`"),
-            ("load", load, Force, "a `covector(t, xi, g)`"),
-        ):
-            if value is not None and not isinstance(value, kind):
-                raise InvalidType(
-                    f"Linkage: {name} must be a {kind.__name__}, a subclass with {words}; got "
-                    f"{value!r}"
-                )
         if springs or potential is not None:
             energy = LinkagePotential(energy, springs, potential)
         if others:
@@ -183,6 +172,42 @@ class Linkage(ConstrainedBody):
         object.__setattr__(self, "body", MechanicalSystem(free, energy, load=load))
         object.__setattr__(self, "constraint", Joints(joints, self.kept))
         super().__post_init__()
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: Any,
+        *,
+        floating: bool = False,
+        at: Any = None,
+        gravity: float = 9.80665,
+        forces: Any = (),
+        stops: float | None = None,
+        speed: float = 0.01,
+        packages: Mapping[str, Any] | None = None,
+    ) -> Linkage:
+        """The robot of a URDF file.  Its joints have the names of the file; links that are fixed to
+        each other are one body, with the name of the one that moves; all links are `frames`, and their
+        visual geometry `shapes`.
+
+        path : of the file, or its text.  floating : the root moves freely, by a FloatingJoint of its
+        name; else it is the ground.  at : the pose of the root, (4, 4).
+        forces : more of them, such as motors.  Damping of the file is a Damper, friction a DryFriction
+        regularised at `speed`, in rad/s or m/s; limits are Stops of the stiffness `stops`, in N m/rad^2
+        or N/m^2, or left out.
+        packages : folders of package://name by their names; others are looked for above the file and
+        in ROS_PACKAGE_PATH.
+        Angles are those of the file: frames of all bodies are parallel to space where they are zero.
+        Raises InvalidInput, with the line, for what is wrong in the file, and for mimic joints.
+        Warns of meshes that are not there, and of inertias that no body has.
+
+        Source: the URDF specification of ROS, wiki, "urdf/XML".
+        """
+        made = linkage_of(
+            path, floating=floating, at=at, stops=stops, speed=speed, packages=packages
+        )
+        made["forces"] = [*made["forces"], *forces]
+        return cls(**made, gravity=gravity)
 
     def _at_joints(self) -> tuple[tuple[AtJoint, ...], tuple[AtJoint, ...]]:
         """The forces joint by joint: those with a potential, and the others."""
@@ -238,23 +263,21 @@ class Linkage(ConstrainedBody):
     # ---------------------------------------------------------------- many bodies
 
     @cached_property
-    def linked(self) -> LinkedForm | None:
-        """The form in which any number of bodies steps, joint by joint; None if there are forces that
-        are not at joints.
-        """
+    def linked(self) -> LinkedForm:
+        """The form in which any number of bodies steps, joint by joint."""
         return linked(self)
 
     @property
     def site_form(self) -> Links | None:
         """That of many bodies."""
         many = 6 * len(self.links) > self.small
-        return self.linked.links if many and self.linked is not None else None
+        return self.linked.links if many else None
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Parts of states with an axis of places, of which some have no body."""
         if self.site_form is None or arrays["mu"].shape[-1] == 6:
             return arrays
-        places, count = self.linked.places, len(self.links)  # type: ignore[union-attr]
+        places, count = self.linked.places, len(self.links)
         lead = np.shape(arrays["mu"])[:-1]
         mu, g = np.zeros((*lead, places, 6)), np.zeros((*lead, places, 4, 4))
         g[:] = np.eye(4)
@@ -430,10 +453,42 @@ class Linkage(ConstrainedBody):
         forces = tuple(force for force in self.forces if self.number(force.joint) == number)
         return JointMotion(run, self, number, AtJoint(self.joints[number], forces))
 
+    def angle(
+        self, joint: str | int, level: float = 0.0, *, freedom: int = 0, terminal: int = 0,
+        direction: float = 0.0,
+    ) -> JointAngle:  # fmt: skip
+        """The angle of a joint less `level`, in rad, of a slider the shift in m, as a function of time
+        and state: an event, `events=[arm.angle("elbow", 0.5)]`.
+
+        Angles are seen within half a turn of the level.  freedom : of joints that leave several
+        motions free, which.  terminal : end the run at this zero; direction : 1.0 counts rising ones only,
+        -1.0 falling ones.
+        """
+        one = self.joints[number := self.number(joint)]
+        if not 0 <= freedom < one.freedoms:
+            raise InvalidInput(
+                f"Linkage.angle: {self.label(number)}, a {type(one).__name__}, has {one.freedoms} "
+                f"coordinates, numbered from 0; got freedom {freedom}"
+            )
+        return JointAngle(AtJoint(one, ()), freedom, float(level), terminal, float(direction))
+
     def poses(self, g: Any) -> np.ndarray:
         """The poses of the bodies.  g : (..., 16 N);  returns (..., N, 4, 4)."""
         array = real_array(g, "Linkage.poses: g")
         return array.reshape(*array.shape[:-1], len(self.links), 4, 4)
+
+    def frame(self, name: str, g: Any) -> np.ndarray:
+        """The pose of one of the `frames` in space.  g : (..., 16 N);  returns (..., 4, 4)."""
+        for one in self.frames:
+            if one.name == name:
+                poses, pose = self.poses(g), np.array(one.pose)
+                if one.body is None:
+                    return np.broadcast_to(pose, (*poses.shape[:-3], 4, 4)).copy()
+                return np.asarray(poses[..., one.body, :, :] @ pose)
+        names = [one.name for one in self.frames]
+        raise InvalidInput(
+            f"Linkage.frame: there is no frame {name!r}{meant(name, names)}; there are {names}"
+        )
 
     def total_momentum(self, mu: Any, g: Any) -> np.ndarray:
         """Angular momentum about the origin and linear momentum of all bodies together, seen from
@@ -477,16 +532,16 @@ class Linkage(ConstrainedBody):
         return directions[np.r_[sizes, np.zeros(6)][:6] <= SURVIVES]
 
 
-def number_of(joints: tuple[Any, ...], joint: str | int) -> int:
-    """The number of a joint that is given by its name, or by its number."""
-    names = [one.name for one in joints]
-    if joint in names:
-        return names.index(joint)
-    if type(joint) is int and 0 <= joint < len(names):
-        return joint
+def number_of(items: tuple[Any, ...], item: str | int, what: str = "joint") -> int:
+    """The number of a joint, or a link, that is given by its name, or by its number."""
+    names = [one.name for one in items]
+    if item in names:
+        return names.index(item)
+    if type(item) is int and 0 <= item < len(names):
+        return item
     known = ", ".join(repr(name) for name in names if name is not None)
     raise InvalidInput(
-        f"Linkage: there is no joint {joint!r}; there are {len(names)}, numbered from 0"
+        f"Linkage: there is no {what} {item!r}; there are {len(names)}, numbered from 0"
         + (f", with the names {known}" if known else "")
     )
 

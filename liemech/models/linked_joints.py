@@ -11,12 +11,15 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Mat, Record, Vec, record, vec
+from ..formulas.derived import is_derived
 from ..formulas.pytree import layout_of, leaves
+from ..formulas.signatures import bare
 from ..formulas.tables import Table, of_whole
 from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import Links, Rows
+from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
 from .joint_forces import AtJoint
-from .joints import REST, REST6
+from .joints import REST6
 
 EIGHT = 8
 """Places in memory go by eights, as many as run side by side."""
@@ -55,7 +58,7 @@ class LinkedJoint(Record):
         """The forces of springs on both bodies, (12,)."""
         if len(self.springs) == 0:
             return vec(*REST6, *REST6)
-        _, motions, efforts = AtJoint(self.joint, self.springs).push(0.0, both(g, k), REST)
+        _, motions, efforts = AtJoint(self.joint, self.springs).push(0.0, both(g, k), REST6)
         first, second = REST6, REST6
         for (one, two), effort in zip(motions, efforts):
             first, second = first + effort * one, second + effort * two
@@ -91,7 +94,7 @@ class LinkedForm:
     """A linkage in memory.
 
     links : for the formulas.  fixed : the rows of numbers that do not change, (rows, places).  more :
-    how many rows there are behind them.  order : the joint in each place.
+    how many rows there are behind them.  order, joints : the joint in each place, and its formulas.
     has_loops : do joints close loops?
     """
 
@@ -99,6 +102,7 @@ class LinkedForm:
     fixed: np.ndarray
     more: int
     order: tuple[int, ...]
+    joints: tuple[LinkedJoint, ...]
     has_loops: bool
 
     @property
@@ -107,11 +111,13 @@ class LinkedForm:
         return int(self.fixed.shape[1])
 
 
-def linked(linkage: Any) -> LinkedForm | None:
-    """The form of a linkage; None if it has forces that are not at joints."""
+def linked(linkage: Any) -> LinkedForm:
+    """The form of a linkage."""
     given: Any = linkage
-    if given.potential is not None or given.load is not None:
-        return None
+    acts, on_all = on_bodies(given)
+    fields = tuple(dict.fromkeys(map(layout_of, acts)))
+    if not any(one.potentials or one.loads for one in acts):
+        fields = ()
     counted = given.constraint.counted
     springs, loads = given._at_joints()
     acting: list[list[tuple[Any, ...]]] = [[(), ()] for _ in counted]
@@ -131,7 +137,9 @@ def linked(linkage: Any) -> LinkedForm | None:
     freedoms = max([joint.joint.freedoms for joint in joints if joint.loads], default=0)
     full = any(np.ndim(np.array(link.inertia)) == 2 for link in given.links)
     own = sum(kind.width for kind in kinds)
-    rows = Rows.of(full, most, freedoms, own)
+    bent = on_all is not None and on_all.load is not None
+    pushed = bent or any(one.loads for one in acts)
+    rows = Rows.of(full, most, freedoms, own, sum(kind.width for kind in fields), pushed, bent)
     places = EIGHT * -(-max(len(given.links), len(joints)) // EIGHT)
     fixed = np.zeros((rows.note, places))
     bodies = [given.links[b if b < len(given.links) else 0] for b in range(places)]
@@ -158,25 +166,52 @@ def linked(linkage: Any) -> LinkedForm | None:
         alive = [float(i in kept) for i in range(most)]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
         tie = ties.get(place, (0, 0.0, 0.0, 0.0))
+        field = acts[place if place < len(acts) else 0]
+        theirs = [field if layout_of(field) == kind
+                  else next(one for one in acts if layout_of(one) == kind) for kind in fields]  # fmt: skip
         numbers: list[Any] = [
             *head,
             *alive,
             *touch,
             *tie,
             *[x for i in shown for x in leaves(joints[i], layouts[i])],
+            *([fields.index(layout_of(field))] if fields else []),
+            *[x for one, kind in zip(theirs, fields) for x in leaves(one, kind)],
         ]
         for row, x in enumerate(numbers, rows.ends):
             (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
     size = most + freedoms
     trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
     links = Links(
-        SE3(), kinds, rows, most, freedoms, full, any(joint.springs for joint in joints),
-        float(len(given.links)), float(len(joints)), trace,
+        SE3(), kinds, fields, on_all, (), rows, most, freedoms, full,
+        any(joint.springs for joint in joints), pushed, float(len(given.links)), float(len(joints)), trace, sides_of(ties),
         of_whole([len(more) // 3, *more]), *tables,
     )  # fmt: skip
     return LinkedForm(
-        links, fixed, rows.block - rows.note + blocks * size * size, order, has_loops(ends)
+        links,
+        fixed,
+        rows.block - rows.note + blocks * size * size,
+        order,
+        tuple(joints),
+        has_loops(ends),
     )
+
+
+def on_bodies(linkage: Any) -> tuple[list[AtBody], OnAll | None]:
+    """What acts on each body alone, and what acts on all of them by one formula."""
+    parts: list[list[tuple[Any, ...]]] = [[(), ()] for _ in linkage.links]
+    rest: list[Any] = [None, None]
+    for which, given in enumerate((linkage.potential, linkage.load)):
+        if isinstance(given, (PotentialsOfBodies, ForcesOfBodies)):
+            for b, one in zip(given.bodies, given.each):
+                parts[b][which] = (one,)
+        else:
+            rest[which] = given
+    acts = [AtBody(*part) for part in parts]
+    if rest == [None, None]:
+        return acts, None
+    derived = rest[0] is not None and is_derived(bare(type(rest[0]).force))
+    return acts, OnAll(linkage.configurations, len(acts), rest[0], rest[1], derived)
 
 
 def inertia_of(link: Any, full: bool) -> np.ndarray:
@@ -322,6 +357,13 @@ def tables_of(
     )
     most = max(2, *[slot for _, slot in blocks.values()])
     return [of_whole([*some, 0]) for some in found], most + 1, ties
+
+
+def sides_of(ties: dict[int, tuple[int, float, float, float]]) -> tuple[int, int]:
+    """The sides on which ties have their body, where they are the same for all; else -1."""
+    found = [{int(tie[side]) for tie in ties.values()} for side in (1, 2)]
+    one, two = (some.pop() if len(some) == 1 else -1 for some in found)
+    return one, two
 
 
 def _sides(one: tuple[int, int], other: tuple[int, int]) -> list[tuple[int, int]]:

@@ -5,7 +5,7 @@ A run, read in the order in which it happens:
 1. `integrate` (integrate.py) looks for a plan that it has made before, or makes one, and calls its `run`.
 2. `Plan` (plan.py) checks the system, the method and the `Options` (options.py, arguments.py) once.  It
    keeps h or the tolerances, and what is compiled, as `Steps` (prepared.py) or `AdaptiveSteps`
-   (tolerance.py).  `Plan.run` checks the start, and chooses the kind of run:
+   (tolerance.py).  `Plan.run` checks the start (starts.py), and chooses the kind of run:
 
                                     all bodies make the same steps    each body its own steps
        fixed steps (equal.py)       StraightRun                       EqualRun
@@ -27,8 +27,8 @@ A run, read in the order in which it happens:
    `Straight` samples that native code writes where they stay, `Dense` rows for the motion between steps,
    `Quantities` for functions of states; `Events` (events.py) for zeros.  States inside of steps come
    from a `Between` (dense.py, arrival.py): by a polynomial, or by a shorter step.
-6. result.py makes the `Trajectory` (trajectory.py) of what the observers have, and joins those of
-   chunks.  Its `carry` (carry.py; fictive.py in fictive time) says where every body stands, and
+6. result.py makes every `Trajectory` (trajectory.py), of what the observers have, and joins those of
+   chunks and members.  Its `carry` (carry.py; fictive.py in fictive time) says where every body stands, and
    going_on.py whether a plan may go on from there.
 
 The same parts serve other ways to run: stepper.py by hand, spread.py on an executor, tangent.py in numbers

@@ -386,6 +386,16 @@ def real(value: Any, name: str) -> float:
     return number
 
 
+def parameters(by: Any, caller: str) -> tuple[str, ...]:
+    """Names of what a derivative is taken by."""
+    found = (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
+    if not found or not all(isinstance(name, str) for name in found):
+        raise InvalidType(
+            f'{caller}: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
+        )
+    return found
+
+
 def count(value: Any, name: str, least: int) -> int:
     if type(value) is int and least <= value <= MOST:
         return value
@@ -439,3 +449,35 @@ def checkpoint(path: Any, every: Any) -> Checkpoint:
     if seconds < 0.0:
         raise InvalidInput(f"integrate: checkpoint_every is a number of seconds; got {seconds:g}")
     return Checkpoint(path, seconds)
+
+
+ROUNDING = 1e-9
+"""Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
+makes of it.
+"""
+
+
+def fixed_steps(steps: int | None, t_end: float | None, t0: float, before: int, h: Any) -> int:
+    """How many steps of length h, checked, and with them their times."""
+    if t_end is not None:
+        if steps is not None:
+            raise InvalidInput("integrate: give steps or t_end for fixed steps, not both")
+        span = (real(t_end, "t_end") - t0) / h - before
+        steps = round(span)
+        if steps < 0 or abs(span - steps) > ROUNDING * max(1, before + steps):
+            n = max(1, math.ceil(abs(span)))
+            fits = (t_end - t0 - before * h) / n
+            raise InvalidInput(
+                f"integrate: {span:g} steps of h = {h:g} lead to t_end = {t_end:g}; fixed "
+                f"steps end there with h = {fits!r}, {n} of them"
+                if fits
+                else f"integrate: t_end = {t_end:g} is the start"
+            )
+    elif steps is None:
+        raise InvalidInput(
+            "integrate: give h and steps, for fixed steps, or t_end, for adaptive ones"
+        )
+    steps = count(steps, "steps", 0)
+    for one in {min(h, key=abs), max(h, key=abs)} if isinstance(h, tuple) else (h,):
+        affordable_times(t0, one, before + steps)
+    return steps

@@ -54,7 +54,7 @@ class Kept:
 
     @property
     def verdict(self) -> str:
-        """What can be said of it:
+        """The verdict on the quantity:
 
         `exact` (rounding only), `bounded` (oscillates), `drifting` (the trend dominates), `lost`
         (the typical change is a tenth of the quantity itself or more, or the run ends with one as

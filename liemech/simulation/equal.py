@@ -12,10 +12,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..compiler import kernel
+from ..compiler.cache_lines import in_lines
 from ..compiler.driver import Rejected, attempt, read, reason
 from ..errors import IntegrationFailure, InvalidInput, InvalidType, failure, is_mistake
 from ..formulas.pytree import Layout, build, double_double, fitted, layout_of, leaves
 from ..systems.system import State, member
+from . import arguments
 from .carry import Carry, common
 from .control import (
     ASKED,
@@ -38,6 +40,7 @@ from .execution import LOOK
 from .keep import At, Straight
 from .lanes import Lanes, share_out
 from .prepared import Shape, shown_step, times
+from .result import of_start
 from .run import PATIENCE, Run
 from .trajectory import Trajectory
 
@@ -67,7 +70,7 @@ class EqualRun(Run):
     unbegun: Any = ()
 
     def aim(self, ends: list[Any], steps: Any) -> None:
-        plan, way, before = self.plan, self.way, self.before
+        way, before = self.way, self.before
         self.h = np.array([way.h_of(i) for i in range(self.count)])
         self.zero = self.t0 if before is None else np.array(np.broadcast_to(before.t0, self.count))
         if before is not None:
@@ -78,7 +81,7 @@ class EqualRun(Run):
         for i in np.flatnonzero(~self.over).tolist():
             own = float(self.zero[i]), int(self.first[i])
             try:
-                self.aims[LIMIT, i] += plan.count(steps, ends[i], *own, self.h.item(i))
+                self.aims[LIMIT, i] += arguments.fixed_steps(steps, ends[i], *own, self.h.item(i))
             except Exception as error:
                 if self.bodies:
                     error.add_note(f"[integrate: body {i}]")
@@ -94,7 +97,7 @@ class EqualRun(Run):
         count, before, shape = self.count, self.before, self._shape()
         self.shape, lanes = shape, self._lanes(shape)
         self.lanes, columns = lanes, shape.columns(count)
-        self.table = np.empty((lanes.height, columns))
+        self.table = in_lines(lanes.height, columns)
         numbers, clocks, goals, *own = lanes.parts(self.table[:, :count])
         for mine, given in zip(own, lanes.own, strict=True):
             mine[:] = given
@@ -177,23 +180,15 @@ class EqualRun(Run):
         if not is_mistake(error):
             what = none + repr(self.plan.method)
             error = failure(error, what, f"at the start, {self.way.clock} = {self.zero[0]:g}")
-        error.trajectory = self._only_start()
+        error.trajectory = of_start(self)
         return error
 
-    def _only_start(self) -> Trajectory:
-        """The start as the only sample."""
-        states = {
-            name: np.array(x)[None] for name, x in self.stepped.parts.items() if x is not None
-        }
-        h = self.way.h
-        fields = self._sampled(times(self.zero.item(0), np.zeros(1), h), states)
-        return self.run_of(
-            method=self.plan.method, h=shown_step(h), bodies=self.bodies, steps=0, **fields
-        )
-
-    def _sampled(self, t: np.ndarray, states: dict[str, np.ndarray]) -> dict[str, Any]:
-        """The fields of a trajectory that has these samples only."""
-        return {"system": self.plan.system, "t": t, "states": states}
+    def first_sample(self) -> dict[str, Any]:
+        """The fields of a trajectory that has the start only."""
+        t = times(self.zero.item(0), np.zeros(1), self.way.h)
+        parts = self.stepped.parts.items()
+        states = {name: np.array(x)[None] for name, x in parts if x is not None}
+        return {"system": self.plan.system, "t": t, "states": states, "h": shown_step(self.way.h)}
 
     def _begin(self, heads: np.ndarray) -> None:
         """Let the method begin with every body."""
@@ -326,7 +321,7 @@ class StraightRun(EqualRun):
         before, count = self.before, self.count
         zero, done = (self.t0.item(0), 0) if before is None else (before.t0, before.step)
         self.h = np.broadcast_to(np.array(self.way.h, dtype=float), count)
-        self.steps = self.plan.count(steps, ends[0], zero, done, self.way.h)
+        self.steps = arguments.fixed_steps(steps, ends[0], zero, done, self.way.h)
         self.done, self.reached, self.stood = done, done, (-1, -1.0)
         self.zero = np.broadcast_to(zero, count)
         if before is not None:
@@ -352,7 +347,7 @@ class StraightRun(EqualRun):
             self.after, self.exact = steps_before(self.asked, self.zero.item(0), self.h.item(0))
             numbers = np.unique(np.concatenate([[before], self.after, [end]]))
         room = min(room, len(numbers))
-        self.kept_samples = Straight(self, numbers, np.empty((room, width, columns)))
+        self.kept_samples = Straight(self, numbers, in_lines(room, width, columns))
         self.latest = self.kept_samples.array[0]
         return self.latest
 

@@ -63,11 +63,12 @@ class OfClocked(EqualRun):
             return self.wholes[0].system
         return Systems(tuple([whole.system for whole in self.wholes]))
 
-    def _sampled(self, t: np.ndarray, states: dict[str, np.ndarray]) -> dict[str, Any]:
-        physical, own, z = self.wholes[0].apart(states)
-        found = {"system": self._system(), "t": physical, "states": own}
+    def first_sample(self) -> dict[str, Any]:
+        found: dict[str, Any] = super().first_sample()
+        physical, own, z = self.wholes[0].apart(found["states"])
         origin = self.origin if self.bodies else self.alone
-        return found | {"tau": np.zeros(1), "z": z, "origin": origin}
+        own_fields = {"system": self._system(), "t": physical, "states": own}
+        return found | own_fields | {"tau": np.zeros(1), "z": z, "origin": origin}
 
     def known(self, i: int | None) -> dict[str, Any]:
         if i is None:

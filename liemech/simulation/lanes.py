@@ -44,6 +44,7 @@ class Lanes:
         for thing in (method, system):
             if isinstance(thing, OfBodies):
                 thing = Several.of(thing.members, len(thing))
+            if isinstance(thing, Several):
                 self.own.append(thing.columns)
             things.append(thing)
         self.constants = numbers_of(*things, control)

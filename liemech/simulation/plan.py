@@ -5,27 +5,21 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
-import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..compiler import kernel
 from ..errors import (
     IntegrationInterrupted,
     InvalidInput,
-    InvalidType,
     StepWarning,
     warn,
 )
 from ..formulas.pytree import (
     Layout,
-    known_layout,
     layout_of,
-    names_of,
-    restricted,
 )
 from ..formulas.signatures import spelt
 from ..integrators.method import Method
@@ -50,18 +44,17 @@ from .options import (
 )
 from .prepared import Steps
 from .recorded import recorder_of
-from .short import advanced, short, short_steps, short_steps_of_many
+from .short import advanced, short_run, short_steps
 from .sites_between import SitesBetween
 from .sites_carry import SiteCarry
+from .starts import started, started_by_sites
 from .stepper import Stepper
 from .systems import OfBodies, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory
 
-ROUNDING = 1e-9
-"""Part of a step by which a last time may miss the end of one: more than rounding of h and t_end
-makes of it.
-"""
+if TYPE_CHECKING:
+    from .gradient import Gradient
 
 
 class Plan:
@@ -281,23 +274,13 @@ class Plan:
         """A run of a system of many sites, site by site; None if it is to be written out."""
         sites: Any = self._sites
         if sites.knows(start):
-            start, t0 = self._start_of_sites(start), arguments.real(t0, "t0")
+            start, t0 = started_by_sites(self, start), arguments.real(t0, "t0")
         if path is None:
             made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
             return made
         with self._kept(path, seconds) as kept:
             made = sites.trajectory(start, steps, t_end, t0, kept, t_eval)
             return kept.end(made)
-
-    def _start_of_sites(self, start: Any) -> Any:
-        """The start of a system of many sites, with the parts that the run needs."""
-        from .sites_states import by_site, first_of
-
-        sites: Any = self._sites
-        start = by_site(self._one, arguments.known(self._one, start))
-        first = first_of(start)
-        wanted = arguments.with_parts(sites.site, first, self._needed(sites.site, first)).arrays
-        return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
 
     def _standing(self, start: Any, t0: float) -> Trajectory:
         """The run of no step."""
@@ -328,7 +311,7 @@ class Plan:
     ) -> Trajectory:
         """A run of any kind."""
         if kept is None and self._plain:
-            made = self._short_run(start, steps, t_end, t0, t_eval)
+            made = short_run(self, start, steps, t_end, t0, t_eval)
             if made is not None:
                 return made
         if self.events:
@@ -354,50 +337,6 @@ class Plan:
             if doubt:
                 warn(doubt, StepWarning)
         return self._in_pieces(start, t0, steps, t_end, t_eval, kept)
-
-    def _short_run(
-        self, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any
-    ) -> Trajectory | None:
-        """A run that has nothing to do but to step, of a start that is laid out as one before;
-        None for all others, and for what is to be refused.
-        """
-        known, way = self._known(start), self._steps
-        if known is None:
-            written = self._one._written_out(start)
-            known = None if written is start else self._known(written)
-            start = written
-        if known is None or type(t0) is not float or not math.isfinite(t0):
-            return None
-        layout, side = known
-        if self.adaptive:
-            if side or t_end is None:
-                return None
-            limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
-            end = arguments.real(t_end, "t_end")
-            times = arguments.times(t_eval, t0, end)
-            if not (way.smooth or not way.jumps(t0, end)) or (way.dense and times is not None):
-                return None
-            made = short(way, layout, start, t0, end, times, limit)
-            if made is not None and self.options.atol is None:
-                arguments.large_enough(restricted(start, layout))
-            return made
-        shape, of_each = way.shapes.get(known), side and t_end is not None
-        if shape is None or t_eval is not None or (of_each and arguments.axes(t_end, "t_end")):
-            return None
-        count = self._count(steps, t_end, t0)
-        if self._doubt(start if side else restricted(start, layout)):
-            return None
-        if side:
-            return short_steps_of_many(way, shape, start, count, t0)
-        return short_steps(way, shape, start, count, t0)
-
-    def _known(self, start: Any) -> Any:
-        """The key of the shape of a start, if one like it was checked before."""
-        given = known_layout(start)
-        if given is None and isinstance(start, State):
-            given = layout_of(start) if start.bodies is None else kind_of_many(start)
-        known = None if given is None else self._laid_out.get(given)
-        return known if known is not None and self._inner._knows(start) else None
 
     def _apart(self, start: Any, t_end: Any, t_eval: Any) -> bool:
         """Has every body a clock and a goal of its own?  Otherwise they make the same steps."""
@@ -433,40 +372,8 @@ class Plan:
         return made
 
     def _started(self, start: Any) -> Any:
-        """The start with the parts that the run needs; its bodies must be as many as the systems,
-        and as the steps if they have steps of their own.
-        """
-        start = self._inner._written_out(start)
-        known = self._known(start)
-        if known is not None:
-            return start if start.bodies else restricted(start, known[0])
-        inner, given = self._inner, start
-        start = arguments.started(inner, start, self._needed(inner, start))
-        for name, own in self.of_each.items():
-            if start.bodies == len(own):
-                continue
-            if name in ("system", "method"):
-                raise InvalidInput(
-                    f"integrate: there are {len(own)} {name}s for "
-                    f"{start.bodies or 'a start of one'} bodies"
-                )
-            if start.bodies is None:
-                raise InvalidType(
-                    f"integrate: {name} must be a number for a start of "
-                    f"one body; got {self._given[name]!r}"
-                )
-            what = "steps" if name == "h" else "numbers"
-            raise InvalidInput(f"integrate: {name} has {len(own)} {what} for {start.bodies} bodies")
-        if self._one is not self.system and self._one.bounded:
-            if not self.fictive:
-                arguments.allowed(self.system, start)
-        elif (self._plain or not self.of_each) and inner._knows(given):
-            side = kernel.side_by_side(start.bodies)
-            if start.bodies is None:
-                self._laid_out[layout_of(given)] = layout_of(start), side
-            elif start is given:
-                self._laid_out[kind_of_many(given)] = layout_of(member(start, 0)), side
-        return start
+        """The start with the parts that the run needs."""
+        return started(self, start)
 
     def _kept(self, path: Any, seconds: Any) -> Checkpoint:
         """Where the run is saved; what cannot be saved is refused now, and not after a minute."""
@@ -481,10 +388,6 @@ class Plan:
                     f"integrate: checkpoint: the {name} cannot be saved. {error}"
                 ) from None
         return kept
-
-    def _needed(self, system: Any, start: Any) -> Any:
-        """The parts of the state that the run needs, if not all."""
-        return self.recorder.needed(system, start) if self.recorder else self.record
 
     def _doubt(self, start: State) -> str | None:
         """The warning of the method about its step, if it has one; of several systems the first."""
@@ -557,33 +460,7 @@ class Plan:
 
     def _count(self, steps: int | None, t_end: float | None, t0: float, before: int = 0) -> int:
         """How many steps, checked, and with them their times."""
-        return self.count(steps, t_end, t0, before, self._steps.h)
-
-    @staticmethod
-    def count(steps: int | None, t_end: float | None, t0: float, before: int, h: Any) -> int:
-        """How many steps of length h, checked, and with them their times."""
-        if t_end is not None:
-            if steps is not None:
-                raise InvalidInput("integrate: give steps or t_end for fixed steps, not both")
-            span = (arguments.real(t_end, "t_end") - t0) / h - before
-            steps = round(span)
-            if steps < 0 or abs(span - steps) > ROUNDING * max(1, before + steps):
-                n = max(1, math.ceil(abs(span)))
-                fits = (t_end - t0 - before * h) / n
-                raise InvalidInput(
-                    f"integrate: {span:g} steps of h = {h:g} lead to t_end = {t_end:g}; fixed "
-                    f"steps end there with h = {fits!r}, {n} of them"
-                    if fits
-                    else f"integrate: t_end = {t_end:g} is the start"
-                )
-        elif steps is None:
-            raise InvalidInput(
-                "integrate: give h and steps, for fixed steps, or t_end, for adaptive ones"
-            )
-        steps = arguments.count(steps, "steps", 0)
-        for one in {min(h, key=abs), max(h, key=abs)} if isinstance(h, tuple) else (h,):
-            arguments.affordable_times(t0, one, before + steps)
-        return steps
+        return arguments.fixed_steps(steps, t_end, t0, before, self._steps.h)
 
     def tangent(
         self,
@@ -617,46 +494,67 @@ class Plan:
         Raises what `integrate` does, for a body of an ensemble too; InvalidInput for what is no
         parameter, IncompatibleSystem for classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
         """
-        from .tangent import multiplied, of_bodies
+        from .tangent import tangent_of
 
-        if self.recorder is not None:
-            raise InvalidInput(
-                "Plan.tangent is of the state; make a plan that records no functions of it"
-            )
-        if self.events:
-            raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
-        t0 = arguments.real(t0, "t0")
-        names: tuple[Any, ...] = (
-            (by,) if isinstance(by, str) else tuple(by) if isinstance(by, (list, tuple)) else (by,)
-        )
-        if not names or not all(isinstance(name, str) for name in names):
-            raise InvalidType(
-                f'Plan.tangent: by is "start", a parameter such as "inertia", or a list of these; got {by!r}'
-            )
-        products = {"along": along, "against": against}
-        asked = [name for name, x in products.items() if x is not None]
-        if len(asked) > 1 or (asked and names != ("start",)):
-            raise InvalidInput(
-                'Plan.tangent: give one of along and against, and by="start"; got by={by!r}'
-            )
-        given = (asked[0], products[asked[0]]) if asked else None
-        if self._sites is not None and self._sites.takes(start):
-            by_sites = self._start_of_sites(start)
-            made: Any = self._sites.tangent(by_sites, steps, t_end, t0, names, given)
-            if made is not None:
-                return made
-        start = self._started(start)
-        with self._beginning(start, t0):
-            if start.bodies is None:
-                run = self._tangent(start, steps, t_end, t0, names)
-            else:
-                ends = arguments.ends(t_end, start.bodies)
-                runs = [
-                    self._of_body(i)._tangent(member(start, i), steps, ends[i], t0, names)
-                    for i in range(start.bodies)
-                ]
-                run = of_bodies(self.method, runs)
-        return run if given is None else multiplied(run, *given)
+        return tangent_of(self, start, steps, t_end, t0, by, along=along, against=against)
+
+    def gradient(
+        self,
+        loss: Any,
+        start: State,
+        *,
+        steps: int | None = None,
+        t_end: float | None = None,
+        t0: float = 0.0,
+        by: str | Sequence[str] = "start",
+        along: Any = None,
+        every: int | None = None,
+    ) -> Gradient:
+        """A loss and its exact derivative by the start and by parameters, in one pass backwards through
+        the discrete motion, in memory that does not grow with the number of steps.
+
+        loss : a formula of the last state, `lambda state: lm.dot(state.mu, state.mu)`, or of time and
+        state; of an ensemble the value is the sum over its bodies, and a list has one formula for each.
+        by : "start"; parameters of the system, such as "inertia" or "torque.values", also by the end of
+        a longer name, those of the method, "method.theta", and the step "h".  Of a table, values are those
+        of steps and of straight lines, "torque.coefficients" those of any piecewise polynomial.
+        along : a running cost: a formula like `loss`, of which the values at the samples are added to it.
+        every : steps between these samples, the start and the end among them; left out, that of the plan.
+
+        Returns a Gradient: `value`, `gradient["inertia"]` in the shape of the parameter, the last state
+        `run.last`, and `growth`, the norm of the tangent map.  gradient["start"] is (N,) in the frames
+        of `tangent`.  With a list of systems parameters have a leading axis of bodies, else they are summed.
+        With adaptive steps it is the derivative of the steps that were accepted, their lengths held fixed.
+        Warns by a GradientWarning where the motion is so sensitive that few digits are left.
+        Raises what `integrate` and `tangent` do.
+        """
+        from .gradient import backwards
+
+        return backwards(self, "gradient", start, steps, t_end, t0, by, every, loss, along)
+
+    def pullback(
+        self,
+        cotangent: Any,
+        start: State,
+        *,
+        steps: int | None = None,
+        t_end: float | None = None,
+        t0: float = 0.0,
+        by: str | Sequence[str] = "start",
+        every: int | None = None,
+    ) -> Gradient:
+        """The products of a cotangent with the derivatives of the last state, or of all samples:
+        `gradient` of a loss whose derivative by the states is known.
+
+        cotangent : by the last state: a dict with arrays in the shapes of its parts, {"mu": (3,), "g": (3,
+        3)}, or (N,) in the frames of `tangent`; with a leading axis of bodies for an ensemble.
+        every : left out, of the last state; else of the samples after so many steps each, the start and the
+        end among them, with a leading axis for these.
+        by, and what is returned and raised : as of `gradient`; `value` is None.
+        """
+        from .gradient import backwards
+
+        return backwards(self, "pullback", start, steps, t_end, t0, by, every, cotangent=cotangent)
 
     def _of_body(self, i: int) -> Plan:
         """The plan of one body."""
@@ -664,30 +562,6 @@ class Plan:
         dense = False if self.adaptive else None
         changed = {"progress": False, "workers": 1, "record": None, "dense": dense}
         return Plan(**self._given | changed | own)
-
-    def _tangent(
-        self, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]
-    ) -> TangentTrajectory:
-        """The run of one body with its tangent map."""
-        from .tangent import adaptive_tangent_run, fictive_tangent_run, tangent_run
-
-        if self.adaptive:
-            if "h" in names:
-                raise InvalidInput(
-                    "Plan.tangent: h is for fixed steps; the lengths of adaptive ones are "
-                    "held fixed"
-                )
-            run = self._in_pieces(start, t0, steps, t_end, None, None)
-            return adaptive_tangent_run(self, run, start, names)
-        if self.fictive:
-            if t_end is not None or steps is None:
-                raise InvalidInput(
-                    "Plan.tangent: in fictive time give steps, and no t_end, which is met by a step"
-                    " of another length"
-                )
-            steps = arguments.count(steps, "steps", 0)
-            return fictive_tangent_run(self, start, steps, t0, names)
-        return tangent_run(self, start, self._count(steps, t_end, t0), t0, names)
 
     # ---------------------------------------------------------------- step by step
 
@@ -719,7 +593,7 @@ class Plan:
             return self._advanced(given, steps)
         given = carry_of(self, given, "step")
         if isinstance(given, SiteCarry):
-            run = self.by_hand(given)
+            run = self._sites.by_hand(given)
             run.advance(steps)
             after: Any = run.standing
             return after
@@ -728,11 +602,6 @@ class Plan:
             made: Any = FictiveCarry(given.origin, inner, met=given.met)
             return made
         return self._advanced(given, steps)
-
-    def by_hand(self, carry: SiteCarry) -> Any:
-        """The run of a system of many sites that goes on as it is told."""
-        sites: Any = self._sites
-        return sites.by_hand(carry)
 
     def in_fictive_time(self, origin: Any) -> Plan:
         """The plan of the system with its clock that began there."""
@@ -822,10 +691,3 @@ class Plan:
 
 
 SitesBetween.planner = Plan
-
-
-def kind_of_many(start: Any) -> Any:
-    """A key that is equal for starts of ensembles with the same layout."""
-    kind: Any = type(start)
-    parts = [getattr(start, name) for name in names_of(kind)]
-    return kind, *[x if x is None else (x.shape, x.dtype.char) for x in parts]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -12,7 +13,7 @@ from ..formulas.pytree import build, layout_of
 from ..systems.system import small_state, state_of
 from .dense import flat, unpacked
 from .stopped import NONE, Stopped
-from .trajectory import Trajectory
+from .trajectory import TangentTrajectory, Trajectory
 
 
 class AsItIs:
@@ -150,6 +151,22 @@ def of_bodies(run: Any, goes_on: bool = True) -> Any:
     return run.run_of.promised(rest, **fields | samples | run.known(None))
 
 
+def of_start(run: Any) -> Any:
+    """The start as the only sample of a run that cannot begin."""
+    known = {"method": run.plan.method, "bodies": run.bodies, "steps": 0}
+    return run.run_of(**known, **run.first_sample())
+
+
+def of_short(found: Any, way: Any, h: Any, bodies: int | None, steps: int, more: Any) -> Any:
+    """A run that one native call has made.  found : has what is made of its numbers when it is asked
+    for.  way : of the steps.  more : other fields.
+    """
+    known = {"system": way.system, "method": way.method, "h": h, "bodies": bodies, "steps": steps}
+    known |= {"stopped": NONE, "compiled": True, "_rest": found}
+    known |= more
+    return Trajectory._of(known)
+
+
 def of_sites(run: Any) -> Any:
     """The run of one system of many sites."""
     carry, plan = run.standing, run.plan
@@ -165,7 +182,13 @@ def of_sites(run: Any) -> Any:
 
 def _states_of_sites(run: Any) -> Any:
     """A function that makes the samples so far."""
-    shape, recorder, here, n = run.shape, run.plan.recorder, run.chosen, run.made
+    shape, recorder, here, n, of_state = (
+        run.shape,
+        run.plan.recorder,
+        run.chosen,
+        run.made,
+        run.found,
+    )
     totals, own, seen = run.totals[:n].copy(), run.own[:n].copy(), run.seen.array[: n * run.wide]
 
     def states() -> dict[str, np.ndarray]:
@@ -182,7 +205,7 @@ def _states_of_sites(run: Any) -> Any:
             found |= dict(
                 zip(recorder.quantities, _columns(shape.shown.totals, totals), strict=True)
             )
-        return found
+        return found | of_state
 
     return states
 
@@ -213,41 +236,59 @@ def _fields(run: Any, quantities: Any) -> dict[str, Any]:
     }
 
 
+def of_tangent(made: Any, steps: int, tangent: dict[str, np.ndarray], **own: Any) -> Any:
+    """A run with its tangent map.  made : the run whose numbers have carried the derivatives; where a step
+    failed in a direction, what it failed of is raised.
+    """
+    known = {"bodies": None, "steps": steps, "compiled": made.compiled, "tangent": tangent}
+    run = TangentTrajectory(**known, **own)
+    if not made.stopped:
+        return run
+    first = min(made.stopped, key=lambda i: made.stopped[i].steps)
+    error: Any = made.stopped[first].error
+    error.trajectory = replace(run, steps=made.stopped[first].steps)
+    raise error from error.__cause__
+
+
 # ------------------------------------------------------------------ runs beside one another
+
+
+def of_some(runs: list[Any], carry: Any = lambda: None, **own: Any) -> Any:
+    """The run of all bodies, from runs of one or of some each.  carry : makes what it goes on with."""
+    first = runs[0]
+    known = {name: x for name, x in vars(first).items() if name not in ("_rest", "carry")}
+    return type(first).promised(SimpleNamespace(carry=carry), **known | beside(runs) | own)
+
+
+def of_members(runs: list[Any], stopped: dict[int, Any]) -> Any:
+    """The runs of the members of an ensemble, of one body each.  stopped : the errors of those that did
+    not reach the end, which stay where they came to at the times of the others.
+    """
+    longest = max(runs, key=len)
+    t = clock([longest if i in stopped else run for i, run in enumerate(runs)])
+    return of_some(
+        runs, t=t, method=longest.method, ended=None,
+        events=tuple(zip(*[r.events for r in runs], strict=True)),
+        stopped=Stopped({i: runs[i].steps for i in stopped}, stopped.__getitem__),
+    )  # fmt: skip
 
 
 def beside(runs: list[Any]) -> dict[str, Any]:
     """The fields of one trajectory for several runs beside one another, of one body or of some each.  A
     run that has fewer samples repeats its last one.
     """
-    first, samples, h = runs[0], max(map(len, runs)), runs[0].h
+    first, h = runs[0], runs[0].h
     bodies = [run.bodies or 1 for run in runs]
 
-    def together(arrays: list[np.ndarray]) -> np.ndarray:
-        columns = [x[:, None] if run.bodies is None else x for x, run in zip(arrays, runs)]
-        filled = [np.concatenate([x, np.repeat(x[-1:], samples - len(x), axis=0)]) for x in columns]
-        return np.concatenate(filled, axis=1)
-
-    def clock(times: list[np.ndarray]) -> np.ndarray:
-        """Times, (n, bodies) unless all have the same ones, (n,)."""
-        if all(t.ndim == 1 and np.array_equal(t, times[0]) for t in times):
-            return times[0]
-        return together(
-            [
-                np.repeat(t[:, None], run.bodies, axis=1) if run.bodies and t.ndim == 1 else t
-                for t, run in zip(times, runs)
-            ]
-        )
-
     def by_name(kept: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-        return {name: together([one[name] for one in kept]) for name in kept[0]}
+        return {name: together(runs, [one[name] for one in kept]) for name in kept[0]}
 
     if first.rejected is not None:
         h = float(np.average([run.h for run in runs], weights=bodies))
     elif any(np.ndim(run.h) or run.h != h for run in runs):
         h = np.concatenate([np.broadcast_to(run.h, n) for run, n in zip(runs, bodies)])
     found = {
-        "t": clock([run.t for run in runs]),
+        "t": clock(runs),
         "states": by_name([run.states for run in runs]),
         "h": h,
         "bodies": sum(bodies),
@@ -256,9 +297,32 @@ def beside(runs: list[Any]) -> dict[str, Any]:
         "rejected": None if first.rejected is None else sum(run.rejected for run in runs),
     }
     if getattr(first, "tau", None) is not None:
-        found["tau"] = clock([run.tau for run in runs])
+        found["tau"] = clock(runs, "tau")
     if getattr(first, "z", None) is not None:
-        found["z"] = together([run.z for run in runs])
+        found["z"] = together(runs, [run.z for run in runs])
     if hasattr(first, "tangent"):
         found["tangent"] = by_name([run.tangent for run in runs])
     return found
+
+
+def together(runs: list[Any], arrays: list[np.ndarray]) -> np.ndarray:
+    """Samples of several runs beside one another, the last ones repeated."""
+    samples = max(map(len, arrays))
+    columns = [x[:, None] if run.bodies is None else x for x, run in zip(arrays, runs)]
+    filled = [np.concatenate([x, np.repeat(x[-1:], samples - len(x), axis=0)]) for x in columns]
+    return np.concatenate(filled, axis=1)
+
+
+def clock(runs: list[Any], name: str = "t") -> np.ndarray:
+    """The times of several runs, (n, bodies) unless all have the same ones, (n,)."""
+    times = [getattr(run, name) for run in runs]
+    if all(t.ndim == 1 and np.array_equal(t, times[0]) for t in times):
+        found: np.ndarray = times[0]
+        return found
+    return together(
+        runs,
+        [
+            np.repeat(t[:, None], run.bodies, axis=1) if run.bodies and t.ndim == 1 else t
+            for t, run in zip(times, runs)
+        ],
+    )

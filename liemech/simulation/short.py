@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from ..compiler.cache_lines import in_lines
 from ..compiler.kernel import address
-from ..formulas.pytree import build, gatherer
+from ..formulas.pytree import build, gatherer, restricted
 from ..systems.system import State
+from . import arguments
 from .carry import Carry
 from .control import CLOCK, FRESH, GOAL, MARK, STRAIGHT, TAKEN, TIME
 from .dense import DenseOutput, lay_out, unpacked
@@ -24,7 +26,8 @@ from .driver import SAMPLES, sampled_steps
 from .execution import COLUMNS, SHARED, Execution, like
 from .lanes import Lanes
 from .prepared import Shape, Steps
-from .stopped import NONE
+from .result import of_short
+from .starts import known
 from .trajectory import Trajectory
 
 LONGEST, LARGEST = 2**23, 2**24
@@ -182,14 +185,11 @@ def short_steps(way: Steps, shape: Shape, start: Any, steps: int, t0: float) -> 
     place.advance(place.prepared(memory, samples, place.kept + place.sampled), samples, every)
     if memory.item(place.taken) != reached:
         return None
-    return _made(way, steps, _Found(place, memory, t0, way.h, every, step, reached), None)
-
-
-def _made(way: Steps, steps: int, found: Any, bodies: int | None) -> Trajectory:
-    return Trajectory.promised(
-        found, system=way.system, method=way.method, breaks=way.breaks, h=way.h, bodies=bodies,
-        steps=steps, stopped=NONE, compiled=True, dense=None,
-    )  # fmt: skip
+    found = _Found(place, memory, t0, way.h, every, step, reached)
+    made: Trajectory = of_short(
+        found, way, way.h, None, steps, {"breaks": way.breaks, "dense": None}
+    )
+    return made
 
 
 def advanced(way: Steps, carry: Carry, steps: int) -> Carry | None:
@@ -276,8 +276,8 @@ def short_steps_of_many(
         return None
     if samples * place.sampled * columns > LARGEST or not place.native(steps * count):
         return None
-    table = np.empty((place.lanes.height, columns))
-    out = np.empty((samples + 1, place.sampled, columns))
+    table = in_lines(place.lanes.height, columns)
+    out = in_lines(samples + 1, place.sampled, columns)
     alike = shape.given == shape.shown
     starts = out[0] if alike else np.empty((shape.given.width, columns))
     lay_out(arrays, starts)
@@ -301,7 +301,10 @@ def short_steps_of_many(
         return None
     found = _FoundOfBodies(place, table, t0, way.h, way.every, 0, steps)
     found.bodies, found.out = count, out
-    return _made(way, steps, found, count)
+    made: Trajectory = of_short(
+        found, way, way.h, count, steps, {"breaks": way.breaks, "dense": None}
+    )
+    return made
 
 
 def _column(*numbers: float) -> np.ndarray:
@@ -510,10 +513,9 @@ def short(
     if found is None:
         return None
     t, _, _, steps, rejected, _, _ = found.clock
-    return Trajectory.promised(
-        found, system=way.system, method=way.method, h=(t - t0) / max(1.0, steps), bodies=None,
-        steps=int(steps), rejected=int(rejected), stopped=NONE, compiled=True,
-    )  # fmt: skip
+    h = (t - t0) / max(1.0, steps)
+    made: Trajectory = of_short(found, way, h, None, int(steps), {"rejected": int(rejected)})
+    return made
 
 
 def between(times: np.ndarray, t0: float, t_end: float) -> bool:
@@ -522,3 +524,43 @@ def between(times: np.ndarray, t0: float, t_end: float) -> bool:
     while n < count and times.item(n) == t0:
         n += 1
     return n < count and times.item(n) != t_end
+
+
+# ------------------------------------------------------------------ which runs are short
+
+
+def short_run(
+    plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, t_eval: Any
+) -> Trajectory | None:
+    """A run that has nothing to do but to step, of a start that is laid out as one before;
+    None for all others, and for what is to be refused.
+    """
+    found, way = known(plan, start), plan._steps
+    if found is None:
+        written = plan._one._written_out(start)
+        found = None if written is start else known(plan, written)
+        start = written
+    if found is None or type(t0) is not float or not math.isfinite(t0):
+        return None
+    layout, side = found
+    if plan.adaptive:
+        if side or t_end is None:
+            return None
+        limit = arguments.MOST if steps is None else arguments.count(steps, "steps", 1)
+        end = arguments.real(t_end, "t_end")
+        times = arguments.times(t_eval, t0, end)
+        if not (way.smooth or not way.jumps(t0, end)) or (way.dense and times is not None):
+            return None
+        made = short(way, layout, start, t0, end, times, limit)
+        if made is not None and plan.options.atol is None:
+            arguments.large_enough(restricted(start, layout))
+        return made
+    shape, of_each = way.shapes.get(found), side and t_end is not None
+    if shape is None or t_eval is not None or (of_each and arguments.axes(t_end, "t_end")):
+        return None
+    count = plan._count(steps, t_end, t0)
+    if plan._doubt(start if side else restricted(start, layout)):
+        return None
+    if side:
+        return short_steps_of_many(way, shape, start, count, t0)
+    return short_steps(way, shape, start, count, t0)

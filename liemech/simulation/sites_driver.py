@@ -32,7 +32,7 @@ class Place(Record):
 
 @record
 class Nothing(Record):
-    """What a step shows of many sites: it went through or not."""
+    """The outcome of a step of many sites: it went through or not."""
 
 
 PLACE, BESIDE = carried_layout(Place(0)), carried_layout((Place(0), vec(0.0)))
@@ -215,7 +215,7 @@ def require_finite(value: Any) -> None:
 
 @record
 class Standing(Record):
-    """What adaptive steps carry along for one site: its state, the velocity there, and the way of the
+    """Numbers that adaptive steps carry along for one site: its state, the velocity there, and the way of the
     last step.
     """
 
@@ -322,7 +322,7 @@ def one_change(
 def one_remake(
     method: Embedded, system: Any, t: float, h: float, sites: Any, here: int, memory: Layout
 ) -> None:
-    """The same step of one site as on probation, without its error, which is that of all."""
+    """The step of one site as on probation, without its error, which is that of all."""
     old, one = load(sites, here, memory), at_this_site(system)
     if h == 0.0:
         require_finite(one.rate(t, one.essential_part(old.state)))
@@ -336,7 +336,7 @@ def one_remake(
 
 @record
 class Share(Record):
-    """What a formula of the system gives for one site: its share, such as that of the energy.
+    """The value of a formula of the system for one site: its share, such as that of the energy.
 
     parts : of the state, the arguments of the formula.
     """
@@ -361,7 +361,7 @@ class OfSite(Record):
 
 @record
 class Shown(Record):
-    """What samples have: the state of every site, if it is `kept`, in this layout; and totals over all
+    """The content of samples: the state of every site, if it is `kept`, in this layout; and totals over all
     sites of quantities, in rows of another.
     """
 
@@ -390,7 +390,7 @@ CROSSED, UNWATCHED = 1.0, 2.0
 
 @record
 class Sighted(Record):
-    """What samples have, and what is looked at after every step: `events` of the totals of their
+    """The content of samples, and what is looked at after every step: `events` of the totals of their
     quantities, of which `values` is the layout, and `named` an example with a name for each.
     """
 
@@ -487,7 +487,7 @@ def watched(
 def one_look(
     method: Any, system: Any, t: float, sites: Any, here: int, memory: Any, shown: Any, look: Any
 ) -> None:  # fmt: skip
-    """What a step leads to, of one site."""
+    """The state of one site at the end of a step."""
     looked_at(system, t, sample(method, load(sites, here, memory)), shown, look, 0)
 
 
@@ -547,7 +547,7 @@ def one_inside(
     way: Any, system: Any, begun: float, at: float, end: float, sites: Any, here: int, memory: Any,
     shown: Any, seen: Any, totals: Any,
 ) -> None:  # fmt: skip
-    """The same of one site."""
+    """The state of one site inside of a step."""
     before, after = load(sites, 1 - here, memory), load(sites, here, memory)
     state = way.inside(at_this_site(system), begun, at, end, before, after)
     require_finite(state)
@@ -638,5 +638,5 @@ def one_start(
 
 
 def first_memory(method: Any, system: Any, given: Any, started: Any, h: float, starts: Any) -> Any:
-    """What a method carries along for one site at the start."""
+    """The memory of a method for one site at the start."""
     return method.start(at_this_site(system), fitted(load(starts, 0, given), started), h)

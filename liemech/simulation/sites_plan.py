@@ -27,12 +27,13 @@ from ..integrators.rattle_of_links import Links
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import SiteValues, StateOfSites
 from ..systems.system import State
+from .chain_run import ChainRun, chained_method
 from .events import name_of
 from .links_run import LinksRun, linked_method
+from .result import of_members
 from .sites_carry import SiteCarry
 from .sites_lists import with_lists
 from .sites_states import by_site
-from .stopped import Stopped
 from .trajectory import Trajectory
 
 LARGE = 300
@@ -65,6 +66,7 @@ class SitesOfPlan:
         self.plan, self.site = plan, site
         self.known: dict[Any, Any] = {}
         self.fitting: set[int] = set()  # numbers of sites that its tables are known to fit
+        self.chain = chained_method(plan)
 
     @classmethod
     def of(cls, plan: Any) -> SitesOfPlan | None:
@@ -109,6 +111,8 @@ class SitesOfPlan:
     @functools.cached_property
     def of_sites(self) -> str | None:
         """A function of one site or of totals, for which a run of any size goes by sites."""
+        if isinstance(self.site, Links):
+            return None
         return next((name for name, of, _ in self.functions if of in OF_SITES), None)
 
     def _require_places(self) -> None:
@@ -129,15 +133,16 @@ class SitesOfPlan:
                 )
 
     def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
-        """What is asked for that runs by sites do not have yet; None if nothing is."""
-        plan, steps = self.plan, self.plan._steps
+        """The first thing asked for that runs by sites do not have; None if they have all."""
+        plan, steps, links = self.plan, self.plan._steps, isinstance(self.site, Links)
         whole = next((name for name, of, _ in self.functions if of not in OF_SITES), None)
-        if whole is not None:
+        if whole is not None and not links:
             return (
                 f"function of the state of all sites, as {whole} is: with the arguments (t, site) it is "
                 "of one site, and summed over all; an event (t, total) is of such sums"
             )
-        self._require_places()
+        if not links:
+            self._require_places()
         if plan.fictive:
             return "steps in fictive time"
         if plan.of_each:
@@ -148,9 +153,11 @@ class SitesOfPlan:
             return "dense=True beside t_eval"
         if plan.adaptive:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
-        method = uncut(steps.way_of(0))
-        if isinstance(self.site, Links) and t_eval is not None:
+        if self.chain is not None and t_eval is not None:
             return "t_eval"
+        if self.chain is not None and plan.events:
+            return f"events of {plan.method!r}"
+        method = uncut(steps.way_of(0))
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
         return None
@@ -168,7 +175,7 @@ class SitesOfPlan:
             return True
         if not self.knows(start):
             return False
-        if isinstance(self.site, Links):
+        if isinstance(self.site, Links) or self.chain is not None:
             return True
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
         few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
@@ -238,6 +245,17 @@ class SitesOfPlan:
             return None
         raise self._too_many(why, start)
 
+    def back_through(
+        self, start: Any, steps: int, t0: float, given: Any, names: tuple[str, ...] = ()
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Derivatives by the start, (N,), and by parameters of terms, of a function whose derivatives by
+        the states after some numbers of fixed steps are `given`, {number: (N,)}; components are those
+        of tangent maps.  Raises IncompatibleSystem for what has no way back.
+        """
+        from .sites_adjoint import BackwardRun
+
+        return BackwardRun(self, by_site(self.plan._one, start), steps, t0, names).back(given)
+
     def _too_many(self, why: str, start: Any) -> IncompatibleSystem:
         """The error of what runs by sites do not have."""
         return IncompatibleSystem(
@@ -251,13 +269,15 @@ class SitesOfPlan:
 
     @property
     def kind(self) -> Any:
-        """What a run is."""
+        """The class of the runs."""
         from .sites_run import SiteRun
         from .turns_of_sites import TurnsRun
 
         plan = self.plan
         if isinstance(self.site, Links):
             return LinksRun
+        if self.chain is not None:
+            return ChainRun
         by_colour = not plan.adaptive and isinstance(uncut(plan._steps.way_of(0)), TermSplitting)
         return TurnsRun if by_colour else SiteRun
 
@@ -287,43 +307,12 @@ class SitesOfPlan:
                 runs.append(run)
             if runs[-1] is None:
                 return None
-        return of_members(runs, stopped)
-
-
-def of_members(runs: list[Any], stopped: dict[int, Any]) -> Trajectory:
-    """The runs of members as one.  stopped : the errors of those that did not reach the end."""
-    longest = max(runs, key=len)
-    times = np.stack([_held(r.t, len(longest)) for r in runs], axis=1)
-    for i in stopped:
-        times[:, i] = longest.t
-    same = bool((times == times[:, :1]).all())
-    found = Trajectory(
-        system=longest.system,
-        method=longest.method,
-        h=longest.h,
-        t=times[:, 0].copy() if same else times,
-        states={
-            name: np.stack([_held(r.states[name], len(longest)) for r in runs], axis=1)
-            for name in longest.states
-        },
-        bodies=len(runs),
-        steps=max(r.steps for r in runs),
-        compiled=all(r.compiled for r in runs),
-        rejected=None if longest.rejected is None else sum(r.rejected for r in runs),
-        events=tuple(zip(*[r.events for r in runs], strict=True)),
-        observed=longest.observed,
-        stopped=Stopped({i: runs[i].steps for i in stopped}, stopped.__getitem__),
-    )
-    if stopped:
-        first = min(stopped)
-        warn(
-            f"integrate: {len(stopped)} of {len(runs)} members stopped early, the first is member "
-            f"{first} after {runs[first].steps} steps. {stopped[first]}",
-            RuntimeWarning,
-        )
-    return found
-
-
-def _held(rows: np.ndarray, count: int) -> np.ndarray:
-    """So many rows, the last one again and again."""
-    return rows[np.minimum(np.arange(count), len(rows) - 1)]
+        if stopped:
+            first = min(stopped)
+            warn(
+                f"integrate: {len(stopped)} of {len(runs)} members stopped early, the first is member "
+                f"{first} after {runs[first].steps} steps. {stopped[first]}",
+                RuntimeWarning,
+            )
+        made: Trajectory = of_members(runs, stopped)
+        return made

@@ -1,4 +1,4 @@
-"""What runs of many sites that begin alike have in common: layouts, and native code."""
+"""Layouts and native code that runs of many sites have in common which begin alike."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from ..formulas.pytree import (
 )
 from ..formulas.sites import one_site
 from ..integrators.ending_at_jumps import uncut
+from ..integrators.rattle_of_links import Links
 from ..systems.system import State
 from ..systems.terms_at_site import at_this_site
 from .control import Equal, Tolerance
@@ -75,7 +76,8 @@ class Prepared:
             self.method = self.way = Embedded(steps.method, curves)
             self.h = 0.0
         else:
-            way, self.h = linked_method(plan) or steps.way_of(0), steps.h
+            way: Any = linked_method(plan) or plan._sites.chain or steps.way_of(0)
+            self.h = steps.h
             self.method, self.ending = uncut(way), None if uncut(way) is way else way
             self.way = Whole(self.method, self.ending)
             self.started = layout_of(steps.remembering_of(site, first))
@@ -87,7 +89,7 @@ class Prepared:
         example = rounded(self.method.observe(carry))
         self.memory, self.state = carried_layout(carry), layout_of(example)
         self.shown = self._shown(example, some, starts)
-        events = plan.events
+        events = () if isinstance(site, Links) else plan.events  # they look at samples
         for event in events:
             require_totals(event, self._named())
         self.sighted = Sighted(
@@ -150,7 +152,7 @@ class Prepared:
 
     @property
     def inner(self) -> Sighted:
-        """What is looked at inside of a step: the states, even if samples have none."""
+        """Everything looked at inside of a step: the states, even if samples have none."""
         whole: Sighted = with_fields(self.sighted, shown=with_fields(self.shown, kept=True))
         return whole
 
@@ -160,7 +162,7 @@ class Prepared:
         return self.memory.width - (self.memory.parts[2].width if self.plan.adaptive else 0)
 
     def taken_up(self, numbers: np.ndarray) -> np.ndarray:
-        """What sites carry along, of what was handed on."""
+        """Numbers that sites carry along, of those that were handed on."""
         way = self.memory.width - self.lasting
         if numbers.shape[0] != self.lasting:
             raise InvalidInput(
@@ -176,8 +178,10 @@ class Prepared:
         return totals_class(names)(*build(layout, iter([0.0] * layout.width)))
 
     def _shown(self, example: Any, count: int, starts: Planes) -> Shown:
-        """What samples have."""
+        """The content of samples."""
         recorder = self.plan.recorder
+        if isinstance(self.site, Links):
+            return Shown(True, self.state, (), carried_layout(()))
         kept = recorder is None or bool(recorder.parts or recorder.chosen)
         quantities = [] if recorder is None else [*recorder.quantities.values()]
         found = tuple([quantity_of(self.site, wanted, example) for wanted in quantities])
@@ -210,7 +214,7 @@ def totals_class(names: tuple[str, ...]) -> Any:
 
 
 def quantity_of(site: Any, wanted: Any, example: Any) -> Any:
-    """What a name or a function of a user's gives for one site."""
+    """The value for one site of a name or of a function of a user's."""
     if not isinstance(wanted, str):
         return OfSite(wanted)
     parts = tuple(inspect.signature(getattr(site, wanted)).parameters)

@@ -144,6 +144,7 @@ class SiteRun(Course):
         self.march, self.look = np.array([0.0, np.nan, 0.0]), np.zeros(max(1, self.totals.shape[1]))
         self.values = np.full((2, max(1, len(plan.events))), np.nan)
         self.made = 0  # samples
+        self.found: dict[str, np.ndarray] = {}  # functions of all sites together, recorded
         self.failures: list[Any] = []
         self.notes, self.compiled = 0, False
         if fresh:
@@ -195,7 +196,7 @@ class SiteRun(Course):
         self.left = until_jumps(self.clocks[:, 0], self.goals[:, 0], self.begun, found)
 
     def _begin(self) -> None:
-        """What the method carries along at the start."""
+        """Let the method begin at every site."""
         shape, done = self.shape, np.zeros(1)
         failures: list[Any] = []
         beginner = shape.method, self.site, shape.given, shape.started
@@ -377,7 +378,7 @@ class SiteRun(Course):
 
     @property
     def _memory(self) -> np.ndarray:
-        """What the method carries along for the sites, (width, sites)."""
+        """Numbers that the method carries along for the sites, (width, sites)."""
         width = self.shape.memory.width
         found: np.ndarray = self.sites.array[width * self._copy :][:width, : self.count]
         return found
@@ -552,7 +553,7 @@ class SiteRun(Course):
         return self._ended(error, f"in an event at t = {t:g}")
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
-        """What the formula of a site raises.  first : of those among which it is; -1 if all have
+        """The error that the formula of a site raises.  first : of those among which it is; -1 if all have
         failed together, or nobody knows.
         """
         if failures:

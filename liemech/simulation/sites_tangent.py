@@ -12,9 +12,10 @@ from ..formulas.pytree import build, layout_of, with_slopes
 from . import arguments
 from .dense import unpacked
 from .equal import affordable
+from .result import of_tangent
+from .sites_adjoint import BackwardRun, why_not
 from .sites_states import first_of, site_rows
 from .tangent import LEVEL, frame
-from .trajectory import TangentTrajectory
 
 
 class Along:
@@ -93,11 +94,14 @@ def tangent_by_sites(sites: Any, start: Any, steps: int, t0: float, given: Any) 
     """A run of many sites with its tangent map J, of which every direction of the start makes a column;
     or with products of it.
 
-    given : "along", the run has J v, or "against", J^T w, and the directions; None for J itself.
+    given : "along", the run has J v, or "against", J^T w, and the directions; None for J itself.  J^T w is
+    found backwards, where steps have a way back.
     """
+    name, wanted = given or ("start", None)
+    if name == "against" and not why_not(sites, start):
+        return against_by_sites(sites, start, steps, t0, wanted)
     plan, frames = sites.plan, Frames(sites.site, start)
     n, every = frames.components, plan.options.every
-    name, wanted = given or ("start", None)
     some: Any = None if wanted is None else arguments.directions(name, wanted, n)
     out = n if some is None else 1 if some.ndim == 1 else some.shape[1]
     affordable(8 * n * out * (steps // every + 2), steps, every)
@@ -111,7 +115,28 @@ def tangent_by_sites(sites: Any, start: Any, steps: int, t0: float, given: Any) 
         products.append(column @ some if name == "against" else column)
     states = unpacked(frames.layout, np.moveaxis(values, 1, -1))
     tangent = np.stack(products, axis=1 if name == "against" else -1)
-    return TangentTrajectory(
-        plan.system, plan.method, made.h, made.t, plan._one.as_users_see(states), None, made.steps,
-        made.compiled, tangent={name: tangent[..., 0] if name == "along" and some.ndim == 1 else tangent},
+    one = name == "along" and some.ndim == 1
+    return of_tangent(
+        made, made.steps, {name: tangent[..., 0] if one else tangent}, system=plan.system,
+        method=plan.method, h=made.h, t=made.t, states=plan._one.as_users_see(states),
+    )  # fmt: skip
+
+
+def against_by_sites(sites: Any, start: Any, steps: int, t0: float, wanted: Any) -> Any:
+    """A run of many sites with J^T w, for which it is gone through backwards once from each sample."""
+    plan, back = sites.plan, BackwardRun(sites, start, steps, t0)
+    every = plan.options.every
+    some = arguments.directions("against", wanted, back.components)
+    columns = some[:, None] if some.ndim == 1 else some
+    affordable(8 * columns.size * (steps // every + 2), steps, every)
+    run = sites.kind(plan, sites.site, start, t0, steps, None, None, None)
+    made = run.trajectory()
+    rows = [
+        np.stack([back.back({n: w})[0] for w in columns.T], axis=-1) for n in run.numbers.tolist()
+    ]
+    tangent = np.stack(rows)
+    found = {"against": tangent[..., 0] if some.ndim == 1 else tangent}
+    return of_tangent(
+        made, made.steps, found, system=plan.system, method=plan.method, h=made.h, t=made.t,
+        states=made.states,
     )  # fmt: skip

@@ -87,7 +87,7 @@ def _flat(x: np.ndarray) -> np.ndarray:
 
 
 def constants(system: Any, t: np.ndarray, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """What the motion keeps, by name: the energy, (n,), and on the dual of an algebra the Casimir
+    """The quantities that the motion keeps, by name: the energy, (n,), and on the dual of an algebra the Casimir
     functions of every site, (n, sites).
     """
     found = {"energy": energy(system, t, states)}

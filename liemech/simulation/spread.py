@@ -10,7 +10,6 @@ import os
 import secrets
 import tempfile
 from concurrent import futures
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from . import arguments
 from .carry import Carry, all_of
 from .fictive import FictiveCarry, origin_of
 from .progress import WANTED, Bar
-from .result import beside
+from .result import of_some
 from .stopped import Stopped
 from .systems import OfBodies, Systems
 from .trajectory import Trajectory, TransformedTrajectory
@@ -217,7 +216,7 @@ def _members(start: Any, first: int, end: int) -> Any:
 
 def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
     """The runs of all chunks as one."""
-    first, bodies = runs[0], chunks[-1][1]
+    bodies = chunks[-1][1]
     places = {begin + i: (run, i) for (begin, _), run in zip(chunks, runs) for i in run.stopped}
     steps = {body: run.stopped.steps[i] for body, (run, i) in places.items()}
     stopped = Stopped(steps, lambda body: places[body][0].stopped[places[body][1]].error)
@@ -228,18 +227,16 @@ def _joined(plan: Any, chunks: list[tuple[int, int]], runs: list[Any]) -> Any:
             f"{stopped[min(steps)].error}",
             RuntimeWarning,
         )
-    own = {name: x for name, x in vars(first).items() if name not in ("_rest", "carry")}
-    own |= beside(runs)
-    if isinstance(first, TransformedTrajectory):
-        own["origin"] = _origin(runs)
-    rest = SimpleNamespace(carry=lambda: _carry([run.carry for run in runs], own.get("origin")))
-    known = own | {
+    own: dict[str, Any] = {}
+    if isinstance(runs[0], TransformedTrajectory):
+        own = {"origin": _origin(runs)}
+    own |= {
         "system": _systems(plan, runs),
         "method": plan.method,
         "stopped": stopped,
         "events": tuple([sum(found, ()) for found in zip(*(run.events for run in runs))]),
     }
-    return type(first).promised(rest, **known)
+    return of_some(runs, lambda: _carry([run.carry for run in runs], own.get("origin")), **own)
 
 
 def _systems(plan: Any, runs: list[Any]) -> Any:

@@ -252,7 +252,8 @@ class Stepper:
 
     def _input(self, name: str) -> Input:
         """The input of this name, perhaps known by a longer one.  Raises InvalidInput."""
-        if self._fictive or isinstance(self._carry, SiteCarry):
+        links = isinstance(self._here, SitesInPlace) and self._here.renewable
+        if self._fictive or (isinstance(self._carry, SiteCarry) and not links):
             kind = "steps in fictive time" if self._fictive else "systems of many sites"
             raise InvalidInput(
                 f"Stepper.step: {kind} take no inputs; go on with plan.replace(system=...)"
@@ -285,6 +286,10 @@ class Stepper:
 
         anew : is what the method carries along beside the state another system's?
         """
+        if isinstance(self._here, SitesInPlace):
+            self._here.run.become(plan, anew)
+            self._plan, self._held = plan, {}
+            return
         carry, old = self._standing, self._plan._steps.shapes
         state = carry.state
         key = next((key for key, shape in old.items() if shape is carry.shape), None)
@@ -375,7 +380,7 @@ class SitesInPlace:
     most = arguments.MOST
 
     def __init__(self, plan: Any, begun: SiteCarry) -> None:
-        self.run = plan.by_hand(begun)
+        self.run = plan._sites.by_hand(begun)
 
     @property
     def taken(self) -> int:
@@ -399,8 +404,14 @@ class SitesInPlace:
         return steps
 
     def take(self, new: list[Held], held: dict[str, Held]) -> bool:
-        """There are no inputs."""
-        return False
+        """Take the new inputs; False if that is more than to write them down."""
+        write = getattr(self.run, "take", None)
+        return write is not None and write([(x.input, x.numbers) for x in new])
+
+    @property
+    def renewable(self) -> bool:
+        """Can it go on with another system?"""
+        return hasattr(self.run, "become")
 
     @property
     def carry(self) -> SiteCarry:

@@ -32,7 +32,7 @@ from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..integrators.method import Method, Wrapping
 from ..integrators.taylor import Taylor
 from ..systems.clocked import Clocked
-from ..systems.system import State
+from ..systems.system import State, member
 from . import arguments
 from .control import TAKEN
 from .dense import evaluated, flat, report, unpacked
@@ -41,12 +41,75 @@ from .execution import like
 from .fictive import Origin
 from .parameters import parameter, with_parameter
 from .prepared import Steps
-from .result import AsItIs, beside
+from .result import AsItIs, of_some, of_tangent
+from .starts import started_by_sites
 from .systems import Methods, Systems
 from .trajectory import TangentTrajectory, Trajectory
 
 LEVEL = 0.5
 """Level of the numbers that carry the derivative, below those of derivatives that formulas take."""
+
+
+# ------------------------------------------------------------------ what is asked for
+
+
+def tangent_of(
+    plan: Any, start: Any, steps: Any, t_end: Any, t0: Any, by: Any, **products: Any
+) -> TangentTrajectory:
+    """The run of `Plan.tangent`: what is asked for is checked, and made body by body."""
+    if plan.recorder is not None:
+        raise InvalidInput(
+            "Plan.tangent is of the state; make a plan that records no functions of it"
+        )
+    if plan.events:
+        raise InvalidInput("Plan.tangent looks for no events; make a plan without them")
+    t0 = arguments.real(t0, "t0")
+    names = arguments.parameters(by, "Plan.tangent")
+    asked = [name for name, x in products.items() if x is not None]
+    if len(asked) > 1 or (asked and names != ("start",)):
+        raise InvalidInput(
+            f'Plan.tangent: give one of along and against, and by="start"; got by={by!r}'
+        )
+    given = (asked[0], products[asked[0]]) if asked else None
+    if plan._sites is not None and plan._sites.takes(start):
+        by_sites = started_by_sites(plan, start)
+        made: Any = plan._sites.tangent(by_sites, steps, t_end, t0, names, given)
+        if made is not None:
+            return made
+    start = plan._started(start)
+    with plan._beginning(start, t0):
+        if start.bodies is None:
+            run = _of_one(plan, start, steps, t_end, t0, names)
+        else:
+            ends = arguments.ends(t_end, start.bodies)
+            runs = [
+                _of_one(plan._of_body(i), member(start, i), steps, ends[i], t0, names)
+                for i in range(start.bodies)
+            ]
+            run = of_bodies(plan.method, runs)
+    return run if given is None else multiplied(run, *given)
+
+
+def _of_one(
+    plan: Any, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...]
+) -> TangentTrajectory:
+    """The run of one body with its tangent map."""
+    if plan.adaptive:
+        if "h" in names:
+            raise InvalidInput(
+                "Plan.tangent: h is for fixed steps; the lengths of adaptive ones are held fixed"
+            )
+        run = plan._in_pieces(start, t0, steps, t_end, None, None)
+        return adaptive_tangent_run(plan, run, start, names)
+    if plan.fictive:
+        if t_end is not None or steps is None:
+            raise InvalidInput(
+                "Plan.tangent: in fictive time give steps, and no t_end, which is met by a step"
+                " of another length"
+            )
+        steps = arguments.count(steps, "steps", 0)
+        return fictive_tangent_run(plan, start, steps, t0, names)
+    return tangent_run(plan, start, plan._count(steps, t_end, t0), t0, names)
 
 
 # ------------------------------------------------------------------ directions
@@ -219,10 +282,10 @@ def tangent_run(
         dressed = with_step(method, way.h, t0)
     found = Directions.of(way.one, method, start, names, dressed)
     made, t, values, tangent = carried_along(plan, start, steps, t0, found)
-    return told_of(made, TangentTrajectory(
-        way.one, way.method, way.h, t, unpacked(layout_of(start), values), None, steps,
-        made.compiled, tangent=found.named(tangent),
-    ))  # fmt: skip
+    return of_tangent(
+        made, steps, found.named(tangent), system=way.one, method=way.method, h=way.h, t=t,
+        states=unpacked(layout_of(start), values),
+    )  # fmt: skip
 
 
 def carried_along(
@@ -243,16 +306,6 @@ def carried_along(
         raise
     n, values, slopes = run.halves()
     return made, made.t[:n], values, found.components(start, values, slopes)
-
-
-def told_of(made: Trajectory, run: TangentTrajectory) -> TangentTrajectory:
-    """The run with its map; where a step failed in a direction, what it failed of is raised."""
-    if not made.stopped:
-        return run
-    first = min(made.stopped, key=lambda i: made.stopped[i].steps)
-    error: Any = made.stopped[first].error
-    error.trajectory = replace(run, steps=made.stopped[first].steps)
-    raise error from error.__cause__
 
 
 def fictive_tangent_run(
@@ -280,10 +333,10 @@ def fictive_tangent_run(
     size = tangent.shape[1]
     # z is not shown
     rows = whole.of_tangent(size) if plan.one.fictive else [*range(size - 1)]
-    return told_of(made, TangentTrajectory(
-        whole.system, plan.method, plan.h, t, states, None, steps, made.compiled,
-        tangent=found.named(tangent[:, rows]), tau=tau,
-    ))  # fmt: skip
+    return of_tangent(
+        made, steps, found.named(tangent[:, rows]), system=whole.system, method=plan.method, h=plan.h,
+        t=t, states=states, tau=tau,
+    )  # fmt: skip
 
 
 def slope(function: Any, step: float, layout: Layout, name: str) -> np.ndarray:
@@ -368,10 +421,10 @@ def adaptive_tangent_run(
     )
     made, n, _, tangent = carried_along(like(plan, _steps=steps), start, len(begun), 0.0, found)
     states = {name: x[: len(n)] for name, x in run.states.items()}
-    return told_of(made, TangentTrajectory(
-        way.system, way.method, run.h, run.t[: len(n)], states, None, run.steps, run.compiled,
-        rejected=run.rejected, tangent=found.named(tangent),
-    ))  # fmt: skip
+    return of_tangent(
+        made, run.steps, found.named(tangent), system=way.system, method=way.method, h=run.h,
+        t=run.t[: len(n)], states=states, rejected=run.rejected,
+    )  # fmt: skip
 
 
 def dual_of(thing: Any, slopes: Any = None) -> Any:
@@ -386,7 +439,8 @@ def of_bodies(method: Any, runs: list[TangentTrajectory]) -> TangentTrajectory:
     """The runs of all bodies as one."""
     alone = all(run.system is runs[0].system for run in runs)
     system: Any = runs[0].system if alone else Systems(tuple([run.system for run in runs]))
-    return TangentTrajectory(system, method, **beside(runs))
+    made: TangentTrajectory = of_some(runs, system=system, method=method)
+    return made
 
 
 def multiplied(run: TangentTrajectory, name: str, given: Any) -> TangentTrajectory:
@@ -517,10 +571,11 @@ class _Run(StraightRun):
     def view(self) -> AsItIs:
         return Directionless(self.lanes.example)
 
-    def _only_start(self) -> Trajectory:
-        return Trajectory(self.plan.system, self.plan.method, self.way.h, np.empty(0), {}, None, 0)
+    def first_sample(self) -> dict[str, Any]:
+        none: dict[str, Any] = {"t": np.empty(0), "states": {}}
+        return {"system": self.plan.system, "h": self.way.h} | none
 
-    def tell(self, stopped: Any) -> None:
+    def tell(self, made: Trajectory) -> None:
         """Directions that stop are no bodies of which to warn."""
 
     def halves(self) -> tuple[int, np.ndarray, np.ndarray]:

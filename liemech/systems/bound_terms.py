@@ -144,13 +144,18 @@ def parameters(terms: Terms, group: PowerGroup | SpeciesGroup) -> tuple[Any, ...
     if not isinstance(group, SpeciesGroup):
         for name, value in terms.own.items():
             _require_many(name, value, group.copies, repr(group))
-        return terms.names, tuple(terms.own.values()), _held(terms, group), None
+        return terms.names, tuple(terms.own.values()), numbers_of(terms, "held", group), None
     values = [_of_species(name, x, group) for name, x in terms.own.items()]
     has = [
         tuple([name for name, x in terms.own.items() if not isinstance(x, dict) or k in x])
         for k in range(len(group.powers))
     ]
-    return terms.names, tuple(values), _held(terms, group), Species.of(group, tuple(has))
+    return (
+        terms.names,
+        tuple(values),
+        numbers_of(terms, "held", group),
+        Species.of(group, tuple(has)),
+    )
 
 
 def _require_many(name: str, value: Any, sites: int, whose: str) -> None:
@@ -185,21 +190,21 @@ def _of_species(name: str, value: Any, group: SpeciesGroup) -> Any:
     return each(np.concatenate([parts.get(k, x) for k, x in enumerate(blank)]))
 
 
-def _held(terms: Terms, group: PowerGroup | SpeciesGroup) -> tuple[int, ...]:
-    """The sites that are held, among all."""
+def numbers_of(terms: Terms, name: str, group: PowerGroup | SpeciesGroup) -> tuple[int, ...]:
+    """The sites that are held, or pinned, among all.  name : which."""
     found = []
-    for one in terms.held:
+    for one in getattr(terms, name):
         by_species = isinstance(one, tuple)
         if by_species != isinstance(group, SpeciesGroup):
-            cure = "held={0: [0, 5]}" if not by_species else "held=[0, 5]"
-            raise InvalidInput(f"Terms: held is told of the sites of {group!r} as {cure}")
+            cure = f"{name}={{0: [0, 5]}}" if not by_species else f"{name}=[0, 5]"
+            raise InvalidInput(f"Terms: {name} is told of the sites of {group!r} as {cure}")
         k, i = one if by_species else (0, one)
         counts = group.counts if isinstance(group, SpeciesGroup) else [group.copies]
         firsts = group.firsts if isinstance(group, SpeciesGroup) else (0,)
         if not (0 <= k < len(counts) and 0 <= i < counts[k]):
             whose = f" of species {k}" if by_species else ""
             last = f"; they are 0 to {counts[k] - 1}" if 0 <= k < len(counts) else ""
-            raise InvalidInput(f"Terms: held names site {i}{whose}, which is not there{last}")
+            raise InvalidInput(f"Terms: {name} names site {i}{whose}, which is not there{last}")
         found.append(firsts[k] + i)
     return tuple(sorted(found))
 

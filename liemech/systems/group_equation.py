@@ -6,6 +6,7 @@ from typing import Any, ClassVar, final
 
 from ..errors import undefined
 from ..formulas import Element, Vec, record
+from ..formulas.numbers import InMemory
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
 from .system import State, System, as_precise, frozen, large_members, lies_in_memory, members_of
@@ -51,8 +52,17 @@ class GroupEquation(System):
         return Position(retraction.tau_compose(self.group, omega, state.g))
 
     @final
-    def variation(self, state: Position, omega: Vec) -> tuple[Vec, Vec]:
+    def moving(self, state: Position, xi: Vec) -> Position:
+        """g xi, or xi g for spatial velocities, as matrices."""
+        x = self.group.algebra.hat(xi)
+        return Position(state.g @ x if self.side == "left" else x @ state.g)
+
+    @final
+    def variation(self, state: Position, omega: Vec) -> tuple[Any, Any]:
         """The displacement, beside what counts as large at g."""
+        if isinstance(omega, InMemory):
+            still: Any = omega
+            return (still,), (0.0 * still + 1.0,)
         return omega, self.group.scale(state.g)
 
     @final

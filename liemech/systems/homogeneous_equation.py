@@ -8,6 +8,7 @@ import numpy as np
 
 from ..errors import InvalidInput, undefined
 from ..formulas import Vec, record, vec
+from ..formulas.numbers import InMemory
 from ..groups.actions import GroupAction
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
@@ -63,8 +64,15 @@ class HomogeneousEquation(System):
         return Point(retraction.tau_act(self.action, omega, state.x))
 
     @final
-    def variation(self, state: Point, omega: Vec) -> tuple[Vec, Vec]:
+    def moving(self, state: Point, xi: Vec) -> Point:
+        """The velocity of the point."""
+        return Point(self.action.infinitesimal(xi, state.x))
+
+    @final
+    def variation(self, state: Point, omega: Vec) -> tuple[Any, Any]:
         """The change of x by omega, beside |x|."""
+        if isinstance(omega, InMemory):
+            return (self.action.infinitesimal(omega, state.x),), (abs(state.x),)
         return self.action.infinitesimal(omega, state.x), vec(*[abs(a) for a in state.x])
 
     @final

@@ -29,7 +29,7 @@ SHARES = 0.03, 0.21, 0.42, 0.58, 0.79, 0.97
 
 @record
 class Kind(Record):
-    """What is seen of a term.
+    """The parts of a term that are looked at.
 
     affine : is it affine in the momentum of each site?  steady : does the velocity that it gives a
     single site stay as it is while the site moves along?  isotropic : is it a function of the

@@ -7,10 +7,11 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InvalidInput, InvalidType
+from ..errors import InvalidInput, InvalidType
 from ..formulas import Element, Record, Vec, record, vec
 from ..formulas.arrays import at_a_glance
 from ..formulas.large import Large
+from ..formulas.numbers import InMemory
 from ..formulas.pytree import fields_of, fill, laid_out
 from ..formulas.remembered import Remembered
 from ..formulas.vectors import Mat
@@ -89,6 +90,10 @@ class LiePoissonMotion(System):
             mu, None if state.g is None else retraction.compose_tau(self.group, state.g, omega)
         )
 
+    def moving(self, state: BodyState, xi: Vec) -> BodyState:
+        """ad*_xi mu, of the momentum alone."""
+        return BodyState(self.group.ad_star(xi, state.mu), None)
+
     def essential_part(self, state: BodyState) -> BodyState:  # type: ignore[override]
         """The momentum."""
         return BodyState(state.mu, None)
@@ -113,13 +118,16 @@ class LiePoissonMotion(System):
         many = isinstance(group, (PowerGroup, SpeciesGroup)) and hasattr(energy, "of_site")
         return kind(group.base, energy.of_site()) if many else None
 
-    def variation(self, state: BodyState, omega: Vec) -> tuple[Vec, Vec]:
-        """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is."""
-        if isinstance(state.mu, Large):
-            raise IncompatibleSystem(
-                f"adaptive steps ask for the size of every component; {self.group!r} has "
-                f"{self.group.dim} in memory: take fixed steps, h=..."
-            )
+    def variation(self, state: BodyState, omega: Vec) -> tuple[Any, Any]:
+        """ad*_omega mu beside |mu|, and omega beside what counts as large where the body is; of large
+        matrices each part by itself.
+        """
+        mu: Any = state.mu
+        if isinstance(mu, InMemory):
+            changes, sizes = (self.group.ad_star(omega, mu),), (abs(mu),)  # type: ignore[arg-type, var-annotated]
+            if state.g is None:
+                return changes, sizes
+            return (*changes, omega), (*sizes, 0.0 * omega + 1.0)
         change, size = self.group.ad_star(omega, state.mu), vec(*[abs(m) for m in state.mu])
         return (
             (change, size)
@@ -196,6 +204,10 @@ class LiePoissonSystem(LiePoissonMotion):
     def velocity(self, mu: Vec) -> Vec:
         """The body velocity xi = dH/dmu.  mu : (dim,)."""
         return self.hamiltonian.gradient(mu)
+
+    def velocity_matrix(self, m: Mat) -> Mat:
+        """hat(dH/dmu) from the matrix that stands for the momentum, on groups of matrices.  m : (n, n)."""
+        return self.hamiltonian.velocity_matrix(self.group.algebra, m)
 
     @final
     def energy(self, mu: Vec) -> float:

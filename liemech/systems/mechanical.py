@@ -300,7 +300,9 @@ class MechanicalSystem(System):
         state = body_state(name, self.body.group, momentum, g)
         if isinstance(self.potential, PlaceTerms):
             require_apart(name, self.potential, state.g)
-            _require_rest(name, self.body.group, self.potential.held, np.asarray(state.mu))
+            mu, field = np.asarray(state.mu), self.potential
+            _require_rest(name, self.body.group, field.held, mu, "held: its momentum")
+            _require_rest(name, self.body.group, field.pinned, mu, "pinned: its linear momentum", 3)
         return self._vouched(state)
 
     # elements are those of the configurations
@@ -331,13 +333,15 @@ class MechanicalSystem(System):
         return self.body.group._objection(argument, value)
 
 
-def _require_rest(name: str, group: Any, held: tuple[int, ...], mu: np.ndarray) -> None:
-    """Raise InvalidInput for a site that is held, and has a momentum."""
+def _require_rest(
+    name: str, group: Any, held: tuple[int, ...], mu: np.ndarray, what: str, first: int = 0
+) -> None:
+    """Raise InvalidInput for a site that is held, and has a momentum, from a component on."""
     if not held:
         return
     mu = group.by_site(mu, "Vec") if mu.shape[-1:] == (group.dim,) else mu
-    moving = np.flatnonzero(mu[..., list(held), :].any(axis=-1).reshape(-1, len(held)).any(axis=0))
+    moving = np.flatnonzero(
+        mu[..., list(held), first:].any(axis=-1).reshape(-1, len(held)).any(axis=0)
+    )
     if len(moving):
-        raise InvalidInput(
-            f"{name}: site {group.named(held[moving[0]])} is held: its momentum must be zero"
-        )
+        raise InvalidInput(f"{name}: site {group.named(held[moving[0]])} is {what} must be zero")

@@ -24,9 +24,10 @@ from ..formulas.sites import SiteArray, interleaved_sum
 from ..groups.lie_group import LieGroup
 from ..groups.power import PowerGroup
 from ..groups.product import spans
+from ..groups.se3 import SE3
 from ..groups.species import SpeciesGroup
 from .among import Species
-from .bound_terms import BoundTerm, bound, forces, loads, parameters, share, slopes
+from .bound_terms import BoundTerm, bound, forces, loads, numbers_of, parameters, share, slopes
 from .colouring import Coloured
 from .driven_hamiltonian import DrivenHamiltonian
 from .energy_of_species import EnergyOfSpecies
@@ -50,11 +51,11 @@ from .trials_of_terms import plain_term, tried
 
 @record
 class OfTerms(Record):
-    """What energies of many sites have in common; abstract.
+    """Energies of many sites, with what they have in common; abstract.
 
     group : the power whose copies are the sites, or a product of powers.  parts : the terms.  names,
     own : parameters of the sites.  held : the sites that do not move.  species : those of the sites,
-    if there are several.
+    if there are several.  pinned : the sites on SE(3) that turn where they are.
     """
 
     group: PowerGroup | SpeciesGroup
@@ -63,10 +64,12 @@ class OfTerms(Record):
     own: tuple[Any, ...] = ()
     held: tuple[int, ...] = ()
     species: Species | None = None
+    pinned: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
         own = [f"{name}={value!r}" for name, value in zip(self.names, self.own)]
-        held = [f"held={list(self.held)}"] if self.held else []
+        rest = [("held", self.held), ("pinned", self.pinned)]
+        held = [f"{name}={[*some]}" for name, some in rest if some]
         if self.of_one is not None and not own:
             return repr(self.parts[0])
         return f"Terms({', '.join([*map(repr, self.parts), *own, *held])})"
@@ -111,6 +114,8 @@ class OfTerms(Record):
             total = vec(*[0.0 for _ in range(base.dim)])
             for part in (self.parts if parts is None else parts) if i not in self.held else ():
                 total = formula(total, base, part.edges_at(sites, i))
+            if i in self.pinned:
+                total = vec(*total[:3], 0.0, 0.0, 0.0)
             found = [*found, *total]
         return vec(*found)
 
@@ -128,9 +133,11 @@ class OfTerms(Record):
         """The fields of the site form."""
         roles = [RoleAtSite.made(part, role) for part in self.parts for role in part.roles]
         own = [OwnOfSites.of_each(x) if isinstance(x, Each) else x for x in self.own]
-        moves: Any = np.ones(self.group.copies)
+        moves: Any = np.ones((self.group.copies, 6))
         moves[[*self.held]] = 0.0
-        moves = SiteArray.of(moves) if self.held else None
+        moves[[*self.pinned], 3:] = 0.0
+        moves = moves if self.pinned else moves[:, 0]
+        moves = SiteArray.of(moves) if self.held or self.pinned else None
         return tuple(roles), self.names, tuple(own), moves, self.species
 
     @property
@@ -138,7 +145,11 @@ class OfTerms(Record):
         """The energy of one body that each site has, if there is nothing else; None if there is.  Of
         several species those of a body of each, a tuple.
         """
-        if self.held or not all(isinstance(part.term, PerSite) for part in self.parts):
+        if (
+            self.held
+            or self.pinned
+            or not all(isinstance(part.term, PerSite) for part in self.parts)
+        ):
             return None
         ones = {part.of: part.term.energy_of_one for part in self.parts}
         if self.species is None:
@@ -446,7 +457,11 @@ def load_of(name: str, group: LieGroup, load: Any) -> Any:
 def released(system: Any) -> Any:
     """The system with sites that are held free to move: then forces are those of its energy."""
     held = inside(system, OfTerms)
-    return exchanged(system, OfTerms, [with_fields(x, held=()) for x in held]) if held else system
+    return (
+        exchanged(system, OfTerms, [with_fields(x, held=(), pinned=()) for x in held])
+        if held
+        else system
+    )
 
 
 def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
@@ -456,7 +471,12 @@ def _made(kind: Any, name: str, group: LieGroup, terms: Terms) -> Any:
             f"{group!r} ** sites, such as {group!r} ** 100"
         )
     parts = bound(terms, group)
-    made = kind(group, parts, *parameters(terms, group))
+    pinned = numbers_of(terms, "pinned", group)
+    made = kind(group, parts, *parameters(terms, group), pinned)
+    if pinned and not (isinstance(group, PowerGroup) and isinstance(group.base, SE3)):
+        raise InvalidInput(
+            f"{name}: pinned sites turn where they are, on SE3() ** n; the group is {group!r}"
+        )
     for part in parts:
         _require_kind(name, kind, part)
         _require_fitting(name, group, part)

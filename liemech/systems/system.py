@@ -153,6 +153,10 @@ class System(Record):
         own: Any = self
         return own.state(**parts)
 
+    def moving(self, state: Any, xi: Vec) -> Any:
+        """xi . y, the rates of a state that moves with this velocity."""
+        raise undefined(self, "moving")
+
     @property
     def unit_blocks(self) -> tuple[int, ...]:
         """How many components of the velocity in a row share a physical unit: by default those of
@@ -180,7 +184,7 @@ class System(Record):
         return arrays
 
     def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """What many sites keep beside the energy, by name, at many samples."""
+        """The quantities that many sites keep beside the energy, by name, at many samples."""
         return {}
 
     def _written_out(self, state: Any) -> Any:

@@ -187,6 +187,18 @@ class PiecewisePolynomial(Record):
         times, found = _table(t, values, 1)
         return cls(times, found[:, None], outside)
 
+    def with_values(self, values: Any) -> PiecewisePolynomial:
+        """The table with other values at the same times: (n,) or (n, dim), of steps one for each interval,
+        of straight lines one for each knot.  Raises InvalidInput for other tables.
+        """
+        make = {0: self.constant, 1: self.linear}.get(self.degree)
+        if make is None or (self.degree == 1 and self.jumping):
+            raise InvalidInput(
+                "PiecewisePolynomial.with_values: values are those of steps (.constant) and of straight "
+                f"lines (.linear); {self!r} has coefficients"
+            )
+        return make(np.asarray(self.knots), values, self.outside)
+
     def derivative(self, order: int = 1) -> PiecewisePolynomial:
         """df/dt, again as such a function; at a knot that of the interval behind it.  Held values
         have no slope: use the formula's `lm.derivative` there.
@@ -213,15 +225,17 @@ class PiecewisePolynomial(Record):
         first, last = where(seen, self.first, -1.0), where(seen, self.last, self.intervals)
         t = self._inside(t, first, last, where(seen, self.period, ANY))
         i = self._interval(t, first, last)
+        return horner(self._terms_of(i), t - entry(self.knots, i))
+
+    def _terms_of(self, i: Any) -> list[Any]:
+        """The coefficients of interval number i, by rising powers."""
         width = max(self.size, 1)
         at = i * ((self.degree + 1) * width)
         rows = [
             [entry(self.coefficients, at + (k * width + j)) for j in range(width)]
             for k in range(self.degree + 1)
         ]
-        return horner(
-            [vec(*row) if self.size else row[0] for row in rows], t - entry(self.knots, i)
-        )
+        return [vec(*row) if self.size else row[0] for row in rows]
 
     def _of_array(self, t: np.ndarray) -> np.ndarray:
         """The values at many times, to the bit."""

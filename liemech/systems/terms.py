@@ -14,10 +14,13 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, undefined
 from ..formulas import (
+    Mat,
     Record,
     Vec,
     check_finite,
     gradient,
+    jacobian,
+    mat,
     record,
     vec,
 )
@@ -137,6 +140,29 @@ class Term(Record, StandsForAnEnergy):
         energy.
         """
         return tuple([self.force(group, k, *sites) for k in range(len(sites))])
+
+    @derived
+    def stiffnesses(self, group: Any, *sites: Any) -> tuple[tuple[Mat, ...], ...]:
+        """How the forces fall as sites move: block (i, j) is -d/ds of the force on site i as site j
+        goes along g exp(s eta), (dim, dim).
+        """
+        n = group.dim
+
+        def held_back(eta: Vec) -> Vec:
+            there = [
+                with_fields(s, g=group.compose_exp(s.g, eta[n * k : n * k + n]))
+                for k, s in enumerate(sites)
+            ]
+            return vec(*[-x for f in self.forces(group, *there) for x in f])
+
+        slope = jacobian(held_back, vec(*[0.0 for _ in range(n * len(sites))]))
+        parts = [(n * k, n * k + n) for k in range(len(sites))]
+        return tuple(
+            [
+                tuple([mat(*[slope[r][a:b] for r in range(i, j)]) for a, b in parts])
+                for i, j in parts
+            ]
+        )
 
     def over(self, graph: Any = None, of: Any = None) -> Over:
         """The sum of the term over the edges of a graph, such as `neighbours.ring(100)`; of no graph
@@ -296,6 +322,7 @@ class Terms(Record, StandsForAnEnergy):
     held : the numbers of sites that do not move: no slope and no force is theirs, others feel them.
     Where sites are of several species, own and held may be told of each, mass={0: each(m), 1: 18.0},
     held={1: [0, 5]}.
+    pinned : the numbers of sites on SE(3) that turn where they are: no force moves them along.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
@@ -303,11 +330,13 @@ class Terms(Record, StandsForAnEnergy):
     terms: tuple[Any, ...]
     own: dict[str, Any]
     held: tuple[Any, ...] = ()
+    pinned: tuple[Any, ...] = ()
 
-    def __init__(self, *terms: Any, held: Any = (), **own: Any) -> None:
+    def __init__(self, *terms: Any, held: Any = (), pinned: Any = (), **own: Any) -> None:
         object.__setattr__(self, "terms", tuple([_over(term) for term in terms]))
         object.__setattr__(self, "own", {name: _parameters(name, x) for name, x in own.items()})
-        object.__setattr__(self, "held", _held(held))
+        object.__setattr__(self, "held", _held("held", held))
+        object.__setattr__(self, "pinned", _held("pinned", pinned))
         self.__post_init__()
 
     def __post_init__(self) -> None:
@@ -317,7 +346,8 @@ class Terms(Record, StandsForAnEnergy):
 
     def __repr__(self) -> str:
         own = [f"{name}={value!r}" for name, value in self.own.items()]
-        held = [f"held={_shown(self.held)}"] if self.held else []
+        rest = [("held", self.held), ("pinned", self.pinned)]
+        held = [f"{name}={_shown(some)}" for name, some in rest if some]
         return f"Terms({', '.join([*map(repr, self.terms), *own, *held])})"
 
     @property
@@ -327,7 +357,7 @@ class Terms(Record, StandsForAnEnergy):
 
 
 def as_terms(energy: Any) -> Any:
-    """What stands for a sum of terms as one; anything else as it is."""
+    """One term that stands for a sum of them; anything else as it is."""
     return Terms(energy) if isinstance(energy, (Term, Over)) else energy
 
 
@@ -353,15 +383,15 @@ def _require_one(name: str, term: Term) -> None:
         )
 
 
-def _held(held: Any) -> tuple[Any, ...]:
+def _held(name: str, held: Any) -> tuple[Any, ...]:
     """Numbers of sites, in rising order; of several species pairs of a species and a number."""
     if isinstance(held, dict):
-        return tuple(sorted({(int(k), i) for k, some in held.items() for i in _held(some)}))
+        return tuple(sorted({(int(k), i) for k, some in held.items() for i in _held(name, some)}))
     found = np.atleast_1d(np.asarray(held))
     whole = found.dtype.kind in "iu" or (found.dtype.kind == "f" and (found == found // 1.0).all())
     if found.ndim != 1 or not whole:
         raise InvalidInput(
-            f"Terms: held is the numbers of sites, [0, 5], or those of species, {{1: [0, 5]}}; got "
+            f"Terms: {name} is the numbers of sites, [0, 5], or those of species, {{1: [0, 5]}}; got "
             f"{held!r}"
         )
     return tuple(sorted({*map(int, found)}))

@@ -11,6 +11,7 @@ from ..formulas import Element, Record, Vec, mat, record, vec, vectors, where
 from ..formulas.fields import OfEach
 from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, inside, with_fields
+from ..formulas.signatures import bare
 from ..formulas.sites import SiteArray, SiteTable, meet, own
 from ..groups.lie_group import LieGroup
 from ..groups.one_of import filled
@@ -94,6 +95,7 @@ class RoleAtSite(Record):
     site has; None: as many as the tables have rows.  near : the graph of pairs within a cutoff, of
     which a run may make lists.  of : the species of the ends; (): there is one only.  reach : the
     first of the sites of the other end and the one behind the last, where it is tied to all of these.
+    once : along a chain, does the first site of an edge find the forces on both of them?
     """
 
     term: Term
@@ -105,6 +107,7 @@ class RoleAtSite(Record):
     near: Within | Among | None = None
     of: tuple[int, ...] = ()
     reach: tuple[float, float] | None = None
+    once: bool = False
 
     @classmethod
     def made(cls, part: BoundTerm, role: int) -> RoleAtSite:
@@ -117,8 +120,10 @@ class RoleAtSite(Record):
         if part.of and is_all_pairs(graph) and several and not inside(part.term, Each):
             near, reach = graph.open() if is_near(graph) else None, graph.range_of(1 - role)
             return cls(part.term, role, part.merged, False, near=near, of=part.of, reach=reach)
-        fixed = isinstance(part.graph, Lattice)
-        return cls.of_incidence(part, role, part.incidence(role), alone, fixed)
+        once = in_a_row(part)
+        fixed = once or isinstance(part.graph, Lattice)
+        made = cls.of_incidence(part, role, part.incidence(role), alone, fixed)
+        return with_fields(made, once=once)
 
     @classmethod
     def of_incidence(
@@ -143,7 +148,7 @@ class RoleAtSite(Record):
         return made if alone else made.with_tables(incidence, fixed)
 
     def with_tables(self, incidence: Incidence, fixed: bool = False) -> RoleAtSite:
-        """The same with other neighbours.  fixed : is their number known to formulas?"""
+        """This energy with other neighbours.  fixed : is their number known to formulas?"""
         counts = incidence.counts
         tables = tuple([SiteTable.of(table, fixed=fixed) for table in incidence.others])
         same = fixed and bool((counts == len(incidence.edges)).all())
@@ -190,6 +195,10 @@ class RoleAtSite(Record):
             total = total + of_edge(meeting.of(first, d), d)
         return total
 
+    def if_there(self, value: Any) -> Any:
+        """A value of the first edge of this site; zero if it has none."""
+        return value if self.counts is None else masked(own(self.counts) > 0.5, value)
+
     def at_edge(self, d: Any) -> Term:
         """The term with the parameters of edge d of this site."""
         return exchanged(
@@ -199,6 +208,16 @@ class RoleAtSite(Record):
     def ends(self, me: Any, mates: list[Any]) -> list[Any]:
         """The sites of an edge in the order in which the energy takes them."""
         return [*mates[: self.role], me, *mates[self.role :]]
+
+
+def in_a_row(part: BoundTerm) -> bool:
+    """Is a site the first of one edge at most, and the second of one, as along a chain, and are the
+    forces on both written together?
+    """
+    if part.merged or part.of or part.graph.arity != 2 or part.first or is_near(part.graph):
+        return False
+    together = bare(type(part.term).forces) is not bare(Term.forces)
+    return together and all(len(part.incidence(role).edges) == 1 for role in (0, 1))
 
 
 def masked(here: Any, value: Any) -> Any:
@@ -213,8 +232,8 @@ class TermsOfSite(Record):
     """Terms as one site has them, which asks the others for what it needs; abstract.
 
     roles : the terms, and the places in their energies.  names, own : parameters of the site.
-    moves : 1 for sites that move, 0 for those that are held; None: all move.  species : those of the
-    sites, if there are several.
+    moves : 1 for sites that move, 0 for those that are held, or so for each component; None: all move.
+    species : those of the sites, if there are several.
     """
 
     roles: tuple[RoleAtSite, ...]
@@ -309,8 +328,10 @@ class TermsOfSite(Record):
         """A velocity or a force; zero at sites that are held."""
         if self.moves is None:
             return x
-        moves = own(self.moves) > 0.5
-        return vec(*[where(moves, c, 0.0) for c in x])
+        moves: Any = own(self.moves)
+        if self.moves.dim is None:
+            return vec(*[where(moves > 0.5, c, 0.0) for c in x])
+        return vec(*[where(m > 0.5, c, 0.0) for m, c in zip(moves, x)])
 
 
 @record
@@ -369,17 +390,42 @@ class PotentialOfSite(TermsOfSite, Potential):
         return self._forces(group, g, found)
 
     def _forces(self, group: LieGroup, g: Element, roles: Any) -> Vec:
-        zero = vec(*[0.0 for _ in range(group.dim)])
-        force = self.added(
-            zero,
-            None,
-            g,
-            None,
-            lambda one, term, sites: term.force(self.group_of(one, group), one.role, *sites),
-            lambda term, sites: term.forces(group, *sites),
-            roles,
-        )
+        force = vec(*[0.0 for _ in range(group.dim)])
+        some = self.roles if roles is None else roles
+        apart = [role for role in some if not role.once]
+        if len(apart) > 0:
+            force = self.added(
+                force,
+                None,
+                g,
+                None,
+                lambda one, term, sites: term.force(self.group_of(one, group), one.role, *sites),
+                lambda term, sites: term.forces(group, *sites),
+                apart,
+            )
+        along = [role for role in some if role.once]
+        if len(along) > 0:
+            force = force + self._along(group, g, along)
         return self.if_it_moves(force)
+
+    def _along(self, group: LieGroup, g: Element, roles: Any) -> Vec:
+        """The forces of terms along chains: each site finds those on itself and on the next, and hands
+        the latter on.
+        """
+        me, meeting, seen = self.met(None, g, None, roles)
+        force = vec(*[0.0 for _ in range(group.dim)])
+        pushes: list[Any] = []
+        for role in roles:
+            if role.role == 0:
+                first, second = role.at_edge(0).forces(
+                    group, me, seen(meeting.of(role.others[0], 0))
+                )
+                force, pushes = force + role.if_there(first), [*pushes, second]
+        handed = meet(tuple(pushes))
+        numbers = [role for role in roles if role.role == 1]
+        for k, role in enumerate(numbers):
+            force = force + role.if_there(handed.of(role.others[0], 0)[k])
+        return force
 
 
 @record

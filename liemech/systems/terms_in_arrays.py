@@ -125,6 +125,7 @@ def slopes_of(terms: Any, states: np.ndarray, in_momenta: bool) -> np.ndarray:
                 for sample, at in enumerate(range(some.start, some.stop)):
                     np.add.at(found[at], ends[:, role], values[sample])
     found[:, list(terms.held)] = 0.0
+    found[:, list(terms.pinned), 3:] = 0.0
     return found
 
 

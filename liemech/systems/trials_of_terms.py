@@ -157,7 +157,7 @@ def _some_site(terms: Any, i: int, rng: np.random.Generator) -> Any:
 
 
 def _has(terms: Any) -> list[str]:
-    """What a site has."""
+    """The parts of the state of a site."""
     return ["mu"] if isinstance(terms, Hamiltonian) else ["g", *["xi"] * isinstance(terms, Force)]
 
 

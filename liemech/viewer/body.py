@@ -116,7 +116,7 @@ class Body(Content):
             _octants(drawing, 0.5 * box_of_inertia(inertia_of(system)), color)
         else:
             edges = box_of_inertia(inertia_of(system))
-            edged(drawing, "body", edges, color)
+            edged_box(drawing, "body", edges, color)
             if isinstance(system, Spacecraft) and system.wheels is not None:
                 _wheels(drawing, np.array(system.wheels.axes), motion["g"][:, 12:], edges, color)
         if self.triad:
@@ -241,7 +241,7 @@ def _wheels(drawing: Drawing, axes: Array, angles: Array, edges: Array, color: s
         drawing.add(f"{path}/disc/mark", mark, position=[0.0, 0.5 * radius, 1.05 * thick])
 
 
-def edged(
+def edged_box(
     drawing: Drawing, path: str, edges: Array, color: str, turn: ArrayLike = (0.0, 0.0, 0.0, 1.0)
 ) -> None:
     """A box whose edges are seen."""
@@ -253,7 +253,7 @@ def edged(
 def _sleigh(drawing: Drawing, color: str) -> None:
     """A deck on a blade, which is one unit behind the centre of mass, and a ball in that."""
     drawing.add("body/deck", position=[-0.35, 0.0, 0.45])
-    edged(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
+    edged_box(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
     drawing.add("body/blade", box(np.array([0.9, 0.05, 0.4]), "#333333"), position=[-1.0, 0.0, 0.2])
     drawing.add("body/centre", ball(0.16, "#333333"), position=[0.0, 0.0, 0.55])
 

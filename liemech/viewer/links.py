@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 from ..errors import InvalidInput
 from ..models.even_boxes import principal_box
 from ..models.joints import RigidRod
+from ..models.link import LinkShape
 from ..models.linkage import Linkage
 from ..models.poses import quaternions
 from ..systems.system import System
-from .body import STONE, edged
+from .body import STONE, edged_box
 from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, mixed, rod
+from .shapes import ball, mesh_file, mixed, often, rod, turned
 
 Array = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ THIN = 0.03
 @dataclass(frozen=True)
 class Links(Content):
     """The bodies of a linkage: each the box with its inertia and mass, to scale, a ball in each
-    joint, dark ones on the ground.
+    joint, dark ones on the ground; a linkage with shapes, as from a URDF file, shows these.
 
     trail : the body whose centre of mass draws its path, counted from 0, or from -1 backwards; None
     draws none.
@@ -55,7 +56,12 @@ class Links(Content):
     def reach(self, motion: Motion) -> Array:
         """Where the joints and the centres of mass come."""
         system, poses = _read(motion)
-        joints = [_placed(poses, number, at) for number, at in _points(system)]
+        seen = [
+            (one.body, (np.array(one.pose) @ [*(half * np.array(one.size)), 1.0])[:3])
+            for one in system.shapes
+            for half in (-0.5, 0.5)
+        ]
+        joints = [_placed(poses, number, at) for number, at in _points(system) + seen]
         return np.concatenate([*joints, poses[:, :, :3, 3].reshape(-1, 3)])
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
@@ -64,14 +70,17 @@ class Links(Content):
         """
         system, poses = _read(motion)
         unit, color = drawing.panel.unit, mixed(STONE, drawing.color, 0.18)
+        drawing.add("ground", position=drawing.panel.inside(np.zeros(3)))
         for k, link in enumerate(system.links):
             place = drawing.panel.inside(poses[:, k, :3, 3])
             drawing.add(
                 f"link {k + 1}", quaternion=quaternions(poses[:, k, :3, :3]), position=place
             )
+            if system.shapes:
+                continue
             axes, edges = principal_box(link)
             turn, size = quaternions(axes[None])[0], np.maximum(edges / unit, THIN)
-            edged(drawing, f"link {k + 1}", size, color, turn)
+            edged_box(drawing, f"link {k + 1}", size, color, turn)
             for n, at in enumerate([at for number, at in _points(system) if number == k], start=1):
                 drawing.add(
                     f"link {k + 1}/joint {n}", ball(0.8 * THIN, drawing.color), position=at / unit
@@ -81,7 +90,15 @@ class Links(Content):
                     drawing.add(
                         f"link {k + 1}/arm {n}", rod(color, 0.3 * THIN), direction=at, scale=length
                     )
-        for n, at in enumerate([at for number, at in _points(system) if number is None], start=1):
+        for n, one in enumerate(system.shapes):
+            node = f"link {one.body + 1}" if one.body is not None else "ground"
+            pose, node = np.array(one.pose), f"{node}/shape {n + 1}"
+            drawing.add(
+                node, quaternion=quaternions(pose[None, :3, :3])[0], position=pose[:3, 3] / unit
+            )
+            _shape(drawing, node, one, np.array(one.size) / unit, color)
+        grounded = [at for number, at in _points(system) if number is None and not system.shapes]
+        for n, at in enumerate(grounded, start=1):
             drawing.once(f"support {n}", ball(THIN, "#333333"), position=drawing.panel.inside(at))
         for n, joint in enumerate(joint for joint in system.joints if isinstance(joint, RigidRod)):
             ends = [
@@ -98,6 +115,17 @@ class Links(Content):
             )
         if self.trail is not None:
             drawing.trail("trail", drawing.panel.inside(poses[:, self.trail, :3, 3]))
+
+
+def _shape(drawing: Drawing, node: str, one: LinkShape, size: Array, color: str) -> None:
+    """A shape of a link, of this size in units of the picture."""
+    color = one.color or color
+    if one.kind == "box":
+        return edged_box(drawing, node, size, color)
+    shape = mesh_file(one.file, color) if one.file else ball(0.5, color)
+    if one.kind == "cylinder":
+        shape = turned([(0.0, -0.5), (0.5, -0.5), (0.5, 0.5), (0.0, 0.5)], color, 32)
+    drawing.add(f"{node}/{one.kind}", often(shape, 1, [size]), cloud=np.zeros((1, 3)))
 
 
 def _read(motion: Motion) -> tuple[Linkage, Array]:

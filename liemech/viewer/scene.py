@@ -188,7 +188,7 @@ class Scene:
         return found.pop() if len(found) == 1 else ASIDE
 
     def legend(self) -> list[dict[str, Any]]:
-        """What the colours mean, each said once."""
+        """The meanings of the colours, each said once."""
         found: list[dict[str, Any]] = []
         for one in self._some():
             for content in one.contents:

@@ -49,20 +49,20 @@ GROUPS = [lm.SO(4), lm.SU(3), lm.SL(3), lm.Sp(4), lm.GL(2), lm.U(2), lm.SO(14), 
 def test_order_casimirs_and_spatial_momentum(group: Any, order: int) -> None:
     system = body(group)
     mu = start_of(system)
-    moves = group.why_no_cayley() is None
-    start = system.state(mu=mu, g=np.eye(group.generated.n) if moves else None)
+    start = system.state(mu=mu, g=np.eye(group.generated.n))
+    turned = lm.integrate(system, lm.RKMK(order=8), start, h=0.1, steps=12, compiled=False).g[-1]
     exact, errors = reference(system, mu, 1.2), []
     for h in (0.4, 0.2):
         run = lm.integrate(
             system, lm.Isospectral(order), start, h=h, steps=round(1.2 / h), compiled=False
         )
-        errors.append(np.abs(run.mu[-1] - exact).max())
+        errors.append([np.abs(run.mu[-1] - exact).max(), np.abs(run.g[-1] - turned).max()])
         characteristic = [np.poly(group.generated.covector(m)) for m in run.mu[[0, -1]]]
         assert np.abs(characteristic[1] - characteristic[0]).max() < 3e-15
-        if moves:
-            assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 3e-15
-            assert np.asarray(group.contains(run.g)).all()
-    assert order - 0.35 < np.log2(errors[0] / errors[1]) < order + 0.6
+        assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 3e-15
+        assert np.asarray(group.contains(run.g)).all()
+    slopes = np.log2(np.array(errors[0]) / errors[1])
+    assert (order - 0.35 < slopes).all() and (slopes < order + 0.6).all()
 
 
 NATIVE = [
@@ -107,6 +107,121 @@ def test_small_and_large_steps_are_the_same(monkeypatch: pytest.MonkeyPatch) -> 
         assert np.abs(final(method) - before).max() < 2e-15, method
 
 
+@lm.record
+class Quartic(lm.Hamiltonian):
+    """An energy with a gradient of its own, in the arithmetic of vectors."""
+
+    a: lm.Vec
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.5 * lm.dot(mu, self.a * mu) + 0.25 * lm.dot(mu, mu) * lm.dot(mu, mu)
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        return self.a * mu + lm.dot(mu, mu) * mu
+
+
+IN_MATRIX_FORM = [
+    *(lm.CovariantVariational(r) for r in (lm.Cayley(), lm.Exponential())),
+    *(lm.LiePoissonHamiltonJacobi(2, r) for r in (lm.Cayley(), lm.Exponential())),
+    lm.LiePoissonHamiltonJacobi(4),
+    *(
+        pytest.param(lm.LiePoissonHamiltonJacobi(k, r), marks=pytest.mark.slow)
+        for k, r in ((4, lm.Cayley()), (6, lm.Cayley()), (6, lm.Exponential()), (8, lm.Cayley()), (8, lm.Exponential()))
+    ),
+    *(lm.Taylor(6, r) for r in (lm.Cayley(), lm.Exponential())),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("method", IN_MATRIX_FORM, ids=repr)
+def test_methods_with_derivatives_are_the_same_small_and_large(
+    method: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SO(4) written out, where Newton's method solves and derivatives go by components, and in
+    memory, where matrices are iterated and series have matrices as terms.
+    """
+    from liemech.groups import matrix_basis
+
+    def final() -> np.ndarray:
+        system = lm.LiePoissonSystem(lm.SO(4), Quartic(np.linspace(1.0, 2.0, 6)))
+        if "lagrangian" in method.needs:
+            system = body(lm.SO(4))
+        start = system.state(mu=0.5 * start_of(system), g=np.eye(4))
+        run = lm.integrate(system, method, start, h=0.2, steps=3, compiled=False)
+        return np.concatenate([run.mu[-1], run.g[-1].ravel()])
+
+    small = final()
+    monkeypatch.setattr(matrix_basis, "SMALL", 3)
+    assert lm.SO(4).is_large
+    assert np.abs(final() - small).max() < 2e-15
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(
+    ("method", "order"),
+    [
+        (lm.CovariantVariational(lm.Cayley()), 2),
+        (lm.LiePoissonHamiltonJacobi(4, lm.Cayley()), 4),
+        (lm.LiePoissonHamiltonJacobi(4), 4),
+        (lm.Taylor(4), 4),
+    ],
+    ids=repr,
+)
+def test_order_of_methods_with_derivatives(method: Any, order: int) -> None:
+    system = body(lm.SO(14))
+    mu, errors = start_of(system), []
+    for h in (0.4, 0.2):
+        run = lm.integrate(
+            system, method, system.state(mu=mu, g=np.eye(14)), h=h, steps=round(1.2 / h)
+        )
+        errors.append(np.abs(run.mu[-1] - reference(system, mu, 1.2)).max())
+        kept = run.drift()
+        assert kept["Casimir 1"].verdict == kept["spatial momentum"].verdict == "exact"
+    assert order - 0.35 < np.log2(errors[0] / errors[1]) < order + 0.6
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("group", [lm.SO(14), lm.SU(13)], ids=repr)
+@pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.Taylor(6, lm.Exponential())], ids=repr)
+def test_adaptive_steps(group: Any, method: Any) -> None:
+    system = body(group)
+    start = system.state(mu=start_of(system), g=np.eye(group.n))
+    exact, found = reference(system, start_of(system), 2.0), []
+    for rtol in (1e-6, 1e-9):
+        run = lm.integrate(
+            system,
+            method,
+            start,
+            t_end=2.0,
+            rtol=rtol,
+            atol=1e-3 * rtol,
+            compiled=False,
+            dense=True,
+        )
+        found.append(np.abs(run.mu[-1] - exact).max())
+        between = reference(system, start_of(system), 0.77)
+        assert np.abs(run.at(0.77).mu - between).max() < 10.0 * rtol
+        assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 3e-15
+    assert found[0] < 1e-6 and found[1] < 1e-9 and len(run.t) > 5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.Taylor(6)], ids=repr)
+def test_adaptive_steps_small_and_large_are_the_same(
+    method: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from liemech.groups import matrix_basis
+
+    def run() -> Any:
+        system = body(lm.SO(5))
+        start = system.state(mu=start_of(system), g=np.eye(5))
+        return lm.integrate(system, method, start, t_end=2.0, rtol=1e-8, atol=1e-11, compiled=False)
+
+    small = run()
+    monkeypatch.setattr(matrix_basis, "SMALL", 4)
+    large = run()
+    assert np.abs(small.t - large.t).max() < 1e-9 and np.abs(small.mu - large.mu).max() < 1e-10
+
+
 def test_runs_go_on_are_saved_and_are_many(tmp_path: Path) -> None:
     system = body(lm.SO(14))
     mu = np.array([start_of(system, k) for k in range(3)])
@@ -127,21 +242,20 @@ def test_what_cannot_be_says_why() -> None:
     system = body(lm.SO(14))
     start = system.state(mu=start_of(system))
     cases: list[tuple[Any, dict[str, Any], str]] = [
-        (lm.CovariantVariational(lm.Cayley()), {"h": 0.1}, "products of matrices"),
-        (lm.RKMK(order=5), {"t_end": 1.0, "rtol": 1e-6}, "fixed steps"),
+        (lm.GalerkinVariational(2), {"h": 0.1}, "products of matrices"),
+        (
+            lm.CovariantVariational(lagrangian=lm.QuadratureLagrangian()),
+            {"h": 0.1},
+            "Leave lagrangian out",
+        ),
         (lm.Isospectral(2), {"h": 0.1, "precision": "double-double"}, "double precision"),
     ]
     for method, options, words in cases:
-        steps = {} if "t_end" in options else {"steps": 2}
         with pytest.raises(lm.errors.IncompatibleSystem, match=words):
-            lm.integrate(system, method, start, **options, **steps)
+            lm.integrate(system, method, start, **options, steps=2)
     plan = lm.Plan(system, lm.Isospectral(2), h=0.1)
     with pytest.raises(lm.errors.IncompatibleSystem, match="calls BLAS"):
         plan.export("body", start=start)
-    unitary = body(lm.SU(3))
-    with pytest.raises(lm.errors.IncompatibleSystem, match="without g"):
-        at = unitary.state(mu=start_of(unitary), g=np.eye(3))
-        lm.integrate(unitary, lm.Isospectral(2), at, h=0.1, steps=1)
     upper = lm.MatrixLieGroup.of([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [0.0, 0.0]]])
     with pytest.raises(lm.errors.IncompatibleSystem, match="not closed under the adjoint"):
         at = body(upper).state(mu=[0.1, 0.2])
@@ -174,19 +288,6 @@ def test_arithmetic_in_memory_is_that_of_numpy() -> None:
         sums[0] = sums[0] + rest
     assert total(numbers) == sums[0]
     assert np.isnan(Large(np.eye(14)).over(Large(np.zeros((14, 14)))).array).all()
-
-
-@lm.record
-class Quartic(lm.Hamiltonian):
-    """An energy with a gradient of its own, in the arithmetic of vectors."""
-
-    a: lm.Vec
-
-    def energy(self, mu: lm.Vec) -> float:
-        return 0.5 * lm.dot(mu, self.a * mu) + 0.25 * lm.dot(mu, mu) * lm.dot(mu, mu)
-
-    def gradient(self, mu: lm.Vec) -> lm.Vec:
-        return self.a * mu + lm.dot(mu, mu) * mu
 
 
 def test_an_energy_of_ones_own() -> None:

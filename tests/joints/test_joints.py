@@ -12,7 +12,8 @@ from scipy.linalg import block_diag
 import liemech as lm
 from liemech import errors
 from liemech.models.joints import Joints, across
-from liemech.models.linkage import Link, _inertia
+from liemech.models.link import Link
+from liemech.models.linkage import _inertia
 from liemech.systems.conditions import connections, pulled, speeds
 from liemech.systems.constrained_body import _separate
 from liemech.systems.constraint import Constraint
@@ -31,6 +32,7 @@ JOINTS = {
         lm.joints.PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])),
         1,
     ),
+    "planar": (lm.joints.PlanarJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]), 3),
     "rod": (lm.joints.RigidRod(0, 1, A, B, 1.3), 5),
 }
 

@@ -19,6 +19,7 @@ from liemech.joints import (
     Link,
     Linkage,
     Motor,
+    PlanarJoint,
     PrismaticJoint,
     RevoluteJoint,
     RigidRod,
@@ -248,6 +249,7 @@ JOINTS = {
     "universal": UniversalJoint(1, 0, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, 0.2]),
     "prismatic": PrismaticJoint(0, 1, A, B, [1.0, 2.0, 3.0], lm.SO3().exp([0.4, -1.0, 0.3])),
     "ground": UniversalJoint(1, None, A, B),
+    "planar": PlanarJoint(0, 1, A, B, [1.0, 2.0, 3.0], [-1.0, 0.3, -0.2]),
 }
 
 
@@ -279,6 +281,23 @@ def test_springs_and_dampers_fit_every_joint(name: str) -> None:
         assert moved.drift()["spatial momentum"].largest < 1e-13
     assert moved.energy[-1] < moved.energy[0]
     assert (moved.joint(0).only(Damper).power <= 0.0).all()
+
+
+def test_a_bushing_is_springs_and_dampers_between_two_bodies() -> None:
+    """A FloatingJoint has no conditions and six motions."""
+    joints = [UniversalJoint(0, None, A, B), lm.joints.FloatingJoint(1, 0, B, A, name="bushing")]
+    forces = [Spring("bushing", 2.0), Damper("bushing", 0.3), Damper("bushing", 1.0, freedom=4)]
+    links = [Link(1.0, [0.1, 0.2, 0.15]), Link(2.0, [0.3, 0.2, 0.25])]
+    both = Linkage(links, joints, 0.0, forces)
+    q, v = 0.5 * np.random.default_rng(4).normal(size=(2, 6))
+    start = both.state(angles={"bushing": q}, rates={"bushing": v, 0: [0.3, -0.4]})
+    at = both.motion_at(None, 1).at
+    assert np.array(at.angles(start.g)) == pytest.approx(q, abs=1e-14)
+    assert np.array(at.rates(start.g, both.velocity(start.mu))) == pytest.approx(v, abs=1e-13)
+    laws = lm.check_system(both, start)
+    assert {laws[law].verdict for law in ("force", "load", "constraints stay")} == {"holds"}
+    with pytest.raises(lm.errors.InvalidInput, match="no joint takes away a freedom"):
+        Linkage(links, [lm.joints.FloatingJoint(0, 1)])
 
 
 # ------------------------------------------------------------------ loops

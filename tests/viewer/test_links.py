@@ -4,6 +4,9 @@ rods keep their length.
 
 from __future__ import annotations
 
+import struct
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -62,6 +65,35 @@ def test_the_box_of_a_link_has_its_size() -> None:
         R * edges**2 @ R.T
     )
     assert principal_box(lm.joints.Link.rod(1.3, 0.8, 0.05))[1][2] == pytest.approx(0.8, rel=1e-14)
+
+
+def test_a_linkage_with_shapes_shows_these(tmp_path: Path) -> None:
+    corners = struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
+    (tmp_path / "part.stl").write_bytes(bytes(80) + struct.pack("<I", 1) + corners)
+    at, turned = np.eye(4), np.eye(4)
+    at[:3, 3], turned[:3, :3] = [0.1, 0.2, 0.3], lm.SO3().exp([0.0, 0.0, 0.5])
+    shapes = [
+        library.joints.LinkShape("box", 0, at, [0.2, 0.4, 0.6], "#102030"),
+        library.joints.LinkShape(
+            "mesh", 1, turned, [0.1, 0.1, 0.2], file=str(tmp_path / "part.stl")
+        ),
+        library.joints.LinkShape("cylinder", None, at, [0.3, 0.3, 0.5]),
+        library.joints.LinkShape("ball", 2, np.eye(4), [0.3, 0.3, 0.3]),
+    ]
+    bare = rods()
+    motion = Motion(replace(bare.system, shapes=shapes), bare.t, bare.states)
+    scene = Scene(motion)
+    (panel,) = scene.panels()
+    nodes = {path.partition("run 1/")[2]: node for path, node in panel.nodes.items()}
+    box = nodes["link 1/shape 1/box"].shape.three("x")["geometries"][0]
+    assert box["depth"] * panel.unit == pytest.approx(0.6)
+    assert nodes["link 1/shape 1"].still["position"] * panel.unit == pytest.approx(at[:3, 3])
+    mesh = nodes["link 2/shape 2/mesh"].shape
+    assert mesh.many["sizes"] * panel.unit == pytest.approx([0.1, 0.1, 0.2])
+    place = nodes["ground"].still["position"] + nodes["ground/shape 3"].still["position"]
+    assert place == pytest.approx(panel.inside(at[:3, 3]))
+    assert "link 3/shape 4/ball" in nodes and not any("even" in path for path in nodes)
+    scene.save(tmp_path / "page.html")
 
 
 def test_rods_of_a_four_bar_linkage_keep_their_length_and_stand_on_their_supports() -> None:

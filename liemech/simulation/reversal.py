@@ -1,0 +1,54 @@
+"""Checkpoints of the way back through a long run: which states to keep so that few steps are made
+again.
+
+With s states kept beside the one at hand, and every step made at most r + 1 times,
+
+    beta(s, r) = (s + r)! / (s! r!)
+
+steps can be gone back through, and not one more.
+
+Source: Griewank and Walther, Algorithm 799: revolve, ACM Trans. Math. Softw. 26 (2000); Evaluating
+Derivatives, 2nd ed., section 12.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import comb
+from typing import Any
+
+
+def repetitions(steps: int, kept: int) -> int:
+    """The least r with beta(kept, r) >= steps."""
+    r = 0
+    while comb(kept + r, kept) < steps:
+        r += 1
+    return r
+
+
+def go_back(
+    first: int,
+    last: int,
+    kept: int,
+    state: Any,
+    advance: Callable[[Any, int, int], Any],
+    back: Callable[[Any, int], None],
+) -> None:
+    """Go back through the steps from `first` to `last`, the last one first.
+
+    kept : how many states may be kept beside this one, at least 1.  state : before the first step.
+    advance(state, i, j) : gives the state before step j, of the one before step i.  back(state, i) : goes back
+    through step i, from whose beginning the state is.
+    """
+    while last - first > 1:
+        r = repetitions(last - first, kept)
+        behind = min(comb(kept - 1 + r, r), last - first - 1)
+        middle = last - behind
+        there = advance(state, first, middle)
+        if behind == 1:
+            back(there, middle)
+        else:
+            go_back(middle, last, kept - 1, there, advance, back)
+        last = middle
+    if last > first:
+        back(state, first)

@@ -1,0 +1,354 @@
+"""Runs of many sites gone through backwards: J^T w and derivatives by parameters of terms, against the
+tangent map, differences, and SciPy.
+"""
+
+from __future__ import annotations
+
+from math import comb
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from terms_of_spins import Chiral, Exchange, Twist, Zeeman
+from test_runs_by_sites import chain, directions, native, spins
+
+import liemech as lm
+from liemech.errors import IncompatibleSystem, InvalidInput
+from liemech.simulation import sites_adjoint
+from liemech.simulation.reversal import go_back, repetitions
+
+edges = lm.neighbours.edges
+
+
+@lm.record
+class Swinging(lm.Term):
+    """A field that swings, on the charge of a site."""
+
+    B: lm.Vec
+    rate: float
+
+    def energy(self, a: Any, t: float) -> float:
+        return -a.charge * lm.formulas.cos(self.rate * t) * lm.dot(self.B, a.mu)
+
+
+@lm.record
+class Spring(lm.Term):
+    """A spring between two bodies, which also turns them."""
+
+    stiffness: float
+    length: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        stretch = lm.norm(a.g[:3, 3] - b.g[:3, 3]) - self.length
+        return 0.5 * self.stiffness * stretch**2 + 0.1 * lm.dot(a.g[0, :3], b.g[0, :3])
+
+
+@lm.record
+class Weight(lm.Term):
+    """The weight of a body."""
+
+    gravity: float
+
+    def energy(self, a: Any) -> float:
+        return a.mass * self.gravity * a.g[2, 3]
+
+
+@lm.record
+class Easy(lm.Term):
+    """An easy axis."""
+
+    D: float
+
+    def energy(self, a: Any) -> float:
+        return -self.D * a.mu[2] ** 2
+
+
+@pytest.fixture(autouse=True)
+def by_sites(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lm.System, "small", 0)
+
+
+def back(plan: Any, start: Any, given: Any, names: tuple[str, ...] = ()) -> Any:
+    return plan._sites.back_through(plan._start_of_sites(start), max(given), 0.0, given, names)
+
+
+def require_transposed(plan: Any, start: Any, steps: int) -> None:
+    """<w, J v> = <J^T w, v>, with w at the end and half of it after two steps."""
+    rng = np.random.default_rng(5)
+    first = plan._start_of_sites(start)
+    run = sites_adjoint.BackwardRun(plan._sites, first, steps, 0.0)
+    v, w = rng.normal(size=(2, run.components))
+    forwards = plan.replace(every=1).tangent(start, steps=steps, along=v).tangent["along"]
+    backwards, _ = run.back({steps: w, 2: 0.5 * w})
+    size = np.linalg.norm(backwards) * np.linalg.norm(v)
+    assert abs(w @ forwards[-1] + 0.5 * w @ forwards[2] - backwards @ v) < 1e-14 * size
+
+
+def magnet(J: Any, B: Any = (0.1, 0.2, 0.3), rate: float = 2.0, D: Any = None) -> Any:
+    """Five spins in a field that swings, with one of them held; with D all kinds of terms."""
+    twist = Twist([0.3, 0.1, -0.2] if D is None else D).over(edges([(1, 0), (1, 2)], sites=5))
+    terms = lm.Terms(
+        Exchange(lm.each(J)).over(lm.neighbours.ring(5)),
+        Swinging(B, rate),
+        *([] if D is None else [twist, Chiral(0.7).over(edges([(0, 1, 2)], sites=5))]),
+        charge=lm.each([1.0, -0.5, 2.0, 0.0, 0.3]),
+        held=[4],
+    )
+    return lm.DrivenLiePoissonSystem(lm.SO3() ** 5, terms)
+
+
+COUPLINGS = [1.0, 0.7, 1.3, -0.4, 0.9]
+FEW: dict[str, Any] = {"J": COUPLINGS, "rate": 2.0}
+ALL: dict[str, Any] = FEW | {"B": [0.1, 0.2, 0.3], "D": [0.3, 0.1, -0.2]}
+
+
+def differences(function: Any, x: Any) -> np.ndarray:
+    """The derivative of a number by the numbers of x, by differences of order 8."""
+    x, found = np.asarray(x, dtype=float), []
+    for i in range(x.size):
+        e = np.zeros(x.size)
+        e[i] = 2.0**-7
+        e = e.reshape(x.shape)
+        weights = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))
+        found.append(
+            sum(c * (function(x + k * e) - function(x - k * e)) for k, c in weights) / 2.0**-7
+        )
+    return np.reshape(found, x.shape)
+
+
+@pytest.mark.parametrize("kept", [1, 2, 3, 7])
+def test_few_states_are_kept(kept: int) -> None:
+    """Every step is made at most as often as the binomial says, from states that are there."""
+    for steps in (1, 2, 5, 21, 120):
+        made, order = np.zeros(steps, dtype=int), []
+
+        def advance(state: int, first: int, end: int, made: Any = made) -> int:
+            assert state == first < end
+            made[first:end] += 1
+            return end
+
+        def back(state: int, step: int, order: Any = order) -> None:
+            assert state == step
+            order.append(step)
+
+        go_back(0, steps, kept, 0, advance, back)
+        assert order == [*range(steps)][::-1]
+        r = repetitions(steps, kept)
+        assert made.max() <= r
+        assert comb(kept + r, r) >= steps > (comb(kept + r - 1, kept) if r else 0)
+
+
+@native
+@pytest.mark.parametrize(
+    "given", [FEW, pytest.param(ALL, marks=pytest.mark.slow)], ids=["few", "all"]
+)
+def test_parameters_of_terms(given: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By those of edges, of all edges, of terms in time, beside a site that is held: as differences of
+    runs, in plain Python and natively with the same bits, whatever is kept.
+    """
+    steps, names, magnet_of = 25, tuple(given), lambda x: magnet(**{**given, **x})
+    system = magnet_of({})
+    start, w = system.state(mu=directions(5)), np.random.default_rng(2).normal(size=15)
+    plan = lm.Plan(system, lm.RKMK(order=2), h=0.1, progress=False)
+    slope, found = back(plan, start, {steps: w}, names)
+    whole = plan.replace(every=steps).tangent(start, steps=steps).tangent["start"]
+    assert np.abs(slope - w @ whole[-1]).max() < 1e-14 * np.abs(whole).max()
+    assert np.abs(slope[12:] - w[12:]).max() > 0.1  # others feel the one that is held
+    for name, value in given.items():
+
+        def end(x: Any, name: str = name) -> Any:
+            system = magnet_of({name: x if x.ndim else float(x)})
+            short = lm.Plan(system, plan.method, h=0.1, every=steps, progress=False)
+            return w @ short.run(start, steps=steps).mu[-1].ravel()
+
+        assert np.abs(found[name] - differences(end, value)).max() < 1e-11
+    monkeypatch.setattr(sites_adjoint, "ROOM", 1)
+    monkeypatch.setattr(sites_adjoint, "KEPT", 2)
+    again = back(plan, start, {steps: w}, names)
+    assert np.array_equal(again[0], slope)
+    plain = back(plan.replace(compiled=False), start, {steps: w}, names)
+    assert np.array_equal(plain[0], slope)
+    assert all(np.array_equal(plain[1][name], again[1][name]) for name in names)
+
+
+def test_the_order_of_the_gradient() -> None:
+    """That of RKMK4 tends to that of the exact motion, found by SciPy, with the fourth power of h."""
+    n, T = 4, 0.8
+    J, s = np.array([1.0, 0.6, 1.4, 0.8]), directions(n)
+    w = np.random.default_rng(0).normal(size=3 * n)
+
+    def exact(J: np.ndarray) -> Any:
+        def rate(t: float, y: np.ndarray) -> np.ndarray:
+            m = y.reshape(n, 3)
+            J_before = np.roll(J, 1)
+            field = -J[:, None] * np.roll(m, -1, axis=0) - J_before[:, None] * np.roll(m, 1, axis=0)
+            return np.cross(m, field).ravel()
+
+        return w @ solve_ivp(rate, (0, T), s.ravel(), "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+
+    wanted, errors = differences(exact, J), []
+    bonds = edges([(0, 1), (1, 2), (2, 3), (3, 0)])
+    for steps in (4, 8, 16):
+        system = lm.LiePoissonSystem(lm.SO3() ** n, lm.Terms(Exchange(lm.each(J)).over(bonds)))
+        plan = lm.Plan(system, lm.RKMK(order=4), h=T / steps, compiled=False)
+        found = back(plan, system.state(mu=s), {steps: w}, ("J",))[1]["J"]
+        errors.append(np.abs(found - wanted).max())
+    slopes = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert np.abs(slopes - 4.0).max() < 0.3
+
+
+METHODS_OF_SPINS = [
+    lm.SublatticeSplitting(),
+    lm.RKMK(order=3, retraction=lm.Cayley()),
+    lm.RKMK(order=2),
+    lm.SublatticeSplitting(order=4),
+    lm.RKMK(order=6),
+    lm.RKMK(order=5, truncation="closed"),
+]
+
+
+@native
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("method", METHODS_OF_SPINS, ids=repr)
+def test_methods_of_spins(method: Any) -> None:
+    """On rings of an odd number of spins, with elements and without, and of two spins."""
+    for n, graph in ((7, lm.neighbours.ring(7)), (2, lm.neighbours.chain(2))):
+        terms = lm.Terms(Exchange(1.0).over(graph), Zeeman([0.1, 0.2, 0.3]), held=[0])
+        system = lm.LiePoissonSystem(lm.SO3() ** n, terms)
+        plan = lm.Plan(system, method, h=0.1, progress=False)
+        require_transposed(plan, system.state(mu=directions(n)), 20)
+    g = np.asarray(lm.SO3().exp(np.random.default_rng(3).normal(size=(2, 3))))
+    require_transposed(plan, system.state(mu=directions(2), g=g), 20)
+
+
+def bodies(held: Any = ()) -> tuple[Any, Any]:
+    """Four bodies in space on springs."""
+    inertia = [0.1, 0.15, 0.2, 1.0, 1.0, 1.0]
+    free = lm.LiePoissonSystem(lm.SE3() ** 4, lm.PerSite(lm.KineticEnergy(inertia)))
+    spring = Spring(lm.each([10.0, 20.0, 30.0]), 1.0).over(lm.neighbours.chain(4))
+    terms = lm.Terms(spring, Weight(9.81), mass=lm.each([1.0, 2.0, 3.0, 0.5]), held=held)
+    system = lm.MechanicalSystem(free, terms)
+    rng = np.random.default_rng(4)
+    g = np.asarray(lm.SE3().exp(0.4 * rng.normal(size=(4, 6))))
+    g[:, 0, 3] += 1.1 * np.arange(4)
+    mu = rng.normal(size=(4, 6))
+    mu[list(held)] = 0.0
+    return system, system.state(mu=mu, g=g)
+
+
+METHODS_OF_BODIES = [
+    lm.KickDrift(),
+    lm.LieVerlet(),
+    lm.KickDrift(order=4),
+    lm.RKMK(order=2),
+    lm.Composition(lm.LieVerlet(), order=4),
+    lm.KickDrift(lm.RKMK(order=4)),
+]
+
+
+@native
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS_OF_BODIES, ids=repr)
+def test_methods_of_bodies(method: Any) -> None:
+    """Bodies in a field; and by parameters of the potential."""
+    system, start = bodies(held=[1])
+    plan = lm.Plan(system, method, h=0.02, progress=False)
+    require_transposed(plan, start, 12)
+    w = np.random.default_rng(1).normal(size=24)
+    given = {12: np.append(w, np.zeros(24))}
+    natively = back(plan, start, given, ("stiffness", "length", "gravity"))
+    plain = back(plan.replace(compiled=False), start, given, ("stiffness", "length", "gravity"))
+    assert np.array_equal(natively[0], plain[0])
+
+    def end(x: np.ndarray) -> Any:
+        potential = system.potential
+        term = potential.parts[0].term
+        moved = Spring(lm.each(x), 1.0).over(lm.neighbours.chain(4))
+        terms = lm.Terms(moved, Weight(9.81), mass=lm.each([1.0, 2.0, 3.0, 0.5]), held=[1])
+        other = lm.MechanicalSystem(system.body, terms)
+        assert term.length == 1.0
+        run = lm.Plan(other, method, h=0.02, every=12, progress=False).run(start, steps=12)
+        return w @ run.mu[-1].ravel()
+
+    wanted = differences(end, [10.0, 20.0, 30.0])
+    assert np.abs(natively[1]["stiffness"] - wanted).max() < 1e-11
+    assert np.array_equal(natively[1]["gravity"], plain[1]["gravity"])
+
+
+@native
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [lm.StormerVerlet(), lm.Splitting(order=6)], ids=repr)
+def test_masses(method: Any) -> None:
+    """Canonical coordinates; pairs within a cutoff, whose lists are made anew."""
+    rng = np.random.default_rng(0)
+    system = lm.models.NBody(np.linspace(1.0, 2.0, 20))
+    start = system.state(q=3.0 * rng.normal(size=60), p=rng.normal(size=60))
+    require_transposed(lm.Plan(system, method, h=0.01, progress=False), start, 12)
+
+
+@native
+@pytest.mark.slow
+def test_lists_of_neighbours() -> None:
+    water, k, spacing = lm.models.SPC(), 6, 3.1
+    free = lm.LiePoissonSystem(lm.SE3() ** k**3, lm.PerSite(water.kinetic_energy))
+    near = lm.neighbours.within(5.0, box=[k * spacing] * 3)
+    system = lm.MechanicalSystem(free, lm.Terms(water.over(near)))
+    g = np.stack([np.eye(4)] * k**3)
+    g[:, :3, 3] = spacing * np.stack(np.meshgrid(*[np.arange(k)] * 3), -1).reshape(-1, 3)
+    g[:, :3, :3] = lm.SO3().exp(np.random.default_rng(0).normal(size=(k**3, 3)))
+    plan = lm.Plan(system, lm.KickDrift(), h=1e-3, progress=False)
+    require_transposed(plan, system.state(mu=np.zeros((k**3, 6)), g=g), 4)
+
+
+@native
+@pytest.mark.slow
+def test_terms_of_one_site_that_turn_by_themselves() -> None:
+    ring, n = lm.neighbours.ring(6), 6
+    triples = Chiral(0.4).over(edges([(0, 1, 2), (3, 4, 5)]))
+    terms = lm.Terms(Exchange(1.0).over(ring), Zeeman([0.1, 0.2, 0.3]), Easy(0.3), triples)
+    system = lm.LiePoissonSystem(lm.SO3() ** n, terms)
+    plan = lm.Plan(system, lm.SublatticeSplitting(), h=0.1, progress=False)
+    require_transposed(plan, system.state(mu=directions(n)), 20)
+    with pytest.raises(IncompatibleSystem, match="parts of their own; RKMK has one"):
+        back(plan, system.state(mu=directions(n)), {2: np.ones(18)}, ("J",))
+
+
+@native
+@pytest.mark.slow
+def test_units() -> None:
+    """J^T w scales with momenta and times, whatever their units."""
+    found = []
+    for unit, second in ((1.0, 1.0), (2.0**-60, 2.0**40), (2.0**50, 2.0**-70)):
+        terms = Exchange(1.0 / (unit * second)).over(lm.neighbours.ring(6))
+        system = lm.LiePoissonSystem(lm.SO3() ** 6, lm.Terms(terms))
+        plan = lm.Plan(system, lm.RKMK(order=4), h=0.1 * second, progress=False)
+        start = system.state(mu=unit * directions(6))
+        found.append(back(plan, start, {20: np.arange(18.0)})[0])
+    assert np.abs(found[1] - found[0]).max() < 1e-13
+    assert np.abs(found[2] - found[0]).max() < 1e-13
+
+
+def test_what_has_no_way_back() -> None:
+    """Is told by name, with the cure; J^T w is found as before, direction by direction."""
+    ring, start = spins(6), spins(6).state(mu=directions(6))
+    w = np.arange(18.0)
+    gauss = lm.RKMK(tableau=lm.tableaus.gauss(1))
+    for method, why in (
+        (lm.SphericalMidpoint(), r"of SphericalMidpoint\(\) has no way back.*KickDrift"),
+        (gauss, "with an implicit tableau has no way back"),
+    ):
+        plan = lm.Plan(ring, method, h=0.05, compiled=False)
+        with pytest.raises(IncompatibleSystem, match=why):
+            back(plan, start, {1: w})
+    few = plan.tangent(start, steps=1, against=w).tangent["against"]
+    assert np.allclose(few[-1], w @ plan.tangent(start, steps=1).tangent["start"][-1], atol=1e-14)
+    plan = lm.Plan(ring, lm.RKMK(order=2), h=0.05, compiled=False)
+    with pytest.raises(InvalidInput, match="K is no parameter"):
+        back(plan, start, {1: w}, ("K",))
+    system, first = chain(6)
+    plan = lm.Plan(system, lm.KickDrift(), h=0.05, compiled=False)
+    with pytest.raises(IncompatibleSystem, match=r"inertia is no field of a term"):
+        back(
+            plan, first, {1: np.ones(36)}, ("body.hamiltonian.parts.0.term.energy_of_one.inertia",)
+        )
