@@ -65,8 +65,8 @@ class SitesOfPlan:
     def __init__(self, plan: Any, site: Any) -> None:
         self.plan, self.site = plan, site
         self.known: dict[Any, Any] = {}
-        self.fitting: set[int] = set()  # numbers of sites that its tables are known to fit
         self.chain = chained_method(plan)
+        self.fitting: set[int] = set()  # numbers of sites that its tables are known to fit
 
     @classmethod
     def of(cls, plan: Any) -> SitesOfPlan | None:
@@ -231,6 +231,8 @@ class SitesOfPlan:
         wanted = [f"derivative by {name}" for name in names if name != "start"]
         if self.plan.adaptive:
             wanted.append("derivative of adaptive steps")
+        if self.chain is not None:
+            wanted.append(f"tangent map of {self.plan.method!r} along a chain")
         one = self.plan._one
         group = getattr(one, "configurations", one.group)
         if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
