@@ -31,14 +31,13 @@ class Blocks:
     """The code that takes states with derivatives through blocks of steps.
 
     way : of the steps.  systems, methods : in numbers that carry derivatives.  start : a state of one body.
-    many : about how many blocks and directions there are.
     """
 
-    def __init__(self, way: Steps, systems: Varied, methods: Varied, start: Any, many: int) -> None:
+    def __init__(self, way: Steps, systems: Varied, methods: Varied, start: Any) -> None:
         self.way, self.systems, self.methods, self.t0 = way, systems, methods, 0.0
         dual = dual_of(start)
-        first = way.remembering_of(systems.example, dual)
-        trial = attempt(begun, methods.example, systems.example, first, way.h_of(0))
+        # without what rounding took, which changes a derivative by as little
+        trial = attempt(begun, methods.example, systems.example, dual, way.h_of(0))
         if isinstance(trial, Rejected):
             raise reason(trial)
         # all that the method carries along may come to depend on the start, zeros of guesses too
@@ -46,12 +45,13 @@ class Blocks:
         given, layout, shown = layout_of(dual), carried_layout(carry), layout_of(example)
         self.width, self.shown = given.width, shown.width
         native = way.compiled is not False and kernel.available() is None
-        side = kernel.side_by_side(many) if native else 1
+        # a register for each number: there are twice as many numbers as in a step
+        side = kernel.width() if native else 1
         things = methods.argument, systems.argument
         self.lanes = Lanes(*things, STRAIGHT, layout, example, (), way.compiled, way.progress, side)
         self.side = self.lanes.stepping.lanes
         self.order: np.ndarray | None = None
-        self.beginner = given, layout_of(first), layout, shown
+        self.beginner = given, given, layout, shown
         if given == shown and not remembers(methods.example):
             numbered = build(given, iter([1.0 + i for i in range(given.width)]))
             order = leaves(with_slopes(fitted(numbered, layout), LEVEL), layout)

@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from ..compiler import kernel
 from ..errors import GradientWarning, IncompatibleSystem, InvalidInput, warn
 from ..formulas.frozen import frozen
 from ..formulas.pytree import layout_of
@@ -373,7 +372,7 @@ class Met:
 
 
 class Prepared:
-    """What gradients of one system by the same names share.
+    """Directions and code that gradients of one system by the same names share.
 
     frames : of each part of a state the directions in which it moves.
     """
@@ -381,28 +380,24 @@ class Prepared:
     def __init__(self, plan: Any, bodies: int | None, one: Any, names: Any, t0: float) -> None:
         self.system, self.directions = plan.system, Directions(plan, bodies, names, t0)
         self.frames = frames_of(plan._steps.one, one)
-        self.blocks: dict[int, Blocks] = {}
+        self.blocks: Blocks | None = None
 
-    def blocks_of(self, way: Steps, forward: Forward, many: int, work: int) -> Blocks:
-        """The code for about so many blocks and directions, and so many steps of all."""
-        directions, side = self.directions, kernel.side_by_side(many)
-        found = self.blocks.get(side)
-        if found is None:
-            raw = directions.raw[0]
+    def blocks_of(self, way: Steps, forward: Forward, work: int) -> Blocks:
+        """The code for the blocks of a run.  work : steps of all blocks and directions."""
+        directions = self.directions
+        if self.blocks is None:
             given = dataclasses.replace(
-                way, system=directions.systems.example, method=raw, shapes={}
+                way, system=directions.systems.example, method=directions.raw[0], shapes={}
             )
-            found = self.blocks[side] = Blocks(
-                given, directions.systems, directions.methods, forward.example, many
-            )
-        found.begin(forward.t0, work)
-        return found
+            self.blocks = Blocks(given, directions.systems, directions.methods, forward.example)
+        self.blocks.begin(forward.t0, work)
+        return self.blocks
 
 
 def prepared(
     plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool
 ) -> Prepared:
-    """What was prepared for this plan before, or is now.  lasting : do its steps not depend on a run?"""
+    """Directions and code, of an earlier gradient of this plan or made now.  lasting : do its steps not depend on a run?"""
     key = names, bodies, layout_of(one), t0 if "h" in names else None
     known: Prepared | None = plan._backwards.get(key) if lasting else None
     if known is None or known.system is not plan.system:
@@ -426,8 +421,7 @@ class Backward:
         bodies, count = at_end.shape
         self.bodies, self.count = bodies, count
         self.lanes_of_block = bodies * (count + directions.count)
-        many = (len(forward.edges) - 1) * self.lanes_of_block
-        self.blocks = known.blocks_of(way, forward, many, int(forward.edges[-1]) * bodies * count)
+        self.blocks = known.blocks_of(way, forward, int(forward.edges[-1]) * bodies * count)
         self.slope = at_end
         self.growth = np.broadcast_to(np.eye(count), (bodies, count, count))
         self.found = np.zeros((bodies, directions.count))
@@ -583,6 +577,16 @@ def backwards(
         raise IncompatibleSystem(
             f"Plan.{what}: steps in fictive time depend on how the run began; plan.tangent "
             "differentiates them"
+        )
+    if layout_of(member(start, 0)).in_memory:
+        raise IncompatibleSystem(
+            f"Plan.{what}: {plan._one!r} has large matrices, whose numbers in memory carry no "
+            "derivative; differences of runs tell it"
+        )
+    if plan._first_of("method").noisy:
+        raise IncompatibleSystem(
+            f"Plan.{what}: the noise of {plan._first_of('method')!r} goes on by number of steps, and "
+            "blocks of steps begin anew; differences of runs with one seed tell the derivative"
         )
     with plan._beginning(start, t0):
         if not plan.adaptive:

@@ -183,6 +183,9 @@ class LinksRun(SiteRun):
     def __init__(self, plan: Any, site: Any, start: Any, *given: Any) -> None:
         super().__init__(plan, site, start, *given)
         self.known_places: dict[str, Any] = {}  # of inputs
+        self.found: dict[str, np.ndarray] = {}
+        self.told_of = -1  # samples of which it is
+        self.kept_all = True  # are all steps of the last call looked at?
         if plan.events:
             self.events: Any = EventsOfLinks(self, start)
 
@@ -248,10 +251,29 @@ class LinksRun(SiteRun):
     # ---------------------------------------------------------------- events
 
     def _call(self, turns: int) -> None:
-        """Some more steps; with events up to the first that ends the run."""
+        """Some more steps; with events up to the first that ends the run.  Ctrl-C while they are looked
+        at leaves the run where it was.
+        """
         if self.events is None or not turns:
             super()._call(turns)
             return
+        width, watch, made = 2 * self.shape.memory.width, self.events.watch, self.made
+        before = self.sites.array[:width].copy(), self.place.copy(), self.clocks.copy()
+        march, values = self.march.copy(), watch.values
+        try:
+            self._watched(turns)
+        except KeyboardInterrupt:
+            if self.kept_all:
+                raise
+            self.sites.array[:width], self.place[:], self.clocks[:] = before
+            self.march[:], self.made, watch.values = march, made, values
+            self.work[self.site.rows.note : self.site.rows.note + 3] = 0.0
+            watch.forget(float(self.clocks[TIME, 0]), np.sign(self.h), False)
+            raise
+
+    def _watched(self, turns: int) -> None:
+        """Some steps, and a look at them."""
+        self.kept_all = False
         times, made, steps = self.times, self.made, self.steps
         begun, first = float(self.clocks[TIME, 0]), self.taken
         turns = min(turns, SEEN, self.first + steps - first)
@@ -259,8 +281,12 @@ class LinksRun(SiteRun):
         ends = self.t0 + np.arange(first + 1, first + turns + 1) * self.h
         seen = Planes.of_rows(turns * self.wide, self.count)
         none = np.zeros((turns, 0))
-        with aside(self, times=ends, made=0, seen=seen, room=turns, totals=none) as after:
-            super()._call(turns)
+        stopped, after = None, {}  # type: Any, dict[str, Any]
+        try:
+            with aside(self, times=ends, made=0, seen=seen, room=turns, totals=none) as after:
+                super()._call(turns)
+        except KeyboardInterrupt as caught:  # after some of the steps
+            stopped = caught
         found = seen.array[: after["made"] * self.wide, : self.count]
         rows.append(found.reshape(after["made"], self.wide, self.count))
         error = hit = None
@@ -282,6 +308,9 @@ class LinksRun(SiteRun):
                 self.asked = np.append(self.asked[: self.made], end)
                 self._keep(piece.inside(self, end), NOTHING)
             self.t_end = end
+        self.kept_all = True
+        if stopped is not None:
+            raise stopped
 
     def _attend(self) -> None:
         """As without events; a run that one has ended has its samples."""
@@ -327,19 +356,28 @@ class LinksRun(SiteRun):
     def require_ends(self) -> None:
         """Find what is recorded."""
         super().require_ends()
-        recorder = self.plan.recorder
-        if recorder is None or not recorder.quantities:
-            return
-        seen = self.seen.array[: self.made * self.wide, : self.count]
-        states, of = self.states(seen.reshape(self.made, self.wide, self.count)), self.plan._one
-        one, asked = SimpleNamespace(bodies=None, system=of), self.plan._steps.compiled
         try:
-            found = recorder.values(one, BodyState, self.asked[: self.made], states, asked)
-            self.found = {name: found[name] for name in recorder.quantities}
+            self.recorded(self.made)
         except (Exception, KeyboardInterrupt) as caught:
             error: Any = caught
-            self.made, self.found = error.kept
+            self.made, found = error.kept
+            self.found = {name: found[name] for name in self.plan.recorder.quantities}
+            self.told_of = self.made
             raise self._with_run(error, None) from error.__cause__
+
+    def recorded(self, n: int) -> dict[str, np.ndarray]:
+        """The functions that are recorded, at the first n samples."""
+        recorder = self.plan.recorder
+        if recorder is None or not recorder.quantities:
+            return {}
+        if self.told_of != n:
+            seen = self.seen.array[: n * self.wide, : self.count]
+            states, of = self.states(seen.reshape(n, self.wide, self.count)), self.plan._one
+            one, asked = SimpleNamespace(bodies=None, system=of), self.plan._steps.compiled
+            found = recorder.values(one, BodyState, self.asked[:n], states, asked)
+            self.found = {name: found[name] for name in recorder.quantities}
+            self.told_of = n
+        return self.found
 
     def _why(self, failures: list[Any], first: int, again: Any) -> Any:
         """The reason for which a step failed, and at which joint."""

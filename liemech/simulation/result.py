@@ -182,13 +182,7 @@ def of_sites(run: Any) -> Any:
 
 def _states_of_sites(run: Any) -> Any:
     """A function that makes the samples so far."""
-    shape, recorder, here, n, of_state = (
-        run.shape,
-        run.plan.recorder,
-        run.chosen,
-        run.made,
-        run.found,
-    )
+    shape, recorder, here, n = run.shape, run.plan.recorder, run.chosen, run.made
     totals, own, seen = run.totals[:n].copy(), run.own[:n].copy(), run.seen.array[: n * run.wide]
 
     def states() -> dict[str, np.ndarray]:
@@ -205,7 +199,7 @@ def _states_of_sites(run: Any) -> Any:
             found |= dict(
                 zip(recorder.quantities, _columns(shape.shown.totals, totals), strict=True)
             )
-        return found | of_state
+        return found | run.recorded(n)
 
     return states
 

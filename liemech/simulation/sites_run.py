@@ -144,7 +144,6 @@ class SiteRun(Course):
         self.march, self.look = np.array([0.0, np.nan, 0.0]), np.zeros(max(1, self.totals.shape[1]))
         self.values = np.full((2, max(1, len(plan.events))), np.nan)
         self.made = 0  # samples
-        self.found: dict[str, np.ndarray] = {}  # functions of all sites together, recorded
         self.failures: list[Any] = []
         self.notes, self.compiled = 0, False
         if fresh:
@@ -618,6 +617,10 @@ class SiteRun(Course):
         if self.made:
             error.trajectory = of_run(self)
         return error
+
+    def recorded(self, n: int) -> dict[str, np.ndarray]:
+        """Functions of all sites together that are recorded, at the first n samples: none."""
+        return {}
 
     def lay_down(self) -> None:
         """Put what the sites carry along in their places."""

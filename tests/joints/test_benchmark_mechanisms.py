@@ -39,6 +39,6 @@ def test_mechanisms_of_the_literature_are_where_they_must_be(name: str) -> None:
     ):
         errors = [mechanism.error(method, mechanism.steps * n // fewer) for n in (1, 2)]
         size = np.abs(mechanism.wanted).max()
-        assert errors[1] < 3e-6 * size
-        if errors[1] > 1e-11 * size:  # else rounding, and that of the reference
+        assert errors[1] < (1e-4 if order == 2 else 1e-7) * size
+        if errors[1] > 1e-9 * size:  # else rounding, and the digits of what is published
             assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.2)

@@ -353,3 +353,20 @@ def test_neither_are_steps_that_are_too_long() -> None:
     begun = few.state(angles={0: 0.3}, rates={1: 3.0})
     with pytest.raises(lm.errors.NoConvergence, match="too strong for an explicit kick"):
         lm.integrate(few, lm.LieRATTLE(), begun, h=0.05, steps=3, compiled=False)
+
+
+def test_ctrl_c_while_events_are_looked_at_leaves_the_run_where_it_was() -> None:
+    linkage, start = swinging(3)
+    plan = lm.Plan(linkage, lm.LieRATTLE(), h=0.05, compiled=False)
+
+    def pressed(t: float, state: Any) -> float:
+        if t > 0.12:
+            raise KeyboardInterrupt
+        return 1.0
+
+    with pytest.raises(KeyboardInterrupt) as told:
+        plan.replace(events=(pressed,)).run(start, steps=5)
+    run = told.value.trajectory  # type: ignore[attr-defined]
+    assert len(run) == run.carry.step + 1 and np.array_equal(run.g[-1], run.carry.state.g)
+    rest = plan.resume(run, steps=3 - run.carry.step)
+    assert np.array_equal(rest.g[-1], plan.run(start, steps=3).g[-1])

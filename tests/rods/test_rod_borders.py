@@ -45,6 +45,7 @@ def test_a_section_is_a_section():
         CosseratRod(3.0, 1.0, 3)
 
 
+@pytest.mark.slow
 def test_a_load_that_nothing_holds_has_no_balance():
     with pytest.raises(NoConvergence, match="no balance found at 1 of 1 parts"):
         CosseratRod(SECTION, 1.0, 3, ends=("free", "free"), gravity=1.0).equilibrium(stages=1)

@@ -94,6 +94,7 @@ AT_REST = driven(lm.PiecewisePolynomial.linear(KNOTS, VALUES)).state(
 )
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("outside", ["refuse", "hold", "repeat"])
 @pytest.mark.parametrize("kind", ["linear", "constant"])
 def test_gradients_by_the_values_of_a_table(kind: str, outside: str) -> None:
@@ -217,6 +218,14 @@ def test_runs_without_a_gradient_say_so() -> None:
     recorded = plan.replace(record="energy")
     with pytest.raises(errors.InvalidInput, match="records no functions"):
         recorded.gradient(loss, START, steps=3)
+    manakov = lm.models.ManakovBody(np.arange(1.0, 13.0))
+    with pytest.raises(errors.IncompatibleSystem, match="large matrices"):
+        large = manakov.state(mu=np.ones(66))
+        lm.Plan(manakov, lm.RKMK(order=4), h=0.1).gradient(lambda s: s.mu[0], large, steps=3)
+    bath = lm.thermal_bath(BODY, damping=0.1, temperature=1.0)
+    noisy = lm.Plan(bath, lm.WongZakai(lm.RKMK(order=4)), h=0.1)
+    with pytest.raises(errors.IncompatibleSystem, match="noise"):
+        noisy.gradient(lambda s: s.mu[0], bath.state(mu=[0.1, 0.2, 0.3]), steps=3)
     clock = lm.ReversibleController(lm.StormerVerlet(), sigma=lm.time_scales.DistancePower(1.4))
     kepler = lm.Plan(lm.Kepler(), clock, h=0.05)
     with pytest.raises(errors.IncompatibleSystem, match="fictive time"):
