@@ -203,6 +203,6 @@ class BondSplitting(TermSplitting):
 
     def instead(self, system: Any) -> str:
         """SublatticeSplitting, where it can."""
-        if Sublattices(system.hamiltonian).refused:
+        if Sublattices(terms_of(system)).refused:
             return super().instead(system)
         return f"SublatticeSplitting(order={self.order}) accepts it"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from terms_of_spins import Exchange
+from terms_of_spins import Exchange, Twist
 
 import liemech as lm
 from liemech.compiler import kernel
@@ -64,3 +64,18 @@ def test_hamilton_jacobi_where_a_site_is_held() -> None:
         errors.append(np.abs(run.mu[-1] - wanted).max())
         assert np.array_equal(run.mu[-1, 1], s[1])
     assert errors[0] < 0.05 and 3.5 < errors[0] / errors[1] < 4.5
+
+
+@lm.record
+class Turning(lm.Term):
+    """A field along x that turns its sign."""
+
+    def energy(self, a: Any, t: float) -> float:
+        return lm.formulas.cos(t) * a.mu[0]
+
+
+def test_bonds_of_a_driven_system_are_refused_by_name() -> None:
+    twist = Twist([0.1, 0.2, 0.3]).over(lm.neighbours.edges([[0, 1], [1, 2]]))
+    system = lm.DrivenLiePoissonSystem(lm.SO3() ** 3, lm.Terms(twist, Turning()))
+    with pytest.raises(lm.errors.IncompatibleSystem, match="SublatticeSplitting"):
+        lm.Plan(system, lm.BondSplitting(), h=0.1)
