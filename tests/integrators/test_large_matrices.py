@@ -270,6 +270,74 @@ def test_a_step_that_is_too_long_says_so() -> None:
             lm.integrate(system, lm.Isospectral(2), start, h=60.0, steps=3, compiled=compiled)
 
 
+def test_algorithm_1_on_symplectic_matrices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sp(4), whose matrices are not antihermitian, small and in memory."""
+    from liemech.groups import matrix_basis
+
+    def final() -> np.ndarray:
+        system = body(lm.Sp(4))
+        start = system.state(mu=start_of(system), g=np.eye(4))
+        method = lm.CovariantVariational(lm.Cayley())
+        run = lm.integrate(system, method, start, h=0.1, steps=3, compiled=False)
+        return np.concatenate([run.mu[-1], run.g[-1].ravel()])
+
+    small = final()
+    monkeypatch.setattr(matrix_basis, "SMALL", 3)
+    assert np.abs(final() - small).max() < 2e-15
+
+
+@pytest.mark.parametrize("group", [lm.SU(3), lm.SL(3), lm.SU(13), lm.SL(13)], ids=repr)
+def test_elements_without_cayley_map(group: Any) -> None:
+    """They keep determinant 1, and order 2 beside RKMK."""
+    system, n = body(group), group.n
+    start, found = system.state(mu=start_of(system), g=np.eye(n)), []
+    exact = lm.integrate(system, lm.RKMK(order=8), start, h=0.3, steps=2, compiled=False).g[-1]
+    for steps in (2, 4):
+        run = lm.integrate(
+            system, lm.Isospectral(2), start, h=0.6 / steps, steps=steps, compiled=False
+        )
+        assert abs(np.linalg.det(run.g[-1]) - 1.0) < 5e-15
+        assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 3e-15
+        found.append(np.abs(run.g[-1] - exact).max())
+    assert 1.8 < np.log2(found[0] / found[1]) < 2.3
+
+
+@pytest.mark.parametrize("unit", [1.0, 1j])
+def test_determinants(unit: complex) -> None:
+    """With rows in no order, so that pivots change them."""
+    a = RNG.normal(size=(13, 13)) + (unit.imag * 1j * RNG.normal(size=(13, 13)) if unit.imag else 0)
+    for one in (a, a[::-1]):
+        d = Large(one).determinant()
+        found = complex(d.re, d.im) if unit.imag else d
+        assert abs(found / np.linalg.det(one) - 1.0) < 1e-13
+
+
+@lm.record
+class Pivoted(lm.Hamiltonian):
+    """No energy, but a velocity that asks for a determinant."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.0 * lm.dot(mu, mu)
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        return 0.0 * mu
+
+    def velocity_matrix(self, algebra: Any, m: Any) -> Any:
+        return m.determinant() * m.without_adjoint()
+
+
+def test_native_determinants_have_their_sign() -> None:
+    """Of a matrix whose rows pivots exchange."""
+    system = lm.LiePoissonSystem(lm.GL(11), Pivoted())
+    start = system.state(mu=(np.eye(11)[::-1] + 0.1 * RNG.normal(size=(11, 11))).ravel())
+    plain, native = (
+        lm.integrate(system, lm.Isospectral(2), start, h=0.05, steps=3, compiled=c)
+        for c in (False, True)
+    )
+    assert native.compiled and np.array_equal(plain.mu, native.mu)
+    assert np.abs(plain.mu[-1] - plain.mu[0]).max() > 1e-3
+
+
 def test_arithmetic_in_memory_is_that_of_numpy() -> None:
     a, b = RNG.normal(size=(2, 17, 17)) + 1j * RNG.normal(size=(2, 17, 17))
     x, y = Large(a), Large(b)
