@@ -83,7 +83,7 @@ class Part(Record):
 
 @record
 class Asked(Record):
-    """What an energy was asked for in a step: its derivative along `along` at a place, at a time.
+    """A question to an energy in a step: its derivative along `along` at a place, at a time.
 
     place : the momentum of the site, or its element.
     """
@@ -285,7 +285,7 @@ class RungeKutta(Motion):
         return Back(w, tuple(momenta), tuple(elements))
 
     def _in_chart(self, system: Any, omega: Vec, xi: Vec, felt: Vec) -> tuple[Vec, Vec]:
-        """What the velocity of a stage and its Omega are told by its slope."""
+        """The derivatives by the velocity of a stage and by its Omega, of that by its slope."""
         slope = self.method.in_chart
         return (
             gradient(lambda x: dot(felt, slope(system, omega, x)), xi),
@@ -294,7 +294,7 @@ class RungeKutta(Motion):
 
 
 def _combined(felt: list[Any], row: Any, bent: Vec, h: float) -> list[Any]:
-    """What slopes are told by a stage that a row has made of them."""
+    """The derivatives by all slopes, with those of a stage that a row has made of them."""
     more = [*row, *[0.0 for _ in range(len(felt) - len(row))]]
     return [
         x if a == 0.0 else (a * h) * bent if x is None else x + (a * h) * bent
@@ -485,6 +485,6 @@ class Turn(Motion):
         return w, moving(self.field.field, part.h * bent)
 
     def of_others(self, part: Part, mu: Vec, along: Vec) -> Vec:
-        """What a site feels of those that turn.  along : its own direction."""
+        """The derivative by the momentum of a site that others turn by.  along : its own direction."""
         field = at_time(self.released, part.t)
         return derivative(lambda m: field.velocity(int(part.term), m), mu, along)

@@ -136,6 +136,7 @@ class Plan:
         }
         # of starts as they are given: how they are laid out in runs
         self._laid_out: dict[Any, tuple[Layout, int]] = {}
+        self._backwards: dict[Any, Any] = {}  # what gradients have prepared
         first = self._first_of
         self.fictive = bool(first("method").fictive or one.fictive)  # steps equal in fictive time
         kind = FICTIVE if self.fictive else TOLERANCE if options.asks_for_tolerance else EQUAL
@@ -485,7 +486,8 @@ class Plan:
 
         along, against : (N,) or (N, k), for products with the map J by the start instead of J itself:
         J v as `tangent["along"]` and J^T w as `tangent["against"]`, (n, N) or (n, N, k).  Runs of many
-        sites go site by site, once for each v; for J^T w once for each of the N directions.
+        sites go site by site, once for each v; for J^T w they are gone through backwards, once for each w
+        and each sample, where the method has a way back, else once for each of the N directions.
 
         Returns a TangentTrajectory, whose `tangent["start"]` is (n, N, N): derivatives of the state
         at each sample, group elements left-trivialised, dg = g hat(eta).  Of an ensemble of m

@@ -40,15 +40,17 @@ def go_back(
     advance(state, i, j) : gives the state before step j, of the one before step i.  back(state, i) : goes back
     through step i, from whose beginning the state is.
     """
-    while last - first > 1:
-        r = repetitions(last - first, kept)
-        behind = min(comb(kept - 1 + r, r), last - first - 1)
-        middle = last - behind
-        there = advance(state, first, middle)
-        if behind == 1:
-            back(there, middle)
-        else:
-            go_back(middle, last, kept - 1, there, advance, back)
-        last = middle
-    if last > first:
-        back(state, first)
+    held = [(first, state)]  # and where they are
+    while held:
+        first, state = held[-1]
+        many = last - first
+        if many > 1:
+            left = kept - (len(held) - 1)
+            r = repetitions(many, left)
+            middle = last - min(comb(left - 1 + r, r), many - 1)
+            held.append((middle, advance(state, first, middle)))
+            continue
+        if many:
+            back(state, first)
+        held.pop()
+        last = first

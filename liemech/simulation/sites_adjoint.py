@@ -16,46 +16,38 @@ import numpy as np
 
 from ..compiler import kernel
 from ..compiler.planes import Planes
-from ..errors import IncompatibleSystem, IntegrationFailure
-from ..formulas import vec
-from ..formulas.of_each import Each, each
-from ..formulas.pytree import Layout, carried_layout, exchanged, inside, layout_of, with_fields
-from ..formulas.sites import SiteArray, SiteTable, padded, rows_of
+from ..errors import IncompatibleSystem, IntegrationFailure, NotFinite
+from ..formulas.pytree import carried_layout, layout_of, with_fields
+from ..formulas.sites import padded, rows_of
 from ..groups.species import SpeciesGroup
 from ..integrators.backward import Asked, Turn, parts_of, refused, released
 from ..integrators.sublattices import SublatticeSplitting, terms_of
-from ..systems.among import is_near
-from ..systems.bound_terms import BoundTerm
-from ..systems.graphs import AllPairs
 from ..systems.site_state import SiteValues
 from ..systems.sublattices import Sublattices
-from ..systems.sums_of_terms import MomentumTerms, OfTerms, PlaceTerms
-from ..systems.terms import Term, site_class
-from ..systems.terms_at_site import EachOfSites
+from ..systems.sums_of_terms import MomentumTerms, PlaceTerms
 from .dense import unpacked
-from .parameters import full_name, named, parameter, shape_of
 from .reversal import go_back
 from .sites_backward import (
     PART,
-    EdgesAsked,
-    Varied,
     WayBack,
     backward_parts,
-    edges_back,
     forward_parts,
 )
 from .sites_execution import SiteExecution
 from .sites_lists import Lists
+from .sites_parameters import OfPart, Parameter, zeros
 from .sites_states import first_of, site_rows
 
 ROOM = 2**23
-"""Numbers of states, or of what is kept for parameters, that are at hand together."""
+"""Numbers of states that are kept on the way, and of those of a block of steps, at most, if these are
+several.
+"""
 
-KEPT = 16
-"""States that are kept on the way."""
+NEAR = 2**19
+"""Numbers of states of a block of steps, which stay near the processor."""
 
-WRAPPERS = "term"
-"""The field of terms that make something else of a term."""
+LEAST = 16
+"""States that are kept at least."""
 
 
 def why_not(sites: Any, start: Any) -> str:
@@ -69,145 +61,15 @@ def why_not(sites: Any, start: Any) -> str:
     return refused(plan._steps.way_of(0), sites.site)
 
 
-class Parameter:
-    """A parameter of a term by which is differentiated.
-
-    name : as it was asked for.  energy : the terms among which it is, `which` of them; path : of the
-    fields that lead to it.
-    """
-
-    def __init__(self, system: Any, name: str) -> None:
-        caller = "Plan.gradient"
-        self.name, self.full = name, full_name(system, name, caller)
-        parts = self.full.split(".")
-        value: Any = system
-        self.energy: Any = None
-        for i, part in enumerate(parts):
-            if isinstance(value, OfTerms):
-                self.energy, rest = value, parts[i:]
-            value = value[int(part)] if part.isdigit() else getattr(value, part)
-        self.value = value
-        known = self.energy is not None and rest[0] == "parts" and rest[2] == "term"
-        self.path = tuple(rest[3:]) if known else ()
-        inner = {*self.path[:-1]} - {WRAPPERS}
-        number = isinstance(value, Each) or shape_of(layout_of(value)) is not None
-        if not (number and known and self.path and not inner):
-            raise IncompatibleSystem(
-                f"{caller}: {name} is no field of a term; derivatives by other parameters of many sites "
-                "are found by `along=` of runs with other values, or where the system is written out"
-            )
-        self.which = int(rest[1])
-        self._require_independent(parameter(system, ".".join(parts[:-1])), parts[-1])
-
-    def _require_independent(self, term: Term, field: str) -> None:
-        """Raise IncompatibleSystem where other fields of the term follow from the parameter."""
-        value = getattr(term, field)
-        if isinstance(value, Each):
-            return
-        given = {name: getattr(term, name) for name in named(type(term))}
-        array = 1.25 * np.asarray(value) + 0.125
-        moved = type(term)(**{**given, field: float(array) if array.ndim == 0 else array})
-        others = [x for x in vars(moved) if x != field and getattr(moved, x) != getattr(term, x)]
-        if others or getattr(moved, field) == value:
-            raise IncompatibleSystem(
-                f"Plan.gradient: {self.name} of {type(term).__name__} is not used as it is given; give the "
-                "term the numbers that its energy uses"
-            )
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """That of one value."""
-        return self.value.shape if isinstance(self.value, Each) else np.shape(self.value)
-
-    def at_edges(self, count: int) -> Varied:
-        """Its values at so many edges."""
-        if isinstance(self.value, Each):
-            values = self.value.values.reshape(count, -1)
-        else:
-            values = np.broadcast_to(
-                np.asarray(self.value, dtype=float).ravel(), (count, max(1, np.size(self.value)))
-            )
-        return Varied(SiteArray.of(values if self.shape else values[:, 0]), self.shape)
-
-    def put(self, term: Any, varied: Varied, path: tuple[str, ...]) -> Any:
-        """The term with it."""
-        first, *rest = path
-        inner = self.put(getattr(term, first), varied, tuple(rest)) if rest else varied
-        return with_fields(term, **{first: inner})
-
-
-class OfPart:
-    """The sums over steps of the derivatives by parameters of one term, for every edge."""
-
-    def __init__(
-        self, energy: OfTerms, part: BoundTerm, wanted: list[Parameter], places: np.ndarray,
-        asked: Layout, steps: Any,
-    ) -> None:  # fmt: skip
-        self.wanted = wanted
-        graph, group = part.graph, energy.group
-        edges = AllPairs(group.copies).edges if is_near(graph) else graph.edges
-        self.count, self.arity = len(edges), edges.shape[1]
-        term: Any = part.term
-        for one in wanted:
-            term = one.put(term, one.at_edges(self.count), one.path)
-        others = inside(term, Each)
-        term = exchanged(term, Each, [EachOfSites.of_each(x) for x in others])
-        own = tuple(
-            tuple(
-                EachOfSites.of_each(each(x.values[edges[:, k]])) if isinstance(x, Each) else x
-                for x in energy.own
-            )
-            for k in range(self.arity)
-        )
-        ends = SiteTable.of(places[edges.T])
-        site = site_class(energy.names)()
-        self.edges = EdgesAsked(
-            term, group.base, site, own, ends, isinstance(energy, MomentumTerms)
-        )
-        self.asked = asked
-        width = sum(max(1, int(np.prod(one.shape))) for one in wanted)
-        self.total = carried_layout(_zeros(width))
-        self.sums = Planes.of_rows(width, self.count)
-        planes = Planes.of_rows(1, 1)
-        self.execution = SiteExecution(
-            steps.compiled, steps.progress, edges_back, self.edges, asked, self.total, 1, planes,
-            planes,
-        )  # fmt: skip
-
-    def add(self, count: int, used: Planes) -> None:
-        """Those of what was asked so often."""
-        given = self.edges, self.asked, self.total, count, used, self.sums
-        if self.execution.ready_for(self.count * count):
-            self.execution.on_sites(self.count)(*given)
-        else:
-            edges_back(*given)
-
-    @property
-    def found(self) -> dict[str, np.ndarray]:
-        """The derivatives by name: of a parameter that all edges share their sum."""
-        result, begin = {}, 0
-        for one in self.wanted:
-            width = max(1, int(np.prod(one.shape)))
-            rows = self.sums.array[begin : begin + width, : self.count].T.reshape(-1, *one.shape)
-            begin += width
-            result[one.name] = rows.copy() if isinstance(one.value, Each) else rows.sum(axis=0)
-        return result
-
-
-def _zeros(width: int) -> Any:
-    return vec(*[0.0] * width)
-
-
 class BackwardRun:
     """The way back through one run of fixed steps of many sites.
 
-    names : of parameters of terms by which is differentiated, too.  kept : states on the way.
+    names : of parameters of terms by which is differentiated, too.
     """
 
     def __init__(
-        self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = (),
-        kept: int = KEPT,
-    ) -> None:  # fmt: skip
+        self, sites: Any, start: Any, steps: int, t0: float, names: tuple[str, ...] = ()
+    ) -> None:
         plan, why = sites.plan, why_not(sites, start)
         if why:
             raise IncompatibleSystem(
@@ -215,7 +77,7 @@ class BackwardRun:
                 "tableau, KickDrift, LieVerlet, Splitting, compositions of them and SublatticeSplitting "
                 "have one, without loads"
             )
-        self.plan, self.start, self.t0, self.kept = plan, start, t0, kept
+        self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
         self.names, self.first = tuple(start.arrays), first_of(start)
         self.lists = Lists.of(plan._one, sites.site)
@@ -258,15 +120,15 @@ class BackwardRun:
         joins = motions[int(first[0])].joins and len(rows) > 1
         self.joined = joins and bool((first[[0, 3, 4, 5]] == last[[0, 3, 4, 5]]).all())
         blank = type(self.first)(
-            *[_zeros(self.dims[name]) if name in self.dims else None for name in self.first.parts]
+            *[zeros(self.dims[name]) if name in self.dims else None for name in self.first.parts]
         )
         momentum, element = [
-            carried_layout(Asked(0.0, place, _zeros(self.dims[name])) if name else ())
+            carried_layout(Asked(0.0, place, zeros(self.dims[name])) if name else ())
             for name, place in self._places_asked
         ]
         self.way = WayBack(
             motions, site, released(site), layout_of(self.first), carried_layout(blank), momentum,
-            element, carried_layout(_zeros(next(iter(self.dims.values())))), kept,
+            element, carried_layout(zeros(next(iter(self.dims.values())))), kept,
         )  # fmt: skip
 
     @property
@@ -294,13 +156,16 @@ class BackwardRun:
         """Memory: for states of a block of steps, and for what some parts of them ask."""
         way, places = self.way, padded(self.count)
         parts = len(self.of_step)
-        self.block = max(1, min(steps, ROOM // (way.state.width * places * parts)))
+        one = way.state.width * places
+        self.kept = max(LEAST, ROOM // one)
+        block = max(NEAR // (one * parts), -(-steps // self.kept))
+        self.block = max(1, min(steps, block, ROOM // (one * parts)))
         if self.lists is not None:
             self.block = 1
         asked = max(
             x.momenta * way.momentum.width + x.elements * way.element.width for x in way.motions
         )
-        self.some = max(1, ROOM // (4 * max(1, asked) * places)) if kept else self.block * parts
+        self.some = max(1, ROOM // (8 * max(1, asked) * places)) if kept else self.block * parts
         some = min(self.some, self.block * parts) if kept else 0
         most = [max(getattr(x, name) for x in way.motions) for name in ("momenta", "elements")]
         widths = way.state.width, way.felt.width, way.momentum.width, way.element.width
@@ -321,9 +186,13 @@ class BackwardRun:
 
     def _parts(self, wanted: list[Parameter]) -> list[OfPart]:
         found, steps, way = [], self.plan._steps, self.way
-        for key in dict.fromkeys((id(x.energy), x.which) for x in wanted):
-            some = [x for x in wanted if (id(x.energy), x.which) == key]
-            energy = some[0].energy
+        asked = [
+            (x.energy, k)
+            for x in wanted
+            for k in (range(len(x.energy.parts)) if x.which is None else [x.which])
+        ]
+        for energy, which in {(id(e), k): (e, k) for e, k in asked}.values():
+            some = [x for x in wanted if x.energy is energy and x.which in (None, which)]
             in_momenta = isinstance(energy, MomentumTerms)
             name = "momenta" if in_momenta else "elements"
             if not isinstance(energy, (MomentumTerms, PlaceTerms)) or not any(
@@ -334,7 +203,7 @@ class BackwardRun:
                     f"{some[0].name} for many sites; RKMK has one by the energies of momenta too"
                 )
             layout = way.momentum if in_momenta else way.element
-            part = energy.parts[some[0].which]
+            part = energy.parts[which]
             found.append(OfPart(energy, part, some, self.places, layout, steps))
         return found
 
@@ -372,10 +241,17 @@ class BackwardRun:
         if self.last:
             blocks = -(-self.last // self.block)
             go_back(0, blocks, self.kept, self.rows, self._advance, self._back)
-        found: dict[str, np.ndarray] = {}
+        found: dict[str, Any] = {}
         for part in self.parts:
-            found |= part.found
-        return self._components(), found
+            for name, own in part.found.items():
+                found[name] = found[name] + own if name in found else own
+        slope = self._components()
+        if not np.isfinite(slope).all():
+            raise NotFinite(
+                f"Plan.tangent: J^T w overflowed on the way back through {self.last} steps: neighbouring motions "
+                "part too fast; take a shorter run"
+            )
+        return slope, found
 
     def _of_block(self, block: int) -> np.ndarray:
         """The parts of a block of steps, as rows of `Part`: kicks and turns at a node are one, where no

@@ -153,7 +153,7 @@ def one_turned_back(
 def one_other_back(
     way: WayBack, turn: Turn, part: Part, states: Any, n: int, felt: Any, alongs: Any, momenta: Any
 ) -> None:  # fmt: skip
-    """What a site feels of others that turn."""
+    """The way of one site back that others turn by."""
     before, w = load(states, n, way.state), load(felt, 0, way.felt)
     along = load(alongs, 0, way.along)
     more = turn.of_others(part, before.mu, along)
@@ -185,7 +185,7 @@ def added(w: Any, more: Any) -> Any:
 
 @record
 class Varied(Record, OfEach):
-    """A parameter of a term by which is differentiated: its values at all edges."""
+    """A parameter by which is differentiated: its values at all edges."""
 
     array: SiteArray
     shape: tuple[int, ...]
@@ -226,7 +226,7 @@ def edges_back(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any,
 def one_edge(edges: EdgesAsked, asked: Any, total: Any, count: int, used: Any, sums: Any) -> None:
     """Those of one edge."""
     here = at_this_site(edges)
-    varied = inside(here.term, Varied)
+    varied = inside(here, Varied)
     numbers = vec(*[x for one in varied for x in numbers_of(one)])
     found = load(sums, 0, total)
     for k in range(count):
@@ -248,8 +248,9 @@ def sensed(edges: EdgesAsked, varied: list[Varied], ends: list[Asked], p: Any) -
         width = len(numbers_of(one))
         values = [*values, in_shape(p[begin : begin + width] if one.shape else p[begin], one.shape)]
         begin = begin + width
-    term = at_time(exchanged(edges.term, Varied, values), ends[0].t)
-    return derivative(lambda e: edges.energy(term, ends, e), 0.0)
+    moved = exchanged(edges, Varied, values)
+    term = at_time(moved.term, ends[0].t)
+    return derivative(lambda e: moved.energy(term, ends, e), 0.0)
 
 
 def numbers_of(one: Varied) -> list[Any]:

@@ -17,6 +17,7 @@ import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput
 from liemech.simulation import sites_adjoint
 from liemech.simulation.reversal import go_back, repetitions
+from liemech.simulation.starts import started_by_sites
 
 edges = lm.neighbours.edges
 
@@ -70,13 +71,13 @@ def by_sites(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def back(plan: Any, start: Any, given: Any, names: tuple[str, ...] = ()) -> Any:
-    return plan._sites.back_through(plan._start_of_sites(start), max(given), 0.0, given, names)
+    return plan._sites.back_through(started_by_sites(plan, start), max(given), 0.0, given, names)
 
 
 def require_transposed(plan: Any, start: Any, steps: int) -> None:
     """<w, J v> = <J^T w, v>, with w at the end and half of it after two steps."""
     rng = np.random.default_rng(5)
-    first = plan._start_of_sites(start)
+    first = started_by_sites(plan, start)
     run = sites_adjoint.BackwardRun(plan._sites, first, steps, 0.0)
     v, w = rng.normal(size=(2, run.components))
     forwards = plan.replace(every=1).tangent(start, steps=steps, along=v).tangent["along"]
@@ -85,21 +86,26 @@ def require_transposed(plan: Any, start: Any, steps: int) -> None:
     assert abs(w @ forwards[-1] + 0.5 * w @ forwards[2] - backwards @ v) < 1e-14 * size
 
 
-def magnet(J: Any, B: Any = (0.1, 0.2, 0.3), rate: float = 2.0, D: Any = None) -> Any:
+CHARGES = [1.0, -0.5, 2.0, 0.0, 0.3]
+
+
+def magnet(
+    J: Any, B: Any = (0.1, 0.2, 0.3), rate: float = 2.0, D: Any = None, charge: Any = tuple(CHARGES)
+) -> Any:
     """Five spins in a field that swings, with one of them held; with D all kinds of terms."""
     twist = Twist([0.3, 0.1, -0.2] if D is None else D).over(edges([(1, 0), (1, 2)], sites=5))
     terms = lm.Terms(
         Exchange(lm.each(J)).over(lm.neighbours.ring(5)),
         Swinging(B, rate),
         *([] if D is None else [twist, Chiral(0.7).over(edges([(0, 1, 2)], sites=5))]),
-        charge=lm.each([1.0, -0.5, 2.0, 0.0, 0.3]),
+        charge=lm.each(charge),
         held=[4],
     )
     return lm.DrivenLiePoissonSystem(lm.SO3() ** 5, terms)
 
 
 COUPLINGS = [1.0, 0.7, 1.3, -0.4, 0.9]
-FEW: dict[str, Any] = {"J": COUPLINGS, "rate": 2.0}
+FEW: dict[str, Any] = {"J": COUPLINGS, "rate": 2.0, "charge": CHARGES}
 ALL: dict[str, Any] = FEW | {"B": [0.1, 0.2, 0.3], "D": [0.3, 0.1, -0.2]}
 
 
@@ -163,8 +169,8 @@ def test_parameters_of_terms(given: Any, monkeypatch: pytest.MonkeyPatch) -> Non
             return w @ short.run(start, steps=steps).mu[-1].ravel()
 
         assert np.abs(found[name] - differences(end, value)).max() < 1e-11
-    monkeypatch.setattr(sites_adjoint, "ROOM", 1)
-    monkeypatch.setattr(sites_adjoint, "KEPT", 2)
+    for name, few in (("ROOM", 1), ("NEAR", 1), ("LEAST", 2)):
+        monkeypatch.setattr(sites_adjoint, name, few)
     again = back(plan, start, {steps: w}, names)
     assert np.array_equal(again[0], slope)
     plain = back(plan.replace(compiled=False), start, {steps: w}, names)
@@ -222,12 +228,14 @@ def test_methods_of_spins(method: Any) -> None:
     require_transposed(plan, system.state(mu=directions(2), g=g), 20)
 
 
-def bodies(held: Any = ()) -> tuple[Any, Any]:
+def bodies(
+    held: Any = (), stiffness: Any = (10.0, 20.0, 30.0), gravity: float = 9.81
+) -> tuple[Any, Any]:
     """Four bodies in space on springs."""
     inertia = [0.1, 0.15, 0.2, 1.0, 1.0, 1.0]
     free = lm.LiePoissonSystem(lm.SE3() ** 4, lm.PerSite(lm.KineticEnergy(inertia)))
-    spring = Spring(lm.each([10.0, 20.0, 30.0]), 1.0).over(lm.neighbours.chain(4))
-    terms = lm.Terms(spring, Weight(9.81), mass=lm.each([1.0, 2.0, 3.0, 0.5]), held=held)
+    spring = Spring(lm.each(stiffness), 1.0).over(lm.neighbours.chain(4))
+    terms = lm.Terms(spring, Weight(gravity), mass=lm.each([1.0, 2.0, 3.0, 0.5]), held=held)
     system = lm.MechanicalSystem(free, terms)
     rng = np.random.default_rng(4)
     g = np.asarray(lm.SE3().exp(0.4 * rng.normal(size=(4, 6))))
@@ -242,7 +250,6 @@ METHODS_OF_BODIES = [
     lm.LieVerlet(),
     lm.KickDrift(order=4),
     lm.RKMK(order=2),
-    lm.Composition(lm.LieVerlet(), order=4),
     lm.KickDrift(lm.RKMK(order=4)),
 ]
 
@@ -251,29 +258,43 @@ METHODS_OF_BODIES = [
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS_OF_BODIES, ids=repr)
 def test_methods_of_bodies(method: Any) -> None:
-    """Bodies in a field; and by parameters of the potential."""
+    """Bodies in a field, with the bits of plain Python."""
     system, start = bodies(held=[1])
-    plan = lm.Plan(system, method, h=0.02, progress=False)
+    plan = lm.Plan(system, method, h=0.02, compiled=True, progress=False)
     require_transposed(plan, start, 12)
-    w = np.random.default_rng(1).normal(size=24)
-    given = {12: np.append(w, np.zeros(24))}
-    natively = back(plan, start, given, ("stiffness", "length", "gravity"))
-    plain = back(plan.replace(compiled=False), start, given, ("stiffness", "length", "gravity"))
+    names, w = ("stiffness", "gravity"), np.random.default_rng(1).normal(size=48)
+    natively = back(plan, start, {2: w}, names)
+    plain = back(plan.replace(compiled=False), start, {2: w}, names)
     assert np.array_equal(natively[0], plain[0])
+    assert all(np.array_equal(natively[1][name], plain[1][name]) for name in names)
 
-    def end(x: np.ndarray) -> Any:
-        potential = system.potential
-        term = potential.parts[0].term
-        moved = Spring(lm.each(x), 1.0).over(lm.neighbours.chain(4))
-        terms = lm.Terms(moved, Weight(9.81), mass=lm.each([1.0, 2.0, 3.0, 0.5]), held=[1])
-        other = lm.MechanicalSystem(system.body, terms)
-        assert term.length == 1.0
-        run = lm.Plan(other, method, h=0.02, every=12, progress=False).run(start, steps=12)
-        return w @ run.mu[-1].ravel()
+
+@native
+@pytest.mark.slow
+def test_compositions() -> None:
+    """Substeps, some of them backwards; kicks in between are one."""
+    system, start = chain(5)
+    method = lm.Composition(lm.LieVerlet(), order=4)
+    require_transposed(lm.Plan(system, method, h=0.1, progress=False), start, 12)
+
+
+@native
+@pytest.mark.slow
+def test_parameters_of_potentials() -> None:
+    """As differences of runs."""
+    w = np.append(np.random.default_rng(1).normal(size=24), np.zeros(24))
+    system, start = bodies()
+    plan = lm.Plan(system, lm.KickDrift(order=4), h=0.02, every=12, compiled=True, progress=False)
+    found = back(plan, start, {12: w}, ("stiffness", "gravity"))[1]
+
+    def end(stiffness: Any = (10.0, 20.0, 30.0), gravity: Any = 9.81) -> Any:
+        other, _ = bodies(stiffness=stiffness, gravity=float(gravity))
+        run = lm.Plan(other, plan.method, h=0.02, every=12, compiled=True, progress=False)
+        return w[:24] @ run.run(start, steps=12).mu[-1].ravel()
 
     wanted = differences(end, [10.0, 20.0, 30.0])
-    assert np.abs(natively[1]["stiffness"] - wanted).max() < 1e-11
-    assert np.array_equal(natively[1]["gravity"], plain[1]["gravity"])
+    assert np.abs(found["stiffness"] - wanted).max() < 1e-11
+    assert abs(found["gravity"] - differences(lambda x: end(gravity=x), 9.81)) < 1e-11
 
 
 @native
@@ -312,6 +333,50 @@ def test_terms_of_one_site_that_turn_by_themselves() -> None:
     require_transposed(plan, system.state(mu=directions(n)), 20)
     with pytest.raises(IncompatibleSystem, match="parts of their own; RKMK has one"):
         back(plan, system.state(mu=directions(n)), {2: np.ones(18)}, ("J",))
+
+
+def test_gradient_and_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A loss and a running cost of one site, and cotangents by samples, as the written-out sums of them."""
+    plan = lm.Plan(spins(4), lm.RKMK(order=2), h=0.1, compiled=False)
+    start = spins(4).state(mu=directions(4))
+    found = plan.gradient(
+        lambda site: site.mu[2] ** 2,
+        start,
+        steps=4,
+        by=["start", "J"],
+        along=lambda t, site: t * site.mu[0],
+        every=2,
+    )
+    run = plan.replace(every=2).run(start, steps=4)
+    z = run.mu[-1, :, 2]
+    assert abs(found.value - (z @ z + (run.t[:, None] * run.mu[..., 0]).sum())) < 1e-14
+    given = np.zeros((3, 4, 3))
+    given[-1, :, 2] = 2.0 * z
+    given[..., 0] += run.t[:, None]
+    back = plan.pullback({"mu": given}, start, steps=4, by=["start", "J"], every=2)
+    flat = plan.pullback(given.reshape(3, 12), start, steps=4, every=2)
+    whole = plan.replace(every=2).tangent(start, steps=4).tangent["start"]
+    wanted = np.einsum("ki,kij->j", given.reshape(3, 12), whole)
+    for other in (found, back, flat):
+        assert np.abs(other["start"] - wanted).max() < 1e-14
+    assert np.array_equal(found["J"], back["J"])
+    monkeypatch.setattr(lm.System, "small", 12)  # a system of any size has this meaning of a site
+    few = plan.replace().gradient(lambda site: site.mu[2] ** 2, start, steps=4)
+    assert abs(few.value - z @ z) < 1e-14
+    monkeypatch.setattr(lm.System, "small", 0)
+    with pytest.raises(IncompatibleSystem, match="lambda site"):
+        plan.gradient(lambda state: state.mu[0], start, steps=4)
+    with pytest.raises(InvalidInput, match=r"\(4, 3\), as the samples are; got \(3,\)"):
+        plan.pullback({"mu": [1.0, 2.0, 3.0]}, start, steps=4)
+    system, first = chain(3)
+    bodies = lm.Plan(system, lm.KickDrift(), h=0.05, compiled=False)
+    w = np.random.default_rng(1).normal(size=(3, 3, 3))
+    whole = bodies.tangent(first, steps=2).tangent["start"][-1]
+    end = bodies.run(first, steps=2).g[-1]
+    e = np.asarray([lm.SO3().algebra.hat(x) for x in np.eye(3)])
+    components = np.einsum("sij,sik,ckj->sc", w, end, e)
+    found = bodies.pullback({"g": w}, first, steps=2)["start"]
+    assert np.abs(found - components.ravel() @ whole[9:]).max() < 1e-13
 
 
 @native
