@@ -68,6 +68,9 @@ def write(buffer: np.ndarray, k: int, value: Any, layout: Layout) -> None:
     """
     unchanged(value, layout)
     array, start = buffer, k * layout.width
+    if layout.in_memory and not layout.exact:
+        array[start : start + layout.width] = list(leaves(value, layout))
+        return
     integers = array.view(np.int64) if layout.exact else array
     for i, (x, kind) in enumerate(zip(leaves(value, layout), layout.kinds, strict=True)):
         (integers if kind in ("integer", "truth") else array)[start + i] = x

@@ -85,8 +85,9 @@ def solve_matrix(m: Mat, rhs: Mat) -> Mat:
 
     m : (n, n), rhs : (n, k).  Raises InvalidType if m is not square or rhs has another length.
     """
-    if isinstance(m, InMemory):  # type: ignore[unreachable]
-        return rhs.T.over(m.T).T  # type: ignore[unreachable]
+    if isinstance(m, InMemory):
+        stored: Any = m, rhs
+        return stored[1].T.over(stored[0].T).T
     n = _square("solve", m, rhs)
     rows = _of_one_kind([vec(*m[i], *rhs[i]) for i in range(n)])
     for k in range(n):
@@ -144,8 +145,9 @@ def inverse(m: Mat) -> Mat:
 
     m : (n, n).  Raises InvalidType if it is not square.
     """
-    if isinstance(m, InMemory):  # type: ignore[unreachable]
-        return (0.0 * m).plus(1.0).over(m)  # type: ignore[unreachable]
+    if isinstance(m, InMemory):
+        stored: Any = m
+        return (0.0 * stored).plus(1.0).over(stored)
     _square("inverse", m, m)
     return solve_matrix(m, unit(m))
 
@@ -155,8 +157,8 @@ def determinant(m: Mat) -> Any:
 
     m : (n, n).  Raises InvalidType if it is not square.
     """
-    if isinstance(m, InMemory):  # type: ignore[unreachable]
-        return m.determinant()  # type: ignore[unreachable]
+    if isinstance(m, InMemory):
+        return m.determinant()
     n = _square("determinant", m, m)
     rows, product = _of_one_kind([*m]), 1.0
     for k in range(n):

@@ -449,7 +449,7 @@ class DiagonalSolver:
         """The name by which native code knows a table: `down`, `up` or `inverse`."""
         return f"liemech_table_{self.content}_{part}"
 
-    def __call__(self, b: Large) -> Large:
+    def __call__(self, b: Any) -> Any:
         """X of a complex matrix B."""
         if isinstance(b, InMemory) and not isinstance(b, Large):
             return b.each(self)

@@ -100,6 +100,28 @@ class InMemory(Operand):
         """The image under a linear map of what is made of such vectors or matrices."""
         raise NotImplementedError
 
+    @property
+    def T(self) -> Any:
+        """The transpose."""
+        raise NotImplementedError
+
+    @property
+    def H(self) -> Any:
+        """The conjugate transpose."""
+        raise NotImplementedError
+
+    def plus(self, s: float) -> Any:
+        """A + s 1."""
+        raise NotImplementedError
+
+    def over(self, a: Any) -> Any:
+        """B A^-1."""
+        raise NotImplementedError
+
+    def determinant(self) -> Any:
+        """det A."""
+        raise NotImplementedError
+
 
 def _arrays(x: Any) -> Any:
     """Arrays instead of vectors and matrices, and of one object instead of a number that carries

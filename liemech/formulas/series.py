@@ -467,19 +467,6 @@ class SeriesInMemory(Series, InMemory):
         found: Any = SeriesInMemory(self.coefficient_of(0).plus(s))
         return cast(SeriesInMemory, found.by(self.term))
 
-    def over(self, a: SeriesInMemory) -> SeriesInMemory:
-        """X = B A^-1:  X_k A_0 = B_k - sum_j X_(k-j) A_j,  j > 0."""
-        found: Any = SeriesInMemory()
-
-        def rule(k: int) -> Any:
-            rest = self.term(k)
-            for j in range(1, k + 1):
-                x, y = found.term(k - j), a.term(j)
-                rest = _difference(rest, None if x is None or y is None else x @ y)
-            return _each(lambda c: c.over(a.head), rest)
-
-        return found.by(rule)
-
 
 def _as_series(x: Any) -> Any:
     """Vectors and matrices in memory as series that end with their first term."""

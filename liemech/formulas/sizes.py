@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from .dual import size_of
 from .large import sum_of
 from .numbers import InMemory
@@ -24,7 +26,8 @@ def one_norms(x: Vec, blocks: tuple[int, ...]) -> Vec:
     a vector in memory that of all of it.
     """
     if isinstance(x, InMemory):
-        return vec(*[sum_of(abs(x)) for _ in blocks])
+        stored: Any = x
+        return vec(*[sum_of(abs(stored)) for _ in blocks])
     norms: list[float] = []
     first = 0
     for n in blocks:

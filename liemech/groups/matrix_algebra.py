@@ -262,7 +262,7 @@ class MatrixLieAlgebra(LieAlgebra):
         if not self.is_large:
             return super()._ad_matrices
         units = np.eye(self.dim)
-        found = np.asarray(self.bracket(units[:, None], units[None])).transpose(0, 2, 1)  # type: ignore[arg-type]
+        found = np.asarray(self.bracket(units[:, None], units[None])).transpose(0, 2, 1)
         return np.where(np.abs(found) <= 1e-13 * np.abs(found).max(), 0.0, found)
 
     def ad_matrix(self, xi: Vec) -> Mat:

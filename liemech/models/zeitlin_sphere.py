@@ -32,7 +32,7 @@ class SphereEnergy(Hamiltonian):
     """The kinetic energy of ideal flow, E = -int psi (omega - f)/2 with Delta psi = omega - f, of a
     vorticity as the momentum M = (4 pi hbar/N) i F.
 
-    n : N.  background : the matrix of f, the vorticity of the rotating sphere.
+    n : N.  background : the matrix of f, the vorticity of the rotating sphere; the number 0 if it rests.
 
     Source: Zeitlin, Phys. Rev. Lett. 93 (2004) 264501; Modin and Viviani, J. Fluid Mech. 884 (2020)
     A22.
@@ -111,7 +111,10 @@ class ZeitlinSphere(LiePoissonSystem):
         n = whole_number("ZeitlinSphere", self.n, matrix_basis.SMALL + 1)
         if not np.isfinite(self.rotation):
             raise InvalidInput(f"ZeitlinSphere: rotation is {self.rotation}; it must be finite")
-        background = Large(self._momentum_scale * 2.0j * self.rotation * np.diag(coordinate(n)))
+        background: Any = 0.0
+        if self.rotation:
+            turning = self._momentum_scale * 2.0j * self.rotation * coordinate(n)
+            background = Large(np.diag(turning))
         for name, value in (
             ("n", n),
             ("group", SU(n)),

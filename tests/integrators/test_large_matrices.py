@@ -204,20 +204,23 @@ def test_adaptive_steps(group: Any, method: Any) -> None:
     assert found[0] < 1e-6 and found[1] < 1e-9 and len(run.t) > 5
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("method", [lm.RKMK(order=5), lm.Taylor(6)], ids=repr)
+@pytest.mark.parametrize(
+    "method",
+    [lm.RKMK(order=5), pytest.param(lm.Taylor(6), marks=pytest.mark.slow)],
+    ids=repr,
+)
 def test_adaptive_steps_small_and_large_are_the_same(
     method: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from liemech.groups import matrix_basis
 
     def run() -> Any:
-        system = body(lm.SO(5))
-        start = system.state(mu=start_of(system), g=np.eye(5))
-        return lm.integrate(system, method, start, t_end=2.0, rtol=1e-8, atol=1e-11, compiled=False)
+        system = body(lm.SO(4))
+        start = system.state(mu=start_of(system), g=np.eye(4))
+        return lm.integrate(system, method, start, t_end=1.0, rtol=1e-8, atol=1e-11, compiled=False)
 
     small = run()
-    monkeypatch.setattr(matrix_basis, "SMALL", 4)
+    monkeypatch.setattr(matrix_basis, "SMALL", 3)
     large = run()
     assert np.abs(small.t - large.t).max() < 1e-9 and np.abs(small.mu - large.mu).max() < 1e-10
 
@@ -268,6 +271,74 @@ def test_a_step_that_is_too_long_says_so() -> None:
     for compiled in (False, True):
         with pytest.raises(lm.errors.NoConvergence, match="too large"):
             lm.integrate(system, lm.Isospectral(2), start, h=60.0, steps=3, compiled=compiled)
+
+
+def test_algorithm_1_on_symplectic_matrices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sp(4), whose matrices are not antihermitian, small and in memory."""
+    from liemech.groups import matrix_basis
+
+    def final() -> np.ndarray:
+        system = body(lm.Sp(4))
+        start = system.state(mu=start_of(system), g=np.eye(4))
+        method = lm.CovariantVariational(lm.Cayley())
+        run = lm.integrate(system, method, start, h=0.1, steps=3, compiled=False)
+        return np.concatenate([run.mu[-1], run.g[-1].ravel()])
+
+    small = final()
+    monkeypatch.setattr(matrix_basis, "SMALL", 3)
+    assert np.abs(final() - small).max() < 2e-15
+
+
+@pytest.mark.parametrize("group", [lm.SU(3), lm.SL(3), lm.SU(13), lm.SL(13)], ids=repr)
+def test_elements_without_cayley_map(group: Any) -> None:
+    """They keep determinant 1, and order 2 beside RKMK."""
+    system, n = body(group), group.n
+    start, found = system.state(mu=start_of(system), g=np.eye(n)), []
+    exact = lm.integrate(system, lm.RKMK(order=8), start, h=0.3, steps=2, compiled=False).g[-1]
+    for steps in (2, 4):
+        run = lm.integrate(
+            system, lm.Isospectral(2), start, h=0.6 / steps, steps=steps, compiled=False
+        )
+        assert abs(np.linalg.det(run.g[-1]) - 1.0) < 5e-15
+        assert np.abs(run.spatial_momentum - run.spatial_momentum[0]).max() < 3e-15
+        found.append(np.abs(run.g[-1] - exact).max())
+    assert 1.8 < np.log2(found[0] / found[1]) < 2.3
+
+
+@pytest.mark.parametrize("unit", [1.0, 1j])
+def test_determinants(unit: complex) -> None:
+    """With rows in no order, so that pivots change them."""
+    a = RNG.normal(size=(13, 13)) + (unit.imag * 1j * RNG.normal(size=(13, 13)) if unit.imag else 0)
+    for one in (a, a[::-1]):
+        d = Large(one).determinant()
+        found = complex(d.re, d.im) if unit.imag else d
+        assert abs(found / np.linalg.det(one) - 1.0) < 1e-13
+
+
+@lm.record
+class Pivoted(lm.Hamiltonian):
+    """No energy, but a velocity that asks for a determinant."""
+
+    def energy(self, mu: lm.Vec) -> float:
+        return 0.0 * lm.dot(mu, mu)
+
+    def gradient(self, mu: lm.Vec) -> lm.Vec:
+        return 0.0 * mu
+
+    def velocity_matrix(self, algebra: Any, m: Any) -> Any:
+        return m.determinant() * m.without_adjoint()
+
+
+def test_native_determinants_have_their_sign() -> None:
+    """Of a matrix whose rows pivots exchange."""
+    system = lm.LiePoissonSystem(lm.GL(11), Pivoted())
+    start = system.state(mu=(np.eye(11)[::-1] + 0.1 * RNG.normal(size=(11, 11))).ravel())
+    plain, native = (
+        lm.integrate(system, lm.Isospectral(2), start, h=0.05, steps=3, compiled=c)
+        for c in (False, True)
+    )
+    assert native.compiled and np.array_equal(plain.mu, native.mu)
+    assert np.abs(plain.mu[-1] - plain.mu[0]).max() > 1e-3
 
 
 def test_arithmetic_in_memory_is_that_of_numpy() -> None:

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import liemech as lm
+from liemech.groups import matrix_basis
 
 SIZES = [4, pytest.param(10, marks=pytest.mark.sample(1))]
 
@@ -56,7 +57,10 @@ def test_the_full_toda_flow_is_that_of_qr_factors(n: int, method: Any, order: in
     assert order - 0.4 < np.log2(coarse / fine) < order + 0.7
 
 
-def test_a_tridiagonal_matrix_is_todas_lattice() -> None:
+@pytest.mark.parametrize("small", [9, 3])
+def test_a_tridiagonal_matrix_is_todas_lattice(small: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Written out, and in memory."""
+    monkeypatch.setattr(matrix_basis, "SMALL", small)
     q, p = np.array([0.0, 0.3, 0.1, 0.5]), np.array([0.4, -0.2, 0.1, -0.3])
     lattice, flow = lm.models.TodaLattice(4), lm.models.TodaFlow(4)
     start = flow.lattice(q, p)
