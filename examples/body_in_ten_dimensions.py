@@ -1,6 +1,5 @@
 """A free body in ten dimensions: 45 momenta, and the 25 integrals that Manakov found, which make its motion regular."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import liemech as lm
@@ -21,12 +20,11 @@ print(
 )
 print(f"the energy changes by {np.ptp(run.energy) / run.energy[0]:.1e}")
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5))
-left.plot(run.mu[:, 0], run.mu[:, 9], ".", markersize=2)
+figure, (left, right) = lm.plots.subplots(1, 2, figsize=(10.0, 4.0))
+left.plot(run.mu[:, 0], run.mu[:, 9], ".", markersize=2, color=lm.plots.COLORS[0])
 left.set(xlabel="mu 1 2", ylabel="mu 2 3", title="two of 45 momenta")
 for values, casimir in zip(integrals.T, casimirs):
     off = np.maximum(np.abs(values / values[0] - 1.0), 1e-17)
-    right.semilogy(run.t, off, color="tab:blue" if casimir else "tab:orange", linewidth=0.5)
+    right.semilogy(run.t, off, color=lm.plots.COLORS[0 if casimir else 1], linewidth=0.5)
 right.set(xlabel="t", title="relative change of integrals: Casimirs blue", ylim=(1e-17, 1e-4))
-figure.tight_layout()
-figure.savefig("body_in_ten_dimensions.png", dpi=110)
+lm.plots.save(figure, "body_in_ten_dimensions.png")

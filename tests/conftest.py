@@ -97,15 +97,13 @@ def sampled(variants: list[pytest.Function], count: int) -> list[pytest.Function
     """
     taken: Counter[str] = Counter()
     # neighbours apart
-    rest = [variants[i] for i in sorted(range(len(variants)), key=lambda i: 0.618034 * i % 1.0)]
+    rest = sorted(range(len(variants)), key=lambda i: 0.618034 * i % 1.0)
+    have = [values(variant) for variant in variants]
     chosen: list[pytest.Function] = []
     while rest and len(chosen) < count:
-        chosen.append(
-            rest.pop(
-                min(range(len(rest)), key=lambda i: sum(taken[value] for value in values(rest[i])))
-            )
-        )
-        taken.update(values(chosen[-1]))
+        k = min(range(len(rest)), key=lambda k: sum(map(taken.__getitem__, have[rest[k]])))
+        taken.update(have[rest[k]])
+        chosen.append(variants[rest.pop(k)])
     return chosen
 
 

@@ -63,16 +63,25 @@ SECTIONS = {
         "magnons",
         "couplings",
     ),
-    "Constraints, joints, rolling": ("index_reduction", "chain", "linkage", "arm", "net"),
+    "Constraints, joints, rolling": (
+        "index_reduction",
+        "chain",
+        "linkage",
+        "arm",
+        "puma",
+        "bricard",
+        "governor",
+        "net",
+    ),
     "Poisson systems, and steps that follow the motion": (
         "lotka_volterra",
         "banana_orbit",
         "eccentric_orbit",
     ),
-    "Many bodies": ("binary_asteroid", "drop_of_water", "mixing_vorticity"),
+    "Many bodies": ("binary_asteroid", "drop_of_water", "mixing_vorticity", "rubber_rod"),
     "At work": ("attitude_control", "rocket", "flight_code"),
     "Damping and noise": ("paramagnet", "relaxing_body"),
-    "From measurements": ("fit_inertia", "attitude_filter"),
+    "From measurements": ("fit_inertia", "fit_bodies", "attitude_filter"),
     "In the browser": (
         "flip_in_the_browser",
         "top_in_the_browser",
@@ -240,6 +249,8 @@ def main() -> None:
                 image.thumbnail((WIDEST, WIDEST))
                 reduced(image).save(HERE / picture.name, optimize=True)
                 print(f"{picture.name}: {(HERE / picture.name).stat().st_size / 1e3:.0f} kB")
+            for moving in sorted(Path(folder).glob("*.gif")):
+                (HERE / moving.name).write_bytes(moving.read_bytes())
     (ROOT / "docs" / "gallery.md").write_text(
         gallery([path.stem for path in examples]), encoding="utf-8"
     )

@@ -17,6 +17,7 @@ import numpy as np
 from ..formulas import Vec
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
+from ..systems.system import lies_in_memory
 from .like_units import GroupInUnits
 from .report import shown
 from .seeds import generator
@@ -115,13 +116,18 @@ class Units:
 
     @cached_property
     def constants(self) -> np.ndarray:
-        """c[i, j] = [E_i, E_j], asked of the bracket."""
+        """c[i, j] = [E_i, E_j], asked of the bracket; of large matrices of all at once."""
+        if lies_in_memory(self.group):
+            units = np.eye(self.dim)
+            return np.asarray(self.group.algebra.bracket(units[:, None], units[None]))
         return np.array(
             [[flat(self.group.algebra.bracket(a, b)) for b in self.axes] for a in self.axes]
         )
 
     def ad(self, xi: Vec) -> np.ndarray:
         """The matrix of ad_xi, from the structure constants."""
+        if lies_in_memory(self.group):
+            return np.tensordot(flat(xi), self.constants, 1).T
         return np.einsum("i,ijk->kj", flat(xi), self.constants)
 
     def bracket_size(self, *velocities: Vec) -> float:
@@ -182,8 +188,14 @@ class Units:
 
         return np.stack([change(axis) for axis in self.axes], axis=1)
 
+    @cached_property
+    def _inverse_tangents(self) -> np.ndarray:
+        return np.linalg.pinv(self.tangents)
+
     def coordinates(self, change: np.ndarray) -> np.ndarray:
         """The velocity whose change at e this is, by least squares."""
+        if lies_in_memory(self.group):
+            return np.asarray(self._inverse_tangents @ change)
         return np.asarray(np.linalg.lstsq(self.tangents, change, rcond=None)[0])
 
 

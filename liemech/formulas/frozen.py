@@ -14,11 +14,12 @@ import dataclasses
 import functools
 import inspect
 import operator
+import re
 import reprlib
 import sys
 import types
 from collections.abc import Callable
-from dataclasses import KW_ONLY, InitVar  # noqa: F401 (found here by annotations of classes without a module)
+from dataclasses import KW_ONLY, InitVar
 from typing import Any, ClassVar, TypeVar, dataclass_transform, overload
 
 from .annotations import own_annotations
@@ -101,15 +102,10 @@ def _own_fields(cls: Any) -> dict[str, Any]:
             raise TypeError(f"{name!r} is a field but has no type annotation")
     if not annotations:
         return {}
-    # where `dataclasses` looks for ClassVar, InitVar and KW_ONLY of an annotation that is a text
-    home = cls.__module__ if cls.__module__ in sys.modules else __name__
-    carrier: Any = type(cls.__name__, (), {"__module__": home, "__doc__": "of fields"})
-    carrier.__annotations__ = dict(annotations)
-    for name in annotations:
-        if hasattr(cls, name):
-            setattr(carrier, name, getattr(cls, name))
-    dataclasses.dataclass(init=False, repr=False, eq=False, match_args=False)(carrier)
-    fields: dict[str, Any] = vars(carrier)[_FIELDS]
+    if all(_is_field(cls, text) for text in annotations.values()):
+        fields = {name: _field(cls, name, text) for name, text in annotations.items()}
+    else:
+        fields = _fields_by_dataclasses(cls, annotations)
     for name, field in fields.items():
         if isinstance(getattr(cls, name, None), dataclasses.Field):
             if field.default is MISSING:
@@ -117,6 +113,53 @@ def _own_fields(cls: Any) -> dict[str, Any]:
             else:
                 setattr(cls, name, field.default)
     return fields
+
+
+def _fields_by_dataclasses(cls: Any, annotations: Any) -> dict[str, Any]:
+    """The fields as `dataclasses` reads annotations."""
+    # where it looks for ClassVar, InitVar and KW_ONLY of an annotation that is a text
+    home = cls.__module__ if cls.__module__ in sys.modules else __name__
+    carrier: Any = type(cls.__name__, (), {"__module__": home, "__doc__": "of fields"})
+    carrier.__annotations__ = dict(annotations)
+    for name in annotations:
+        if hasattr(cls, name):
+            setattr(carrier, name, getattr(cls, name))
+    dataclasses.dataclass(init=False, repr=False, eq=False, match_args=False)(carrier)
+    found: dict[str, Any] = vars(carrier)[_FIELDS]
+    return found
+
+
+_NO_FIELDS = ClassVar, InitVar, KW_ONLY
+_NAMES_OF_NONE = "ClassVar", "InitVar", "KW_ONLY"
+
+
+def _is_field(cls: Any, text: Any) -> bool:
+    """Is an annotation, which is a text, for certain that of an ordinary field?"""
+    if type(text) is not str or any(name in text for name in _NAMES_OF_NONE):
+        return False
+    word = _WORD.match(text)
+    home = vars(sys.modules[cls.__module__]) if cls.__module__ in sys.modules else {}
+    meaning = None if word is None else home.get(word[0])
+    return word is not None and not any(meaning is mark for mark in _NO_FIELDS)
+
+
+_WORD = re.compile(r"\w+")
+
+
+def _field(cls: Any, name: str, text: str) -> Any:
+    """The field of a name, as `dataclasses` makes it."""
+    given = getattr(cls, name, MISSING)
+    if isinstance(given, types.MemberDescriptorType):
+        given = MISSING
+    field: Any = given if isinstance(given, dataclasses.Field) else dataclasses.field(default=given)
+    if field.default.__class__.__hash__ is None:
+        raise ValueError(
+            f"mutable default {type(field.default)} for field {name} is not allowed: use default_factory"
+        )
+    field.name, field.type, field._field_type = name, text, _FIELD
+    if field.kw_only is MISSING:
+        field.kw_only = False
+    return field
 
 
 def _methods(cls: Any, fields: list[Any]) -> dict[str, Any]:

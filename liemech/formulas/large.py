@@ -18,7 +18,7 @@ from ..errors import InvalidType
 from . import blas
 from .complex_numbers import Complex
 from .numbers import InMemory, StandIn
-from .vectors import Vec
+from .vectors import Mat, Vec
 
 TOGETHER = 16
 """Sums are this many interleaved ones."""
@@ -209,7 +209,7 @@ class Large(InMemory):
     # ---------------------------------------------------------------- matrices
 
     def __matmul__(self, other: Any) -> Any:
-        if isinstance(other, (Vec, np.ndarray)) and self.numbers is not None:
+        if isinstance(other, (Vec, Mat, np.ndarray)) and self.numbers is not None:
             other = Large(other)
         if not isinstance(other, Large):
             return NotImplemented

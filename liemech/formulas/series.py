@@ -369,7 +369,7 @@ def _inverse(x: Series) -> Series:
 
 
 class SeriesInMemory(Series, InMemory):
-    """The same with vectors or matrices in memory as terms, or series of them in their turn: `+ - * /`
+    """A series with vectors or matrices in memory as terms, or series of them in their turn: `+ - * /`
     number by number, with numbers and series of numbers too, `@` of matrices.
     """
 

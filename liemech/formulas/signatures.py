@@ -16,6 +16,8 @@ from .annotations import kind_of, own_annotations
 from .overriding import breaks, kept, promise
 from .vectors import Mat, Vec
 
+LIBRARY = __name__.partition(".")[0]
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 KINDS = ("Ambient", "Element", "Mat", "Vec", "float")
@@ -150,20 +152,48 @@ def _said(cls: type, name: str, names: tuple[str, ...]) -> tuple[dict[str, str],
     kinds: dict[str, str] = {}
     classes: dict[str, str] = {}
     for base in cls.__mro__:
-        if not isinstance(vars(base).get(name), types.FunctionType):
+        member = base.__dict__.get(name)
+        if not isinstance(member, types.FunctionType):
             continue
-        known = bare(vars(base)[name])
-        annotations = own_annotations(known)
-        counted = not known.__code__.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS)
-        for argument, other in zip(names, arguments(known)):
-            if other not in annotations:
+        for argument, told in zip(names, _told(bare(member))):
+            if told is None:
                 continue
-            kind = kind_of(annotations[other], known.__globals__)
+            kind, text = told
             if kind is not None:
-                kinds[argument] = min(kind, kinds.get(argument, kind), key=KINDS.index)
-            if counted and classes.get(argument, "Any") == "Any":
-                classes[argument] = class_text(annotations[other])
+                before = kinds.get(argument, kind)
+                kinds[argument] = kind if KINDS.index(kind) < KINDS.index(before) else before
+            if text is not None and classes.get(argument, "Any") == "Any":
+                classes[argument] = text
     return (kinds if set(kinds.values()) - {"float"} else {}), classes
+
+
+Told = tuple["str | None", "str | None"] | None
+
+_KNOWN: dict[types.FunctionType, list[Told]] = {}
+"""What is told of formulas of the library."""
+
+
+def _told(formula: types.FunctionType) -> list[Told]:
+    """Of each argument of a formula the kind and the class that it says, None for one without an
+    annotation; classes not where there may be more arguments.
+    """
+    known = _KNOWN.get(formula)
+    if known is not None:
+        return known
+    annotations = own_annotations(formula)
+    counted = not formula.__code__.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS)
+    found: list[Told] = [
+        None
+        if name not in annotations
+        else (
+            kind_of(annotations[name], formula.__globals__),
+            class_text(annotations[name]) if counted else None,
+        )
+        for name in arguments(formula)
+    ]
+    if (formula.__module__ or "").partition(".")[0] == LIBRARY:
+        _KNOWN[formula] = found
+    return found
 
 
 def class_text(annotation: Any) -> str:

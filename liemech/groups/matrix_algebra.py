@@ -9,6 +9,8 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from ..errors import InvalidType
 from ..formulas import Complex, Mat, Vec, mat, record, solve, solve3, vec
 from ..formulas.double_double import is_long
@@ -253,6 +255,15 @@ class MatrixLieAlgebra(LieAlgebra):
                 for j in range(dim)
             ]
         )
+
+    @property
+    def _ad_matrices(self) -> Any:
+        """The matrices of ad E_i, of large ones from all brackets at once.  (dim, dim, dim)"""
+        if not self.is_large:
+            return super()._ad_matrices
+        units = np.eye(self.dim)
+        found = np.asarray(self.bracket(units[:, None], units[None])).transpose(0, 2, 1)  # type: ignore[arg-type]
+        return np.where(np.abs(found) <= 1e-13 * np.abs(found).max(), 0.0, found)
 
     def ad_matrix(self, xi: Vec) -> Mat:
         """The matrix of ad_xi, from the structure constants."""

@@ -137,7 +137,7 @@ class MatrixLieGroup(LieGroup):
         """B^-1 g^T B where the group keeps a form B that makes this cheap, else by elimination."""
         b = self._form
         if self.is_large and self.keeps_lengths:
-            return g.H
+            return adjoint(g)
         if b is None or self.is_large:
             return inverse(g)
         return mat(
@@ -331,6 +331,8 @@ class MatrixLieGroup(LieGroup):
 
     def defect(self, g: Ambient) -> float:
         """The largest defect of the invariants, relative to the size of an element."""
+        if isinstance(g, Large):
+            return float(matrix_arrays.of_group(self, "defect", {"g": g.array[None]})[0])
         given, g = g, self._in_core(g)
         vectors, covectors, commuting, forms, hermitian, coforms, cohermitian, _, _ = self._laws
         spread = max(1.0, frobenius2(g) / len(g))

@@ -130,6 +130,10 @@ def null_space(equations: np.ndarray) -> np.ndarray:
     """The solutions of linear equations, as rows in reduced form, their largest entry 1.
     equations : (m, k), rows : (r, k).
     """
+    many, unknowns = equations.shape
+    if many > 8 * unknowns:  # of many generators: twice as many mixtures of them say the same
+        mixed = np.random.default_rng(1).normal(size=(2 * unknowns, many))
+        equations = mixed @ equations / np.sqrt(many)
     _, sizes, v = np.linalg.svd(equations, full_matrices=True)
     rank = int((sizes > 1e-10 * max(sizes.max(initial=0.0), 1e-300)).sum())
     rows = np.conj(v[rank:]).copy()

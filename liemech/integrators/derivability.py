@@ -13,6 +13,7 @@ from ..formulas.vectors import Vec
 from ..systems.agreement import APART, ROUNDING, parts_in_units
 from ..systems.driven import DrivenLiePoissonSystem
 from ..systems.lie_poisson import LiePoissonSystem
+from ..systems.sums_of_terms import OfTerms
 from .method import alternatives
 from .motion_series import motion
 
@@ -53,7 +54,8 @@ def require_derivatives(method: Any, system: Any) -> None:
             raise InvalidInput(f"{name}.energy must return a number; it returned {energy!r}")
         xi = system.velocity(mu)
         change = derivative(lambda m: system.velocity(m), mu, onward)
-        directions = parts_in_units(onward, system.unit_blocks)
+        moving = hamiltonian.moving(onward) if isinstance(hamiltonian, OfTerms) else onward
+        directions = parts_in_units(moving, system.unit_blocks)
         slopes = [derivative(lambda m: system.energy(m), mu, along) for along in directions]
     except InvalidInput:
         raise

@@ -203,9 +203,8 @@ class LieRATTLE(Remembering):
             if not (reached < 1.0 and piece > SHORTEST and tried < MOST):
                 break
         if reached < 1.0:
-            raise self._ended(
-                system, h, reached * h, g, split(solution, system.configurations.dim)[0]
-            )
+            x = split(solution, system.configurations.dim)[0]
+            raise self._ended(system, h, reached * h, memory, x)
         return solution
 
     def _correction(
@@ -325,10 +324,13 @@ class LieRATTLE(Remembering):
             inside = inside and self.retraction.is_chart(group, 2.0 * x[start:end])
         return inside
 
-    def _ended(self, system: Any, h: float, end: float, g: Element, x: Vec) -> NoConvergence:
+    def _ended(self, system: Any, h: float, end: float, memory: Memory, x: Vec) -> NoConvergence:
         """The error of a step without a solution of its own."""
-        why = near_a_dead_point(system, g) or (
-            f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}"
+        mu, g, force = plain(memory.state.mu), plain(memory.state.g), memory.node[0]
+        why = (
+            thrown_back(system, mu, g, force, h)
+            or near_a_dead_point(system, g)
+            or (f"The step h = {h:g} is too large for this motion; try {0.25 * h:g}")
         )
         return NoConvergence(
             f"{self!r}: the solution that grows out of h = 0 ends at h = {end:.3g}, |h xi| = "
@@ -336,8 +338,27 @@ class LieRATTLE(Remembering):
         )
 
 
+def thrown_back(system: Any, mu: Vec, g: Element, force: Vec, h: float) -> str | None:
+    """Does the first kick by the load, of all the force that is none of the field, turn the motion
+    back?  That in words, or None.
+    """
+    if system.body.load is None:
+        return None
+    kick = (0.5 * h) * (force - system.force(g))
+    lost, turned = -dot(kick, system.velocity(mu)), dot(kick, system.velocity(kick))
+    if not turned > lost > 0.0:
+        return None
+    return (
+        f"The first kick by the load, (h/2) F, is {turned / lost:.2g} times what stops the motion that it "
+        "works against: too strong for an explicit kick, as that of a damper with c h/2 above the "
+        f"inertia. Try h = {0.5 * h * lost / turned:.2g}"
+    )
+
+
 def near_a_dead_point(system: Any, g: Element) -> str | None:
     """Which conditions nearly depend on each other here; None if none do."""
+    if not getattr(system, "has_loops", True):  # a tree has none
+        return None
     weakest = system.independence(g)
     if not weakest < 0.1:
         return None

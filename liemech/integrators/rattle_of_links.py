@@ -258,7 +258,7 @@ class Links(System):
     def jump_at(
         self, work: Any, row: int, kinds: Any, i: int, which: int, t: float, to: float, every: bool
     ) -> float:
-        """The same of what acts in one place, of one of these kinds."""
+        """The first jump among inputs of what acts in one place, of one of these kinds."""
         for k in range(len(kinds)):
             if which == k:
                 to = first_jump(at(below(work, row), i, 0, kinds[k]), t, to, every)
@@ -266,7 +266,7 @@ class Links(System):
         return to
 
     def seen(self, one: Any) -> Any:
-        """What acts, with tables as the step sees them."""
+        """A value, with tables as the step sees them."""
         return during(one, *self.window) if len(self.window) > 0 else one
 
 

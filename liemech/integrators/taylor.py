@@ -113,7 +113,7 @@ class Taylor(Method):
         return tuple([vec(*[Series.coefficient(x, k) for x in omega]) for k in orders])
 
     def _terms_in_memory(self, system: System, t: float, start: Any, h: float) -> tuple[Vec, ...]:
-        """The same where vectors and matrices are the terms of series."""
+        """The terms where vectors and matrices are those of series."""
         y = SeriesInMemory.at(start)
         time: Any = Series(t, h)
         xi = series(system.rate(time, y))

@@ -62,7 +62,7 @@ class ForcesOfBodies(Force):
 
 @record
 class AtBody(Record):
-    """What acts on one body beside joints and weight: a Potential and a Force on SE(3), if there are.
+    """Field and load on one body, beside joints and weight: a Potential and a Force on SE(3), if any.
 
     Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 2.7.
     """
@@ -87,7 +87,7 @@ class AtBody(Record):
 
 @record
 class OnAll(Record):
-    """What acts on all bodies by one formula, as loops over memory need it: a Potential and a Force
+    """A field and a load on all bodies by one formula, as loops over memory need them: a Potential and a Force
     on the product of their groups, or None.  count : of bodies.  derived : does the force of the
     potential follow from its energy?
     """

@@ -322,9 +322,9 @@ class CosseratRod(MechanicalSystem):
             raise InvalidInput(f"{name}: u is (6,) or ({n}, 6); got shape {strain.shape}")
         found = np.empty((self.frames, 4, 4))
         found[0] = np.eye(4) if start is None else start
-        x = np.broadcast_to(strain, (n, 6)) * (self.length / n)
+        h = self.retraction.tau(SE3(), np.broadcast_to(strain, (n, 6)) * (self.length / n))
         for k in range(self.frames - 1):
-            found[k + 1] = self.retraction.compose_tau(SE3(), found[k], x[k])
+            found[k + 1] = found[k] @ h[k]
         return found
 
     def along(self, curve: Any, twist: float = 0.0) -> np.ndarray:
@@ -348,9 +348,10 @@ class CosseratRod(MechanicalSystem):
             ends = [x[-1], x[0]] if self.closed else [2.0 * x[0] - x[1], 2.0 * x[-1] - x[-2]]
             t = np.concatenate([x[1:], ends[1:]]) - np.concatenate([ends[:1], x[:-1]])
         check_finite(x, f"{name}: curve")
-        t = t / np.linalg.norm(t, axis=1)[:, None]
-        if not np.isfinite(t).all():
+        sizes = np.linalg.norm(t, axis=1)[:, None]
+        if not (sizes > 0.0).all():
             raise InvalidInput(f"{name}: two places of the curve are the same")
+        t = t / sizes
         first = np.eye(3)[np.abs(t[0]).argmin()]
         across = [np.cross(np.cross(t[0], first), t[0])]
         order = [*range(self.frames), *([0] if self.closed else [])]

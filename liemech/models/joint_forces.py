@@ -9,7 +9,19 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput, InvalidType, undefined
-from ..formulas import Element, Record, Vec, cross, derivative, dot, real_array, record, tanh, vec
+from ..formulas import (
+    Element,
+    Mat,
+    Record,
+    Vec,
+    cross,
+    derivative,
+    dot,
+    real_array,
+    record,
+    tanh,
+    vec,
+)
 from ..formulas.derived import derived
 from ..groups.lie_group import LieGroup
 from ..groups.se3 import join
@@ -221,6 +233,14 @@ class AtJoint(Record):
     def rates(self, g: Vec, xi: Vec) -> Vec:
         """The rates of the motions.  xi : of all bodies, (6 N,)."""
         return rates_of(self.joint, g, xi)
+
+    def missed(self, g: Mat, k: Mat) -> Vec:
+        """The conditions of the joint, which are zero, at the poses of its bodies."""
+        return self.joint.value(g, k)
+
+    def slips(self, g: Mat, k: Mat, xi: Vec, eta: Vec) -> Vec:
+        """Their rates, which are zero, at the velocities of its bodies."""
+        return vec(*[dot(one, xi) + dot(two, eta) for one, two in self.joint.rows(g, k)])
 
     def wrench(self, g: Vec, multipliers: Vec) -> Vec:
         """The force of the conditions on the first body and their torque about its point, seen from

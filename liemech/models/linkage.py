@@ -49,6 +49,10 @@ is a symmetry.
 """
 
 
+SHOWN = 12
+"""Joints whose conditions have lines of their own in the structure report."""
+
+
 @record
 class Weights(Potential):
     """The weight of several bodies, V = sum w_b e3 . p_b, on a product of SE(3)s.
@@ -266,6 +270,11 @@ class Linkage(ConstrainedBody):
     def linked(self) -> LinkedForm:
         """The form in which any number of bodies steps, joint by joint."""
         return linked(self)
+
+    @property
+    def has_loops(self) -> bool:
+        """Do joints, the ground among what they hold, close loops?"""
+        return self.linked.has_loops
 
     @property
     def site_form(self) -> Links | None:
@@ -499,8 +508,44 @@ class Linkage(ConstrainedBody):
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """The energy, and the momenta of the motions of space that are symmetries of joints and
-        gravity.
+        gravity; of each joint its conditions and their rates, which are zero, of more than
+        `SHOWN` joints those of all together.
         """
+        return self._conserved(states) | self._closed(states)
+
+    def _closed(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Conditions and their rates, joint by joint; beside them stand the largest entry of
+        all poses and of all velocities, constants that their changes are measured by.
+        """
+        found: dict[str, np.ndarray] = {}
+        lead, J = np.shape(states["g"])[:-1], _inertia(self.links)
+        inverse = np.diag(1.0 / J) if J.ndim == 1 else np.linalg.inv(J)
+        xi = (states["mu"] @ inverse).reshape(*lead, len(self.links), 6)
+        g, size = self.poses(states["g"]), np.full((*lead, 1), np.abs(states["g"]).max())
+        speed = np.full((*lead, 1), np.abs(xi).max())
+        ground = np.broadcast_to(np.eye(4), (*lead, 4, 4)), np.zeros((*lead, 6))
+        for number, (joint, kept) in enumerate(self.constraint.counted):
+            at, name = AtJoint(joint, ()), joint.name or f"joint {number}"
+            if kept:
+                one = g[..., joint.first, :, :], xi[..., joint.first, :]
+                two = ground
+                if joint.second is not None:
+                    two = g[..., joint.second, :, :], xi[..., joint.second, :]
+                missed = np.asarray(at.missed(one[0], two[0]))[..., list(kept)]
+                slips = np.asarray(at.slips(one[0], two[0], one[1], two[1]))
+                found[f"{name}: position"] = np.concatenate([missed, size], axis=-1)
+                slips = slips[..., list(kept)]
+                found[f"{name}: rate"] = np.concatenate([slips, speed], axis=-1)
+        if len(found) <= 2 * SHOWN:
+            return found
+        every = [*found.values()]
+        return {
+            "joints: positions": np.concatenate(every[::2], axis=-1),
+            "joints: rates": np.concatenate(every[1::2], axis=-1),
+        }
+
+    def _conserved(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Energy and momenta."""
         kept = super().constants(states)
         if self.load is not None:
             return kept

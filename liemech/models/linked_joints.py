@@ -198,7 +198,7 @@ def linked(linkage: Any) -> LinkedForm:
 
 
 def on_bodies(linkage: Any) -> tuple[list[AtBody], OnAll | None]:
-    """What acts on each body alone, and what acts on all of them by one formula."""
+    """Fields and loads on each body alone, and those on all of them by one formula."""
     parts: list[list[tuple[Any, ...]]] = [[(), ()] for _ in linkage.links]
     rest: list[Any] = [None, None]
     for which, given in enumerate((linkage.potential, linkage.load)):

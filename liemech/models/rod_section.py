@@ -72,9 +72,10 @@ class RodSection(Record):
 
         Source: Cowper, J. Appl. Mech. 33 (1966), 335.
         """
-        if not 0.0 <= inner < radius:
+        if not 0.0 <= inner < radius < np.inf:
             raise InvalidInput(
-                f"RodSection: inner is between 0 and the radius {radius:g}; got {inner:g}"
+                "RodSection: radius must be positive, and inner between 0 and it; got "
+                f"{radius:g} and {inner:g}"
             )
         area = math.pi * (radius + inner) * (radius - inner)
         I = 0.25 * area * (radius**2 + inner**2)

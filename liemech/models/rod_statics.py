@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,14 @@ from ..systems.terms import Site
 LONGEST = 0.5
 """A correction of Newton's method turns no frame by more than this, in rad, and moves none by more
 than this part of the length: longer ones are shortened.
+"""
+
+ROUNDING = 2.0**-48
+"""Corrections below this, in rad and in parts of the length, are none."""
+
+SHARP, LEAST = 15, 2.0**-30
+"""Corrections of a rod that is held at both ends are shortened up to this one, by a part of the
+diagonal that is a quarter each time, in the end the least.
 """
 
 
@@ -83,22 +92,25 @@ def equilibrium(rod: Any, g: np.ndarray, stages: int) -> np.ndarray:
     """Frames at which all forces balance, near g, (frames, 4, 4), with the loads put on in equal
     stages.  Raises NoConvergence.
     """
-    from scipy.sparse.linalg import spsolve
-
-    free = rod.free
+    free, easy = rod.free, "free" in rod.ends and not rod.closed
     for stage in range(1, stages + 1):
-        last = done = False
-        for _ in range(4 * LIMIT):
+        last, done, way, before = False, False, 0.0, np.inf
+        for k in range(4 * LIMIT):
+            part = 0.0 if easy else 4.0**-k if k < SHARP else LEAST
             force, stiffness = balance(rod, g, stage / stages)
             zeta = np.zeros(6 * rod.frames)
             if free.any():
-                zeta[free] = spsolve(stiffness[free][:, free].tocsc(), force.ravel()[free])
+                zeta[free] = solution(stiffness[free][:, free].tocsc(), force.ravel()[free], part)
             zeta = zeta.reshape(-1, 6)
             size = np.abs(zeta / np.array([1.0] * 3 + [rod.length] * 3)).max()
             if not np.isfinite(size):
                 break
             g = moved(rod, g, min(1.0, LONGEST / max(size, LONGEST)) * zeta)
-            done, last = last, size <= TOLERANCE
+            way += size
+            small = size <= max(TOLERANCE * way, ROUNDING)
+            small |= 0.5 * before <= size <= TOLERANCE  # rounding, where the rod gives way easily
+            before = size
+            done, last = last, small and (easy or k >= SHARP)
             if done:
                 break
         if not done:
@@ -108,6 +120,24 @@ def equilibrium(rod: Any, g: np.ndarray, stages: int) -> np.ndarray:
                 "which it bends"
             )
     return g
+
+
+def solution(stiffness: Any, force: np.ndarray, part: float) -> np.ndarray:
+    """The displacement that balances a force, with a part added to the diagonal, which makes it shorter.
+
+    Where the rod may move as a whole, as one that is hinged at both ends turns about its axis, a small
+    part stays, so that it hardly does so.
+    """
+    from scipy.sparse import diags
+    from scipy.sparse.linalg import MatrixRankWarning, spsolve
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", MatrixRankWarning)
+        for more in (part, LEAST):
+            found = spsolve(stiffness + diags(more * np.abs(stiffness.diagonal())), force)
+            if np.isfinite(found).all():
+                break
+    return np.asarray(found)
 
 
 def moved(rod: Any, g: np.ndarray, zeta: np.ndarray) -> np.ndarray:
@@ -125,13 +155,13 @@ def moved(rod: Any, g: np.ndarray, zeta: np.ndarray) -> np.ndarray:
         + np.asarray(tau.dtau_inv(group, x, zeta[1:]))
         - np.asarray(tau.dtau_inv(group, -x, zeta[:-1]))
     )
-    found = np.empty_like(g)
+    found, h = np.empty_like(g), np.asarray(tau.tau(group, x))
     if rod.ends[1] == "free":
         found[0] = group.compose_exp(g[0], zeta[0])
         for k in range(rod.elements):
-            found[k + 1] = tau.compose_tau(group, found[k], x[k])
+            found[k + 1] = found[k] @ h[k]
     else:
         found[-1] = group.compose_exp(g[-1], zeta[-1])
         for k in range(rod.elements - 1, -1, -1):
-            found[k] = tau.compose_tau(group, found[k + 1], -x[k])
+            found[k] = found[k + 1] @ np.asarray(group.inverse(h[k]))
     return found

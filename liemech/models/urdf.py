@@ -100,21 +100,22 @@ def parsed(data: bytes, file: str) -> Element:
     from xml.parsers import expat
 
     parser, top = expat.ParserCreate(), Element("", {}, 0, file)
-    open_ones = [top]
+    open_ones, text = [top], data.lstrip()  # others take a blank line before <?xml ?>
+    blank = data[: len(data) - len(text)].count(b"\n")
 
     def begin(tag: str, given: dict[str, str]) -> None:
         if tag.startswith("xacro:") or "${" in "".join(given.values()):
             raise InvalidInput(
-                f"{file}, line {parser.CurrentLineNumber}: <{tag}> is xacro, from which URDF is "
+                f"{file}, line {blank + parser.CurrentLineNumber}: <{tag}> is xacro, from which URDF is "
                 "made: run `xacro robot.urdf.xacro > robot.urdf`"
             )
-        new = Element(tag, given, parser.CurrentLineNumber, file)
+        new = Element(tag, given, blank + parser.CurrentLineNumber, file)
         open_ones[-1].inside.append(new)
         open_ones.append(new)
 
     def document_type(*given: Any) -> None:
         raise InvalidInput(
-            f"{file}, line {parser.CurrentLineNumber}: URDF has no document type or entities; "
+            f"{file}, line {blank + parser.CurrentLineNumber}: URDF has no document type or entities; "
             "delete <!DOCTYPE ...>"
         )
 
@@ -122,7 +123,7 @@ def parsed(data: bytes, file: str) -> Element:
     parser.EndElementHandler = lambda tag: open_ones.pop()
     parser.StartDoctypeDeclHandler = document_type
     try:
-        parser.Parse(data, True)
+        parser.Parse(text, True)
     except expat.ExpatError as refused:
         raise InvalidInput(f"{file} is no XML: {refused}") from None
     (robot,) = top.inside

@@ -14,6 +14,7 @@ from .choice import plot
 from .cloud import cloud
 from .components import components
 from .energy_curves import energy_levels, principal_moments, separatrix
+from .field import field
 from .figure_one import Panel, figure_one
 from .invariants import drift, invariants
 from .orders import orders, work_precision
@@ -38,6 +39,7 @@ __all__ = [
     "drift",
     "energy_levels",
     "euler_angles",
+    "field",
     "figure_one",
     "herpolhode",
     "herpolhode_points",

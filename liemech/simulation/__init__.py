@@ -32,7 +32,8 @@ A run, read in the order in which it happens:
    going_on.py whether a plan may go on from there.
 
 The same parts serve other ways to run: stepper.py by hand, spread.py on an executor, tangent.py in numbers
-that carry derivatives, archive.py from a file, checkpoint.py into one; export.py makes C code of a plan.
+that carry derivatives, gradient.py backwards (of sites sites_backward.py), archive.py from a file,
+checkpoint.py into one; export.py makes C code of a plan.
 One system of many sites is a `Course` too (sites_run.py; by colours turns_of_sites.py, of linkages
 links_run.py): it has columns of sites instead of bodies, and its own drivers (sites_driver.py).
 """

@@ -31,14 +31,11 @@ class Blocks:
     """The code that takes states with derivatives through blocks of steps.
 
     way : of the steps.  systems, methods : in numbers that carry derivatives.  start : a state of one body.
-    many, work : about how many blocks and directions there are, and steps of all of them.
+    many : about how many blocks and directions there are.
     """
 
-    def __init__(
-        self, way: Steps, systems: Varied, methods: Varied, start: Any, t0: float, many: int,
-        work: int,
-    ) -> None:  # fmt: skip
-        self.way, self.systems, self.methods, self.t0 = way, systems, methods, t0
+    def __init__(self, way: Steps, systems: Varied, methods: Varied, start: Any, many: int) -> None:
+        self.way, self.systems, self.methods, self.t0 = way, systems, methods, 0.0
         dual = dual_of(start)
         first = way.remembering_of(systems.example, dual)
         trial = attempt(begun, methods.example, systems.example, first, way.h_of(0))
@@ -64,6 +61,15 @@ class Blocks:
             self.beginning = Execution(
                 way.compiled, way.progress, *call, lanes=self.side, silent=True
             )
+
+    def begin(self, t0: float, work: int) -> None:
+        """For another run, whose step 0 is at t0; formulas count as they are now.  work : steps of all
+        blocks and directions.
+        """
+        self.t0 = t0
+        self.lanes.stepping.refresh()
+        if self.order is None:
+            self.beginning.used(self.way.compiled)
         if work > PLAIN:
             self.lanes.stepping.compile()
 

@@ -96,7 +96,10 @@ class ChainRun(SiteRun):
     """One run of a chain of sites."""
 
     def _room_for(self, width: int) -> Planes:
-        """Two copies of what the method carries along, and what a step works with."""
+        """Two copies of what the method carries along, and what a step works with.  Elimination goes
+        from site to site, so that one thread makes a step.
+        """
+        self.workers = 1
         method = self.shape.method
         made = Planes.of_rows(2 * width + method.room, self.count)
         self.squares = made.array[2 * width + method.rows.told]

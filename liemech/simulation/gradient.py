@@ -18,10 +18,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from typing import Any
 
 import numpy as np
 
+from ..compiler import kernel
 from ..errors import GradientWarning, IncompatibleSystem, InvalidInput, warn
 from ..formulas.frozen import frozen
 from ..formulas.pytree import layout_of
@@ -43,10 +45,10 @@ from .tangent import StepsOfARun, frames_of, parameter_moves, real_numbers, slop
 from .trajectory import Trajectory
 from .varied import Varied, VariedInput
 
-LANES = 512
+LANES = 256
 """Blocks and directions whose numbers are in memory at once."""
 
-PIECE = 2**13
+PIECE = 2**9
 """Blocks and directions that native code is given at once."""
 
 SAME = 2.0**-24
@@ -195,9 +197,11 @@ class Directions:
         """How the numbers of things change, (things, directions, numbers)."""
         layout = layout_of(things[0])
         found = np.zeros((len(things), self.count, layout.width))
-        for d, each in enumerate(moves):
-            for i, (to, step) in enumerate(each or ()):
-                found[i, d] = slope(lambda x, to=to: dressed(to(x)), step, layout, "value")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of parameters beside those that were given
+            for d, each in enumerate(moves):
+                for i, (to, step) in enumerate(each or ()):
+                    found[i, d] = slope(lambda x, to=to: dressed(to(x)), step, layout, "value")
         found[..., [kind != "number" for kind in layout.kinds]] = 0.0
         return found
 
@@ -211,7 +215,9 @@ class Forward:
     edges : (blocks + 1,) the numbers of the steps.  numbers : (blocks + 1, bodies, width) the states there.
     """
 
-    def __init__(self, plan: Any, run: Trajectory, edges: np.ndarray, t0: float) -> None:
+    def __init__(
+        self, plan: Any, run: Trajectory, edges: np.ndarray, t0: float, frames: Any
+    ) -> None:
         self.plan, self.run, self.edges, self.t0 = plan, run, edges, t0
         self.bodies = run.bodies or 1
         states = {n: x if run.bodies else x[:, None] for n, x in run.states.items()}
@@ -219,7 +225,7 @@ class Forward:
         rows = flat({n: x.reshape(count, *x.shape[2:]) for n, x in states.items()}, count)
         self.numbers = rows.reshape(len(edges), self.bodies, -1)
         self.example = member(run.last, 0)
-        self.frames = frames_of(plan._steps.one, self.example)
+        self.frames = frames
         self.sizes = {n: layout_of(self.example.parts[n]).width for n in self.frames}
 
     def times(self, body: int) -> tuple[np.ndarray, ...]:
@@ -255,14 +261,14 @@ def components(basis: np.ndarray) -> np.ndarray:
     return q @ np.linalg.inv(np.swapaxes(r, -1, -2))
 
 
-def forwards(plan: Any, start: State, steps: int, t0: float, length: int) -> Forward:
+def forwards(plan: Any, start: State, steps: int, t0: float, length: int, frames: Any) -> Forward:
     """The run with fixed steps, in blocks of some length."""
     way = dataclasses.replace(plan._steps, every=length)
     run = like(plan, _steps=way)._run(start, steps, None, t0, None, None)
     if run.stopped:
         raise run.stopped[min(run.stopped)].error
     edges = np.minimum(np.arange(len(run.t)) * length, steps)
-    return Forward(plan, run, edges, t0)
+    return Forward(plan, run, edges, t0, frames)
 
 
 class ForwardAdaptive(Forward):
@@ -270,7 +276,7 @@ class ForwardAdaptive(Forward):
     at the time n by a method that knows when it began and how long it was.
     """
 
-    def __init__(self, plan: Any, run: Trajectory, length: int) -> None:
+    def __init__(self, plan: Any, run: Trajectory, length: int, frames: Any) -> None:
         steps = len(run.t) - 1
         edges = np.minimum(np.arange(-(-steps // length) + 1) * length, steps)
         self.begun = plan.begun
@@ -278,7 +284,7 @@ class ForwardAdaptive(Forward):
         some = dataclasses.replace(
             run, t=run.t[edges], states={name: x[edges] for name, x in run.states.items()}
         )
-        super().__init__(plan, some, edges, 0.0)
+        super().__init__(plan, some, edges, 0.0, frames)
 
     def times(self, body: int) -> tuple[np.ndarray, ...]:
         first, last = self.edges[:-1], self.edges[1:] - 1
@@ -366,6 +372,46 @@ class Met:
 # ------------------------------------------------------------------ the way backwards
 
 
+class Prepared:
+    """What gradients of one system by the same names share.
+
+    frames : of each part of a state the directions in which it moves.
+    """
+
+    def __init__(self, plan: Any, bodies: int | None, one: Any, names: Any, t0: float) -> None:
+        self.system, self.directions = plan.system, Directions(plan, bodies, names, t0)
+        self.frames = frames_of(plan._steps.one, one)
+        self.blocks: dict[int, Blocks] = {}
+
+    def blocks_of(self, way: Steps, forward: Forward, many: int, work: int) -> Blocks:
+        """The code for about so many blocks and directions, and so many steps of all."""
+        directions, side = self.directions, kernel.side_by_side(many)
+        found = self.blocks.get(side)
+        if found is None:
+            raw = directions.raw[0]
+            given = dataclasses.replace(
+                way, system=directions.systems.example, method=raw, shapes={}
+            )
+            found = self.blocks[side] = Blocks(
+                given, directions.systems, directions.methods, forward.example, many
+            )
+        found.begin(forward.t0, work)
+        return found
+
+
+def prepared(
+    plan: Any, bodies: int | None, one: Any, names: Any, t0: float, lasting: bool
+) -> Prepared:
+    """What was prepared for this plan before, or is now.  lasting : do its steps not depend on a run?"""
+    key = names, bodies, layout_of(one), t0 if "h" in names else None
+    known: Prepared | None = plan._backwards.get(key) if lasting else None
+    if known is None or known.system is not plan.system:
+        known = Prepared(plan, bodies, one, names, t0)
+        if lasting:
+            plan._backwards[key] = known
+    return known
+
+
 class Backward:
     """The derivative of a loss, from the last block to the first one.
 
@@ -373,23 +419,15 @@ class Backward:
     gives the derivatives by the states there, (edges, bodies, N).
     """
 
-    def __init__(
-        self, forward: Forward, directions: Directions, at_end: np.ndarray, along: Any
-    ) -> None:
-        self.forward, self.directions, self.along = forward, directions, along
-        plan, way = forward.plan, forward.plan._steps
+    def __init__(self, forward: Forward, known: Prepared, at_end: np.ndarray, along: Any) -> None:
+        self.forward, self.along = forward, along
+        directions = self.directions = known.directions
+        way = forward.plan._steps
         bodies, count = at_end.shape
         self.bodies, self.count = bodies, count
         self.lanes_of_block = bodies * (count + directions.count)
-        raw = like(plan, _steps=way)._steps
-        given = dataclasses.replace(
-            raw, system=directions.systems.example, method=directions.raw[0], shapes={}
-        )
         many = (len(forward.edges) - 1) * self.lanes_of_block
-        self.blocks = Blocks(
-            given, directions.systems, directions.methods, forward.example, forward.t0, many,
-            int(forward.edges[-1]) * self.lanes_of_block,
-        )  # fmt: skip
+        self.blocks = known.blocks_of(way, forward, many, int(forward.edges[-1]) * bodies * count)
         self.slope = at_end
         self.growth = np.broadcast_to(np.eye(count), (bodies, count, count))
         self.found = np.zeros((bodies, directions.count))
@@ -581,19 +619,17 @@ def gradient_of(
     """
     many = start.bodies or 1
     one = member(start, 0)
-    directions = Directions(plan, start.bodies, names, t0)
-    count = sum(
-        len(of(np.asarray(one.parts[name])[None])[0])
-        for name, of in frames_of(plan._steps.one, one).items()
-    )
+    known = prepared(plan, start.bodies, one, names, t0, run is None)
+    directions, frames = known.directions, known.frames
+    count = sum(len(of(np.asarray(one.parts[name])[None])[0]) for name, of in frames.items())
     intervals = sum(int(table.table.intervals) for table in directions.tables)
     width = max([table.width for table in directions.tables], default=1)
     each = many * (count + directions.count)
     length = block_length(max(1, steps), each, intervals, width, every or max(1, steps))
     forward: Forward = (
-        forwards(plan, start, steps, t0, length)
+        forwards(plan, start, steps, t0, length, frames)
         if run is None
-        else ForwardAdaptive(plan, run, length)
+        else ForwardAdaptive(plan, run, length, frames)
     )
     last = forward.basis(slice(-1, None))
     compiled = plan.options.compiled
@@ -629,7 +665,7 @@ def gradient_of(
                 return found
 
             at_end = at_end + by_sample(slice(-1, None), last)[0]
-    back = Backward(forward, directions, at_end, by_sample)
+    back = Backward(forward, known, at_end, by_sample)
     back.go()
     if along is not None and value is not None:
         value = math.fsum(sums)

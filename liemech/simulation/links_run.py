@@ -11,12 +11,13 @@ import numpy as np
 
 from ..compiler.planes import Planes
 from ..errors import InvalidInput, NoConvergence
+from ..formulas import vec
 from ..formulas.pytree import layout_of
 from ..formulas.sites import rows_of
 from ..formulas.tables import Table
 from ..integrators.composition import Composition
 from ..integrators.ending_at_jumps import EndingAtJumps, cuts
-from ..integrators.lie_rattle import LieRATTLE, near_a_dead_point
+from ..integrators.lie_rattle import LieRATTLE, near_a_dead_point, thrown_back
 from ..integrators.rattle_of_links import Links, RattleOfLinks
 from ..models.joint_forces import JointPotential
 from ..systems.lie_poisson import BodyState
@@ -151,7 +152,7 @@ class EventsOfLinks:
 
     @property
     def watch(self) -> Any:
-        """What it has met."""
+        """Its zeros so far."""
         return self.all.each[0]
 
     @property
@@ -186,7 +187,10 @@ class LinksRun(SiteRun):
             self.events: Any = EventsOfLinks(self, start)
 
     def _room_for(self, width: int) -> Planes:
-        """Two copies of what the method carries along, and what a step works with."""
+        """Two copies of what the method carries along, and what a step works with.  Elimination goes
+        from joint to joint, so that one thread makes a step.
+        """
+        self.workers = 1
         form = self.plan._one.linked
         made = Planes.of_rows(2 * width + len(form.fixed) + form.more, self.count)
         self.work = made.array[2 * width :]
@@ -352,10 +356,13 @@ class LinksRun(SiteRun):
             )
         label = system.label(system.linked.order[int(joint)])
         why = f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
-        if system.linked.has_loops and system.conditions <= FEW:
-            rows = self.shape.shown_rows(self._memory)
-            state = as_users_see(system, state_of_rows(self.shape.state, rows))
-            why = near_a_dead_point(system, state.g) or why
+        if system.conditions <= FEW:
+            seen = self.shape.shown_rows(self._memory)
+            state = as_users_see(system, state_of_rows(self.shape.state, seen))
+            count = len(system.links)
+            force = vec(*self.work[rows.force : rows.force + 6, :count].T.ravel().tolist())
+            given = system, state.mu, state.g
+            why = thrown_back(*given, force, self.h) or near_a_dead_point(*given[::2]) or why
         return NoConvergence(
             f"{method}: the solution that grows out of h = 0 ends at h = {reached * self.h:.3g}, at "
             f"{label}. {why}"

@@ -136,6 +136,7 @@ class Plan:
         }
         # of starts as they are given: how they are laid out in runs
         self._laid_out: dict[Any, tuple[Layout, int]] = {}
+        self._backwards: dict[Any, Any] = {}  # what gradients have prepared
         first = self._first_of
         self.fictive = bool(first("method").fictive or one.fictive)  # steps equal in fictive time
         kind = FICTIVE if self.fictive else TOLERANCE if options.asks_for_tolerance else EQUAL

@@ -170,7 +170,7 @@ class OverSitesToJumps(OverSites):
             self._begin_anew(system, there, lasting, h)
 
     def _begin_anew(self, system: Any, here: int, lasting: float, h: float) -> None:
-        """What the method carries along, of steps of length `lasting`, for those of length h."""
+        """The memory of the method, of steps of length `lasting`, for those of length h."""
         if lasting != h:
             each(self.sites, one_anew, self.method, system, h, self.sites, here, self.memory)
 
@@ -536,7 +536,7 @@ def watched_inside(
         each(sites, one_inside, way, system, *given)
     else:
         begun, _, _, _, here, memory, *more = given
-        everyone = over_sites(way.method, sites, memory, None, way.ending)
+        everyone = OverSitesToJumps(way.method, sites, memory, None, way.ending)
         everyone.cut(system, begun, 1 - here, INSIDE, at - begun)
         each(sites, one_there, way.method, system, at, sites, memory, *more)
     if sighted.events:
@@ -574,7 +574,7 @@ def one_sample(
 def one_shown(
     system: Any, t: float, state: Any, shown: Any, seen: Any, totals: Any, k: int
 ) -> None:
-    """What is kept of the state of one site."""
+    """The kept part of the state of one site."""
     if shown.quantities:
         looked_at(system, t, state, shown, totals, k)
     if shown.kept:

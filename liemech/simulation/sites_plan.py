@@ -22,6 +22,7 @@ from ..errors import (
 from ..formulas.pytree import layout_of
 from ..groups.species import SpeciesGroup
 from ..integrators.ending_at_jumps import AT_ENDS, uncut
+from ..integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
 from ..integrators.rattle_of_links import Links
 from ..integrators.sublattices import TermSplitting
 from ..systems.site_state import SiteValues, StateOfSites
@@ -65,6 +66,7 @@ class SitesOfPlan:
         self.plan, self.site = plan, site
         self.known: dict[Any, Any] = {}
         self.chain = chained_method(plan)
+        self.fitting: set[int] = set()  # numbers of sites that its tables are known to fit
 
     @classmethod
     def of(cls, plan: Any) -> SitesOfPlan | None:
@@ -177,6 +179,8 @@ class SitesOfPlan:
             return True
         numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
         few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
+        if isinstance(self.plan.method, LiePoissonHamiltonJacobi):
+            few //= 2  # written out it has the derivatives of all numbers by all others
         return numbers > few or self.of_sites is not None or not self.as_one_body
 
     def trajectory(
@@ -227,6 +231,8 @@ class SitesOfPlan:
         wanted = [f"derivative by {name}" for name in names if name != "start"]
         if self.plan.adaptive:
             wanted.append("derivative of adaptive steps")
+        if self.chain is not None:
+            wanted.append(f"tangent map of {self.plan.method!r} along a chain")
         one = self.plan._one
         group = getattr(one, "configurations", one.group)
         if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):

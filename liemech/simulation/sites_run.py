@@ -120,13 +120,15 @@ class SiteRun(Course):
         self.lists: Any = Lists.of(plan._one, site)
         if self.lists is not None:
             self.site = site = self.lists.at(np.asarray(state.parts["g"]))
-        require_fitting(site, self.count)
+        if self.lists is not None or self.count not in plan._sites.fitting:
+            require_fitting(site, self.count)
+            plan._sites.fitting.add(self.count)
         self.fixed_times = t_eval is not None
         self.aim(steps, t_end, t_eval)
         inner = (self.asked != self.begun) & (self.asked != self.t_end)
         curves = self.adaptive and bool(plan.events or inner.any())
         first, rows = self.laid_out(state)
-        self.starts = Planes(rows_of(rows), self.count)
+        self.starts: Any = Planes(rows_of(rows), self.count)
         self.shape = shape = plan._sites.prepared(first, self.starts, curves, self.level)
         self.h, samples = shape.h, len(self.asked)
         self.wide = shape.state.width if shape.shown.kept else 0
@@ -210,6 +212,7 @@ class SiteRun(Course):
             given = *beginner, shape.memory, self.h, self.starts, self.sites
             error = self._why(failures, notes, lambda i: one_site(self.count, i, one_start, *given))
             raise self._ended(error, f"at the start, t = {self.begun:g}")
+        self.starts = None
 
     def _take_up(self, start: SiteCarry) -> None:
         """Go on with what a run has carried along."""

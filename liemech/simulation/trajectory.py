@@ -321,8 +321,8 @@ class Trajectory:
             if kept:
                 return SitesBetween(self, type(example))
             example = None
-        whole = example is not None and self.rejected is None
-        if not whole or np.abs(np.diff(self.t)).max() > abs(self.h) * (1.0 + 1e-6):
+        far = abs(self.h) * (1.0 + 1e-6)
+        if example is None or self.rejected is not None or np.abs(np.diff(self.t)).max() > far:
             raise InvalidInput(
                 "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do "
                 "with dense=True, fixed ones with every=1"

@@ -263,7 +263,7 @@ class Turning:
         return self.begun(rows[..., self.places.sites])
 
     def begun(self, rows: np.ndarray) -> Planes:
-        """The same of those that are in this order."""
+        """Rows of numbers of sites that are in this order already, in the first of the copies."""
         return Planes(rows_of(np.tile(rows, (self.copies, 1))), rows.shape[-1])
 
 

@@ -62,7 +62,7 @@ class Varied:
 
     @property
     def argument(self) -> Any:
-        """What drivers get: the thing itself if it is one and nothing of it changes."""
+        """The argument that drivers get: the thing itself if it is one and nothing of it changes."""
         if len(self.things) == 1 and not len(self.moves):
             return self.example
         return Several((self.example,), np.zeros((self.height, 1)))

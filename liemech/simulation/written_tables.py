@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import math
 import os
 import re
-from pathlib import Path
 from typing import Any
 
 from ..formulas.frozen import frozen
@@ -88,6 +86,8 @@ class WrittenTable:
         a file.
         """
         text = io.StringIO()
+        import csv  # here, for an import of runs does not wait for it
+
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self.headings)
         writer.writerows([[repr(float(x)) if _real(x) else x for x in row] for row in self.rows])
@@ -122,5 +122,7 @@ def _cell(x: Any) -> str:
 def _out(text: str, path: str | os.PathLike[str] | None) -> str | None:
     if path is None:
         return text
+    from pathlib import Path
+
     Path(path).write_text(text, encoding="utf-8", newline="")
     return None

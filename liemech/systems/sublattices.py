@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas import Element, Record, Vec, plain, record, vec, where
+from ..formulas.fields import frozen_array
 from ..formulas.pytree import exchanged, inside, with_fields
 from ..formulas.sites import SiteArray, SiteTable, padded, rows_of
 from ..formulas.tables import Table
@@ -16,6 +17,7 @@ from ..groups.lie_group import LieGroup
 from .bonds_at_site import BondsOfSite
 from .bound_terms import BoundTerm, slopes
 from .colouring import Places
+from .graphs import AllPairs, Edges
 from .kinds_of_terms import APART
 from .lie_poisson import BodyState
 from .sums_of_terms import MomentumTerms
@@ -155,7 +157,8 @@ class Sublattices(MotionsOfTerms):
         """The velocities that the parts give a site, where sites stand by colours; and of each part
         where its sites begin and end, and its number there.
         """
-        forms = [with_fields(self.terms, parts=self.affine).of_site()] + [
+        affine = tuple(map(by_edges, self.affine))
+        forms = [with_fields(self.terms, parts=affine).of_site()] + [
             with_fields(self.terms, parts=(part,)).of_site() for part in self.lonely
         ]
         field, *lonely = [at_places(form, places) for form in forms]
@@ -188,6 +191,15 @@ class FieldAtSite(Record):
             own = at_this_site(one).gradient(mu)
             xi = vec(*[where(part == k + 1, x, y) for x, y in zip(own, xi)])
         return xi
+
+
+def by_edges(part: BoundTerm) -> BoundTerm:
+    """A term with its edges one by one: of sites of which some rest not all meet all."""
+    graph = part.graph
+    if not isinstance(graph, AllPairs):
+        return part
+    made = Edges(frozen_array(graph.edges, repr(graph)), graph.count or 0, False)
+    return with_fields(part, graph=made)
 
 
 def at_places(form: Any, places: Places) -> Any:

@@ -119,6 +119,12 @@ class OfTerms(Record):
             found = [*found, *total]
         return vec(*found)
 
+    def moving(self, x: Vec) -> Vec:
+        """A vector with zeros in the parts of sites that are held."""
+        parts = self.divided(x)
+        kept = [0.0 * part if i in self.held else part for i, part in enumerate(parts)]
+        return vec(*[c for part in kept for c in part])
+
     def divided(self, x: Vec) -> list[Any]:
         """The parts of a vector that belong to the sites."""
         return [self.group.momentum_of(x, i) for i in range(self.group.copies)]

@@ -5,7 +5,6 @@ H = sum over terms, sum over edges (a, b, ...) of  term.energy(a, b, ...)
 
 from __future__ import annotations
 
-import difflib
 import functools
 import inspect
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -421,6 +420,8 @@ def _parameter(name: str, value: Any) -> Any:
         raise InvalidInput(
             f"Terms: {name} is no parameter of a site, but where it is; name it otherwise"
         )
+    import difflib  # here, for an import does not wait for it
+
     if difflib.get_close_matches(name, ["held"], 1, NEARLY):
         raise InvalidInput(
             f"Terms: {name}: did you mean held? A parameter of the sites needs a name that is less like it"

@@ -249,7 +249,7 @@ def known_motions() -> Iterator[None]:
 KEPT = {"free body": "spatial momentum", "heavy top": "vertical momentum"}
 
 
-@pytest.mark.sample(24)
+@pytest.mark.sample(16)
 @pytest.mark.parametrize(("method", "name"), [*cases()])
 def test_claims(method: lm.Method, name: str) -> None:
     """Order, symmetry, symplecticity as claimed; momenta of symmetries kept by what is made to keep

@@ -718,8 +718,15 @@ METHODS: dict[str, tuple[Callable[[], tuple[Any, Any, Any]], str]] = {
 }
 
 
+ON_A_CONSTRAINT = "damped on a constraint", "off the constraint", "unprojected velocities"
+"""Half a minute for three, in plain Python."""
+
+
 @pytest.mark.sample(6)
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] if n in ON_A_CONSTRAINT else []) for n in METHODS],
+)
 def test_a_fault_of_a_method_is_found(name: str) -> None:
     make, law = METHODS[name]
     report = check_method(*make(), compiled=False, raises=False)

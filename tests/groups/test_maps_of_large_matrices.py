@@ -103,3 +103,19 @@ def test_what_is_off_or_has_no_logarithm_is_refused(monkeypatch: pytest.MonkeyPa
     with pytest.raises(lm.errors.LawViolation, match=r"linearly dependent: 2 matrices of rank 1"):
         MatrixLieGroup.of([[[1.0, 1.0], [0.0, 1.0]], [[0.0, 0.0], [0.0, 0.0]]])
     assert np.allclose(jordan.dexp_inv([40.0, 3.0], [1.0, 2.0], side="right"), [1.0, 2.0])
+
+
+@pytest.mark.slow
+def test_large_groups_obey_their_laws() -> None:
+    """All laws that small groups obey, SO(10) from matrices in memory."""
+    report = lm.check_group(lm.SO(10))
+    assert not [f for f in report.findings if f.verdict == "broken"]
+
+
+def test_a_group_of_many_generators_is_found_in_seconds() -> None:
+    """so(13) by its 78 generators alone: its forms, and what is no element."""
+    group = lm.MatrixLieGroup.of(lm.SO(13).generators)
+    assert len(group.invariants.forms) == 1 and group.invariants.enough
+    assert np.allclose(group.invariants.forms[0], np.eye(13))
+    g = lm.SO(13).random(1)
+    assert group.contains(g) and not group.contains(1.001 * g)

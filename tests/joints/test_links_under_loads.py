@@ -88,8 +88,11 @@ ON_BODIES = {
 ON_ALL = {"load": Coupled(2.0), "potential": Cords(30.0)}
 
 
-@pytest.mark.parametrize("acting", [ON_BODIES, ON_ALL], ids=["bodies", "all"])
-@pytest.mark.parametrize("made", [tree, star], ids=["tree", "star"])
+@pytest.mark.parametrize(
+    ("made", "acting"),
+    [(tree, ON_BODIES), (star, ON_ALL), pytest.param(tree, ON_ALL, marks=pytest.mark.slow),
+     pytest.param(star, ON_BODIES, marks=pytest.mark.slow)],
+)  # fmt: skip
 def test_loops_under_loads_make_the_steps_of_formulas_written_out(
     made: Any, acting: Any, monkeypatch: Any
 ) -> None:
@@ -108,13 +111,21 @@ def hanging(**acting: Any) -> tuple[Linkage, Any]:
     return linkage, linkage.state(angles={0: [0.3, 0.1, 0.2]}, rates={1: [1.0, 2.0, 0.5]})
 
 
+FIELDS = {"load": {2: Drag(0.05)}, "potential": {1: Trough(2.0)}}
+
+
+def swinging(n: int = 4, **acting: Any) -> tuple[Linkage, Any]:
+    rods = chain(n, axis=TURN)
+    linkage = Linkage(rods.links, rods.joints, **acting)
+    return linkage, linkage.state(angles={0: 0.9, n - 1: -0.4}, rates={1: 1.5})
+
+
 @needs_compiler
 @pytest.mark.parametrize(
-    "acting", [{"load": {2: Drag(3.0)}, "potential": {1: Trough(9.0)}},
-               pytest.param(ON_ALL, marks=pytest.mark.slow)], ids=["bodies", "all"]
-)  # fmt: skip
+    "acting", [FIELDS, pytest.param(ON_ALL, marks=pytest.mark.slow)], ids=["bodies", "all"]
+)
 def test_native_loops_under_loads_give_the_bits_of_plain_ones(acting: Any) -> None:
-    linkage, start = hanging(**acting)
+    linkage, start = swinging(**acting)
     one, two = (
         by_loops(linkage, lm.LieRATTLE(), start, how, h=0.02, steps=3) for how in (False, True)
     )
@@ -149,13 +160,15 @@ def driven() -> tuple[Linkage, Any]:
     return linkage, linkage.state(angles={0: 0.9, 3: -0.4}, rates={1: 1.5})
 
 
-@pytest.mark.parametrize("breaks", [(), (0.0123, 0.1)])
+@pytest.mark.parametrize(
+    "breaks", [pytest.param((), marks=pytest.mark.slow), (0.0123, 0.1)], ids=["tables", "breaks"]
+)
 def test_steps_of_loops_end_where_inputs_jump(breaks: Any, monkeypatch: Any) -> None:
     linkage, start = driven()
     plan = lm.Plan(linkage, lm.LieRATTLE(), h=0.02, compiled=False, breaks=breaks)
-    one = plan.run(start, steps=5)
+    one = plan.run(start, steps=4)
     monkeypatch.setattr(Linkage, "small", 10**6)
-    two = plan.replace(h=0.02).run(start, steps=5)
+    two = plan.replace(h=0.02).run(start, steps=4)
     monkeypatch.undo()
     assert type(one.carry) is not type(two.carry)
     np.testing.assert_allclose(one.g, two.g, rtol=0.0, atol=4e-15)
@@ -210,11 +223,6 @@ def test_forces_of_every_kind_act_together(monkeypatch: Any) -> None:
     np.testing.assert_allclose(one.g, two.g, rtol=0.0, atol=4e-15)
 
 
-def swinging(n: int = 4) -> tuple[Linkage, Any]:
-    linkage = chain(n, axis=TURN)
-    return linkage, linkage.state(angles={0: 0.9, n - 1: -0.4}, rates={1: 1.5})
-
-
 def side(t: float, state: Any) -> float:
     return state.g[3] + 0.3  # type: ignore[no-any-return]
 
@@ -227,7 +235,7 @@ ASKED = [0.0, 0.013, 0.02, 0.3234, 0.58, 0.6]
 )
 def test_samples_events_and_functions_of_runs_by_loops(how: bool, monkeypatch: Any) -> None:
     """As of the same linkage written out; the steps know nothing of what is asked."""
-    linkage, start = swinging()
+    linkage, start = swinging(**FIELDS)
     h = 0.04 if how is False else 0.02
     plan = lm.Plan(linkage, lm.LieRATTLE(), h=h, compiled=how, progress=False)
     steps = round(0.6 / h)
@@ -305,3 +313,43 @@ def test_torques_of_motors_are_inputs_of_a_stepper(how: bool) -> None:
     np.testing.assert_allclose(loop.g, there.g, rtol=0.0, atol=1e-15)
     with pytest.raises(lm.errors.InvalidInput, match="is a number"):
         loop.step(1, **{"forces.0.torque": PULSE})
+
+
+def test_the_structure_report_has_a_line_for_each_joint() -> None:
+    rods = chain(2)
+    joints = [replace(rods.joints[0], name="shoulder"), rods.joints[1]]
+    linkage = Linkage(rods.links, joints, forces=[Damper(0, 0.1)])
+    start = linkage.state(angles={0: [0.3, 0.1, 0.0]}, rates={1: [0.5, 0.0, 0.0]})
+    run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=3, compiled=False)
+    names = [f"{joint}: {of}" for joint in ("shoulder", "joint 1") for of in ("position", "rate")]
+    report = run.drift()
+    assert [*report] == names
+    assert all(report[name].verdict == "exact" for name in names)
+    g = np.array(run.g)
+    g[-1, 3] += 1e-6  # a rod that has left its joint
+    torn = replace(run, states={"mu": run.mu, "g": g}).drift()
+    assert abs(torn["shoulder: position"].largest * np.abs(g).max() - 1e-6) < 1e-14
+    assert torn["shoulder: rate"].verdict == "exact"
+
+
+def test_a_stiff_damper_is_not_called_a_dead_point() -> None:
+    rods = chain(3, axis=TURN)
+    linkage = Linkage([ROD, ROD, Link(1e-4, [1e-6] * 3)], rods.joints, forces=[Damper(2, 60.0)])
+    start = linkage.state(angles={0: 0.3}, rates={2: 3.0})
+    with pytest.raises(lm.errors.NoConvergence, match="too strong for an explicit kick") as told:
+        lm.integrate(linkage, lm.LieRATTLE(), start, h=0.05, steps=3, compiled=False)
+    assert "dead point" not in str(told.value)
+
+
+@pytest.mark.slow
+def test_neither_are_steps_that_are_too_long() -> None:
+    rods = chain(3, axis=TURN)
+    with pytest.raises(lm.errors.NoConvergence, match=r"at joint .* too long there") as told:
+        lm.integrate(
+            rods, lm.LieRATTLE(), rods.state(angles={0: 0.3}), h=3.0, steps=3, compiled=False
+        )
+    assert "dead point" not in str(told.value)
+    few = Linkage([ROD, Link(1e-4, [1e-6] * 3)], rods.joints[:2], forces=[Damper(1, 60.0)])
+    begun = few.state(angles={0: 0.3}, rates={1: 3.0})
+    with pytest.raises(lm.errors.NoConvergence, match="too strong for an explicit kick"):
+        lm.integrate(few, lm.LieRATTLE(), begun, h=0.05, steps=3, compiled=False)

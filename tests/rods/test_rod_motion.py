@@ -6,6 +6,9 @@ from scenes import slope
 
 import liemech as lm
 import liemech.simulation.sites_plan as sites_plan
+from liemech.compiler.planes import Planes
+from liemech.formulas.tables import Table
+from liemech.integrators.galerkin_of_chain import ChainRows, GalerkinOfChain, factored, solved
 from liemech.models import CosseratRod, RodSection
 
 SOFT = RodSection([1.0, 1.2, 0.8, 30.0, 30.0, 40.0], [0.1, 0.12, 0.2, 1.0, 1.0, 1.0])
@@ -171,3 +174,26 @@ def test_a_run_goes_on_where_it_stood():
     half = lm.integrate(rod, IMPLICIT, start, h=0.02, steps=2, compiled=False)
     rest = lm.Plan(rod, IMPLICIT, h=0.02, compiled=False).resume(half, steps=2)
     assert np.array_equal(rest.g[-1], whole.g[-1])
+
+
+@pytest.mark.parametrize("ring", [False, True], ids=["chain", "ring"])
+@pytest.mark.parametrize("count", [3, 6])
+def test_elimination_along_a_chain_and_a_ring_is_that_of_the_whole_matrix(count, ring):
+    n, rows, rng = 3, ChainRows.of(3), np.random.default_rng(count)
+    method = GalerkinOfChain(
+        (), (), None, None, ring, float(count), rows, Table([1.0, 0.0]), 1.0, 1
+    )
+    work, whole = Planes.of_rows(rows.end, count), np.zeros((count, n, count, n))
+    for k in range(count):
+        for place, other in ((rows.own, k), (rows.right, k + 1), (rows.left, k - 1)):
+            if ring or 0 <= other < count:
+                block = rng.normal(size=(n, n)) + (4.0 * np.eye(n) if other == k else 0.0)
+                work.array[place : place + n * n, k] = block.ravel()
+                whole[k, :, other % count] = block
+    rest = rng.normal(size=(count, n))
+    work.array[rows.rest : rows.rest + n, :count] = rest.T
+    factored(method, work, n)
+    solved(method, work, n)
+    exact = np.linalg.solve(whole.reshape(n * count, n * count), rest.ravel())
+    found = work.array[rows.answer : rows.answer + n, :count].T
+    np.testing.assert_allclose(found.ravel(), exact, rtol=1e-10, atol=1e-12)

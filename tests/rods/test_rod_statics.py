@@ -183,3 +183,27 @@ def test_sections_have_the_constants_of_the_tables():
     assert SECTION.stiffness[3] / (1e6 / 2.6 * np.pi * 0.02**2) == pytest.approx(0.886, abs=1e-3)
     thin = RodSection.tube(1.0, 0.999, 1.0, 1.0, 0.3)
     assert thin.stiffness[3] * 2.6 / thin.stiffness[5] == pytest.approx(0.53, abs=2e-3)
+
+
+def test_a_wavy_ring_relaxes_to_a_circle():
+    ring = CosseratRod(SECTION, 1.0, 12, closed=True)
+    R = 0.5 / np.pi
+
+    def wavy(s):
+        return R * np.cos(s / R), R * np.sin(s / R), 0.02 * np.sin(3.0 * s / R)
+
+    u = ring.strains(ring.equilibrium(ring.along(wavy), stages=1))
+    np.testing.assert_allclose(np.hypot(u[:, 0], u[:, 1]), 2.0 * np.pi, rtol=1e-7)
+    np.testing.assert_allclose(u[:, 2:], [[0.0, 0.0, 0.0, 1.0]] * 12, atol=1e-7)
+
+
+@pytest.mark.parametrize("ends", [("hinged", "hinged"), ("clamped", "clamped")], ids="-".join)
+def test_a_rod_between_two_walls_hangs_as_its_load_asks(ends):
+    """Small loads bend a beam: 5 w L^4/(384 EI) between hinges, w L^4/(384 EI) between clamps."""
+    stiff = RodSection([*SECTION.stiffness[:3], 1e6, 1e6, 1e6], SECTION.inertia)
+    turn = [[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]]
+    gravity = 1e-5 * stiff.stiffness[0] / stiff.inertia[5]
+    rod = CosseratRod(stiff, 1.0, 20, ends=ends, gravity=gravity)
+    sag = -rod.equilibrium(rod.shape(start=turn), stages=1)[10, 2, 3]
+    factor = 5.0 if ends[0] == "hinged" else 1.0
+    assert sag == pytest.approx(factor * 1e-5 / 384.0, rel=0.01)

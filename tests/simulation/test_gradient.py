@@ -210,7 +210,7 @@ def test_what_cannot_be_differentiated_is_refused(change: dict[str, Any], messag
 
 def test_runs_without_a_gradient_say_so() -> None:
     plan = lm.Plan(BODY, lm.RKMK(order=4), h=0.1, compiled=False)
-    with pytest.raises(errors.InvalidInput, match="shapes|as the samples are"):
+    with pytest.raises(errors.InvalidInput, match="as the samples are"):
         plan.pullback({"mu": np.zeros(4)}, START, steps=3)
     with pytest.raises(errors.InvalidInput, match="parts of the state are mu, g"):
         plan.pullback({"q": np.zeros(3)}, START, steps=3)

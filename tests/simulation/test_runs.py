@@ -144,7 +144,7 @@ def body_of(run: lm.Trajectory, i: int) -> tuple[np.ndarray, dict[str, np.ndarra
 # ---------------------------------------------------------------- worlds, lanes, workers
 
 
-@pytest.mark.sample(30)
+@pytest.mark.sample(20)
 @pytest.mark.compiled
 @over(*ALL, *BACK)
 @BODIES
@@ -155,7 +155,7 @@ def test_native_code_gives_the_bits_of_plain_python(
     same_runs(whole(scene, bodies, observer), whole(scene, bodies, observer, compiled=True))
 
 
-@pytest.mark.sample(40)
+@pytest.mark.sample(28)
 @over(*ALL, *BACK)
 @watched(*WATCHED)
 def test_bodies_of_an_ensemble_go_as_alone(scene: Scene, observer: str) -> None:
@@ -196,7 +196,7 @@ OWN = [
 ]
 
 
-@pytest.mark.sample(24)
+@pytest.mark.sample(16)
 @pytest.mark.parametrize(("scene", "name"), OWN)
 @watched("all", "functions", "events")
 def test_bodies_with_numbers_of_their_own_go_as_alone(
@@ -319,6 +319,7 @@ def test_a_run_of_many_pieces_is_one(scene: Scene, bodies: int) -> None:
 # ---------------------------------------------------------------- going on
 
 
+@pytest.mark.sample(26)
 @over(*BY_STEPS)
 @BODIES
 @watched("all", "every", "functions", "events", "events+t_eval")
@@ -521,7 +522,7 @@ TIMES = {
 }
 
 
-@pytest.mark.sample(40)
+@pytest.mark.sample(28)
 @over(EQUAL, TOLERANCE, TABLE_TOLERANCE, *BACK[:2])
 @BODIES
 @WORLDS
@@ -707,6 +708,7 @@ def test_time_goes_on_with_the_steps(scene: Scene) -> None:
 # ---------------------------------------------------------------- failures
 
 
+@pytest.mark.sample(36)
 @over(*scenes.FAILING)
 @watched("all", "every", "t_eval", "functions", "events")
 @WORLDS
@@ -771,6 +773,7 @@ def test_a_failure_is_told_in_native_code_as_in_plain_python(scene: Scene, obser
         same_runs(run, said[0][2])  # type: ignore[arg-type]
 
 
+@pytest.mark.sample(28)
 @over(*scenes.FAILING)
 @watched("all", "t_eval", "functions", "events")
 @WORLDS

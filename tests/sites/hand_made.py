@@ -110,7 +110,7 @@ def run(
     told = np.append(h * np.arange(1.0, steps + 1.0), np.nan), np.zeros(2), np.zeros(3)
     start = method, system, given, started, memory, h, starts, sites, done
     samples = Sighted(Shown(True, shown, (), layout_of(())), (), layout_of(()), ())
-    step = method, system, Equal(), memory, PLACE, samples, steps, sites, seen
+    step = method, system, Equal(), memory, PLACE, samples, None, steps, sites, seen
     if lanes:
         one, two = (tuple(map(kernel.Shared, x)) for x in (shared, told))
         rest = *one, goals, place, clocks, out, *two

@@ -51,6 +51,7 @@ class Late(lm.BondSplitting):
         return super().step(system, t, memory, h * (1.0 + 1e-3 * h))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("method", "law"),
     [(Claiming(), "Poisson"), (Leaking(), f"Casimir {N}"), (Late(), "symmetric")],

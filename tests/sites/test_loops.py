@@ -187,7 +187,8 @@ def test_rows_of_scratch_memory() -> None:
     memory = carried_layout(BodyState(lm.vec(0.0, 0.0, 0.0)))
     planes, shared = Planes.of_rows(1, 1), kernel.Shared(none)
     shown = Sighted(Shown(True, memory, (), layout_of(())), (), layout_of(()), ())
-    arguments = lm.RKMK(), system, Equal(), memory, PLACE, shown, 1, planes, planes, *[shared] * 3
+    given = memory, PLACE, shown, None, 1, planes, planes
+    arguments = lm.RKMK(), system, Equal(), *given, *[shared] * 3
     made = kernel.kernel(advance_sites, *arguments, *[none] * 4, *[shared] * 3, None, lanes=8)
     assert scratch_rows(made) == 15  # twice what is published, and three velocities
     assert SiteCalls(made, 100).scratch.shape == (15, padded(100))

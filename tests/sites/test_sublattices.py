@@ -230,6 +230,7 @@ def pairs() -> Any:
     return spins(3, Exchange(1.0).over(ring), Biquadratic(0.3).over(ring), EasyAxis(0.5, AXIS))
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("order", [2, 4, 6, 8])
 @pytest.mark.parametrize("method", [lm.SublatticeSplitting, lm.BondSplitting])
 def test_errors_fall_with_the_order(method: Any, order: int) -> None:
@@ -537,6 +538,7 @@ def test_tableaus_are_looked_at() -> None:
         lm.BondSplitting(tableau="Strang")  # type: ignore[arg-type]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("attitudes", [False, True])
 @pytest.mark.parametrize("order", [2, 4])
 def test_bonds_by_sites_have_the_bits_of_what_is_written_out(
