@@ -11,11 +11,13 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas.of_each import Each
+from ..integrators.rattle_of_links import Links
 from ..systems.system import state_of
 from .losses import Loss
 from .parameters import full_name, parameter
-from .sites_adjoint import BackwardRun
+from .sites_adjoint import BackwardRun, why_not
 from .sites_parameters import terms_of_sites
+from .sites_plan import LARGE
 from .sites_states import by_site, first_of, kind_of, site_rows
 from .sites_tangent import Frames
 from .starts import started_by_sites
@@ -66,10 +68,14 @@ def gradient_by_sites(
 
 def goes_by_sites(plan: Any, start: Any, names: tuple[str, ...], *functions: Any) -> bool:
     """Is a gradient found site by site: of many sites, of functions of one, by a parameter of edges?"""
-    if plan._sites is None or not plan._sites.knows(start):
+    sites = plan._sites
+    if sites is None or not sites.knows(start) or isinstance(sites.site, Links) or plan.fictive:
         return False
-    if plan._sites.takes(start) or any(map(of_site, functions)):
+    if any(map(of_site, functions)):
         return True
+    if sites.takes(start):
+        few = start.bodies is not None or start.width <= LARGE
+        return not (few and sites.as_one_body and why_not(sites, start))
     known = [name for name in names if name not in ("start", "h") and "method." not in name]
     if any(terms_of_sites(plan._one, name) for name in known):
         return True
