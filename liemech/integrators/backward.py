@@ -147,20 +147,20 @@ def refused(method: Any, site: Any) -> str:
     if not isinstance(
         site, (LiePoissonSystem, DrivenLiePoissonSystem, MechanicalSystem, SeparableSite)
     ):
-        return f"of {type(site).__name__}"
+        return f"of a {type(site).__name__}"
     if isinstance(site, MechanicalSystem) and (site.load is not None or site.in_space):
         return "with a load, whose forces have no symmetric derivative"
     if isinstance(method, RKMK):
-        return "" if method.tableau.explicit else "with an implicit tableau"
+        return "" if method.tableau.explicit else f"by {method!r}, whose tableau is implicit"
     if isinstance(method, Composition):
         return refused(method.base, site)
     if isinstance(method, FieldSplitting):
         free: Any = method.free  # type: ignore[attr-defined]
         known = free.symplectic and free.symmetric and not free.of_momenta
-        return "" if known or isinstance(free, RKMK) else f"with drifts of {free!r}"
+        return "" if known or isinstance(free, RKMK) else f"by drifts of {free!r}"
     if isinstance(method, SublatticeSplitting):
         return ""
-    return "" if isinstance(method, SeparableSplitting) else f"of {method!r}"
+    return "" if isinstance(method, SeparableSplitting) else f"by {method!r}"
 
 
 def released(site: Any) -> Any:

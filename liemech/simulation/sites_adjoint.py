@@ -58,7 +58,10 @@ def why_not(sites: Any, start: Any) -> str:
         return f"of {type(one).__name__} on {group!r}"
     if plan.adaptive:
         return "with adaptive steps"
-    return refused(plan._steps.way_of(0), sites.site)
+    method = plan._steps.way_of(0)
+    if method is not plan._steps.method_of(0):
+        return "where steps end at breaks and jumps of inputs"
+    return refused(method, sites.site)
 
 
 class BackwardRun:
@@ -73,9 +76,9 @@ class BackwardRun:
         plan, why = sites.plan, why_not(sites, start)
         if why:
             raise IncompatibleSystem(
-                f"Plan.tangent: {plan.method!r} {why} has no way back for many sites; RKMK with an explicit "
-                "tableau, KickDrift, LieVerlet, Splitting, compositions of them and SublatticeSplitting "
-                "have one, without loads"
+                f"Plan.tangent: there is no way back through runs of many sites {why}; there is one with RKMK "
+                "with an explicit tableau, KickDrift, LieVerlet, Splitting, compositions of them, and "
+                "SublatticeSplitting"
             )
         self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites

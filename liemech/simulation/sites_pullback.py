@@ -11,10 +11,11 @@ import numpy as np
 
 from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas.of_each import Each
+from ..integrators.rattle_of_links import Links
 from ..systems.system import state_of
 from .losses import Loss
 from .parameters import full_name, parameter
-from .sites_adjoint import BackwardRun
+from .sites_adjoint import BackwardRun, why_not
 from .sites_parameters import terms_of_sites
 from .sites_states import by_site, first_of, kind_of, site_rows
 from .sites_tangent import Frames
@@ -39,7 +40,10 @@ def gradient_by_sites(
     between = every or max(1, steps)
     shown = plan.replace(every=between)
     state = started_by_sites(shown, start)
-    back = BackwardRun(shown._sites, state, steps, t0, tuple(n for n in names if n != "start"))
+    others = tuple(n for n in names if n != "start")
+    by_directions = bool(why_not(shown._sites, state)) and not others
+    if not by_directions:
+        back = BackwardRun(shown._sites, state, steps, t0, others)
     for name, given in (("loss", loss), ("along", along)):
         if given is not None and not of_site(given):
             raise IncompatibleSystem(
@@ -52,23 +56,35 @@ def gradient_by_sites(
     value, felt = None, {}
     if cotangent is not None:
         some = len(numbers) if every else 1
-        rows = _cotangent(back, run, cotangent, some, every is not None)
+        rows = _cotangent(shown, state, run, cotangent, some, every is not None)
         felt = dict(zip(numbers[-some:], rows, strict=True))
     else:
         value, felt[steps] = _of_sites(loss, "loss", shown, run, -1)
         for k, n in enumerate(numbers if along is not None else []):
             more, slope = _of_sites(along, "along", shown, run, k)
             value, felt[n] = value + more, felt.get(n, 0.0) + slope
+    if by_directions:
+        return value, {"start": _by_directions(plan, start, t0, felt)}, run
     found, by = back.back(felt)
     by["start"] = found
     return value, {name: by[name] for name in names}, run
 
 
+def _by_directions(plan: Any, start: Any, t0: float, felt: dict[int, np.ndarray]) -> np.ndarray:
+    """The sum of J^T w, for which every direction of the start makes a run."""
+    found: Any = 0.0
+    for n, w in felt.items():
+        made = plan.replace(every=max(1, n)).tangent(start, steps=n, t0=t0, against=w)
+        found = found + made.tangent["against"][-1]
+    return np.asarray(found)
+
+
 def goes_by_sites(plan: Any, start: Any, names: tuple[str, ...], *functions: Any) -> bool:
     """Is a gradient found site by site: of many sites, of functions of one, by a parameter of edges?"""
-    if plan._sites is None or not plan._sites.knows(start):
+    sites = plan._sites
+    if sites is None or not sites.knows(start) or isinstance(sites.site, Links) or plan.fictive:
         return False
-    if plan._sites.takes(start) or any(map(of_site, functions)):
+    if sites.takes(start) or any(map(of_site, functions)):
         return True
     known = [name for name in names if name not in ("start", "h") and "method." not in name]
     if any(terms_of_sites(plan._one, name) for name in known):
@@ -109,25 +125,25 @@ def _of_sites(loss: Any, name: str, plan: Any, run: Any, k: int) -> tuple[float,
     return float(values.sum()), np.concatenate(parts)
 
 
-def _cotangent(back: BackwardRun, run: Any, given: Any, some: int, along: bool) -> np.ndarray:
+def _cotangent(plan: Any, state: Any, run: Any, given: Any, some: int, along: bool) -> np.ndarray:
     """Cotangents as components, (samples, N)."""
+    frames = Frames(plan._sites.site, state)
     if not isinstance(given, dict):
-        return _shaped(given, "", (back.components,), some, along)
-    unknown = [name for name in given if name not in back.names]
+        return _shaped(given, "", (frames.components,), some, along)
+    unknown = [name for name in given if name not in frames.start]
     if unknown:
         raise InvalidInput(
             f"Plan.pullback: cotangent has {unknown[0]!r}; the parts of the state are "
-            f"{', '.join(back.names)}"
+            f"{', '.join(frames.start)}"
         )
     found = []
-    for name, size in back.dims.items():
+    for name, basis in frames.start.items():
         there = run.states[name][-some:]
         if name not in given:
-            found.append(np.zeros((some, back.sites * size)))
+            found.append(np.zeros((some, basis.shape[0] * basis.shape[1])))
             continue
         own = _shaped(given[name], name, there.shape[1:], some, along)
         if name == "g":
-            frames = Frames(back.plan._sites.site, back.start)
             basis = frames._basis("g", there.reshape(-1, *there.shape[2:]))
             own = np.einsum("sn,scn->sc", own.reshape(len(basis), -1), basis)
         found.append(own.reshape(some, -1))

@@ -95,15 +95,16 @@ def tangent_by_sites(sites: Any, start: Any, steps: int, t0: float, given: Any) 
     or with products of it.
 
     given : "along", the run has J v, or "against", J^T w, and the directions; None for J itself.  J^T w is
-    found backwards, where steps have a way back.
+    found backwards, where steps have a way back and there are fewer samples than directions.
     """
-    name, wanted = given or ("start", None)
-    if name == "against" and not why_not(sites, start):
-        return against_by_sites(sites, start, steps, t0, wanted)
     plan, frames = sites.plan, Frames(sites.site, start)
     n, every = frames.components, plan.options.every
+    name, wanted = given or ("start", None)
     some: Any = None if wanted is None else arguments.directions(name, wanted, n)
     out = n if some is None else 1 if some.ndim == 1 else some.shape[1]
+    passes = out * (steps // every + 1)
+    if name == "against" and passes <= n and not why_not(sites, start):
+        return against_by_sites(sites, start, steps, t0, some)
     affordable(8 * n * out * (steps // every + 2), steps, every)
     products = []
     for direction in np.atleast_2d(some.T) if name == "along" else np.eye(n):
@@ -122,13 +123,11 @@ def tangent_by_sites(sites: Any, start: Any, steps: int, t0: float, given: Any) 
     )  # fmt: skip
 
 
-def against_by_sites(sites: Any, start: Any, steps: int, t0: float, wanted: Any) -> Any:
+def against_by_sites(sites: Any, start: Any, steps: int, t0: float, some: np.ndarray) -> Any:
     """A run of many sites with J^T w, for which it is gone through backwards once from each sample."""
     plan, back = sites.plan, BackwardRun(sites, start, steps, t0)
-    every = plan.options.every
-    some = arguments.directions("against", wanted, back.components)
     columns = some[:, None] if some.ndim == 1 else some
-    affordable(8 * columns.size * (steps // every + 2), steps, every)
+    affordable(8 * columns.size * (steps // plan.options.every + 2), steps, plan.options.every)
     run = sites.kind(plan, sites.site, start, t0, steps, None, None, None)
     made = run.trajectory()
     rows = [
