@@ -23,7 +23,7 @@ figure, frames = lm.plots.subplots(1, 4, figsize=(9.6, 2.7))
 for ax, k in zip(frames, (0, 14, 27, 40)):
     title = f"t = {run.t[k]:.1f}"
     lm.plots.field(pictures[k], latitude, longitude, ax=ax, most=2.0, title=title)
-lm.plots.save(figure, "mixing_vorticity.png")
+lm.plots.save(figure, "mixing_vorticity.png", dpi=90)
 
 
 def frame(k: int) -> None:

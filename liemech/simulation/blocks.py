@@ -37,9 +37,10 @@ class Blocks:
         self.way, self.systems, self.methods, self.t0 = way, systems, methods, 0.0
         dual = dual_of(start)
         # without what rounding took, which changes a derivative by as little
-        trial = attempt(begun, methods.example, systems.example, dual, way.h_of(0))
+        trial: Any = attempt(begun, methods.example, systems.example, dual, way.h_of(0))
         if isinstance(trial, Rejected):
-            raise reason(trial)
+            refused: Any = reason(trial)
+            raise refused
         # all that the method carries along may come to depend on the start, zeros of guesses too
         carry, example = with_slopes(trial[0], LEVEL), trial[1]
         given, layout, shown = layout_of(dual), carried_layout(carry), layout_of(example)
@@ -115,10 +116,12 @@ class Blocks:
             else:
                 buffers = *own, starts, clocks, numbers, out[0]
                 self.beginning.run(lanes.constants, (), buffers, whole, column, whole)
-            again = np.flatnonzero(clocks[MARK, column:] != 0.0) + column
+            failed = np.flatnonzero(clocks[MARK, column:] != 0.0) + column
             lanes.natively(table, out, 1, self.way.workers, steps, column, whole, worth=WORTH)
-            again = {*again.tolist(), *np.flatnonzero(clocks[MARK] == ASKED).tolist()}
-            for i in sorted(i for i in again if i < count):
+            asked = np.flatnonzero(clocks[MARK] == ASKED)
+            for i in np.unique(np.concatenate([failed, asked])).tolist():
+                if i >= count:
+                    break
                 clocks[:, i] = self.t0 + first[i] * h[i], h[i], 0.0, first[i], 0.0, 0.0, 0.0
                 self._plainly(starts[:, i], table[:, i], out[:, :, i], steps)
         return out[0, :, :count]

@@ -33,7 +33,7 @@ class Varied:
         self.values = np.array([leaves(thing, self.layout) for thing in things], dtype=float)
         none = np.zeros((len(things), 1, self.values.shape[1]))
         self.slopes = np.concatenate([slopes, none], axis=1)
-        moves = self.slopes.any(axis=(0, 1))
+        moves = (self.slopes != 0.0).sum(axis=(0, 1)) > 0
         moves[[*moved]] = True
         self.moves = np.flatnonzero(moves)
         self.tables = [j for j, kind in enumerate(self.layout.kinds) if kind == "table"]

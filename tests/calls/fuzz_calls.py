@@ -176,7 +176,7 @@ class Method:
         return f"{self.subject.thing!r:.60}.{self.name}"
 
 
-OF_LARGE_GROUPS = {"velocity_matrix"}
+OF_LARGE_GROUPS = {"moving", "velocity_matrix"}
 """Methods that are asked for where momenta are matrices in memory, and not on the groups here."""
 
 

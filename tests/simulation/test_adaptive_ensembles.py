@@ -38,7 +38,7 @@ def python_first(monkeypatch: pytest.MonkeyPatch, pieces: int) -> None:
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few bodies at once, and few trials, so that lanes take the next bodies often."""
-    monkeypatch.setattr(run, "ROOM", 16)
+    monkeypatch.setattr(run.Run, "room", 16)
     monkeypatch.setattr(run, "LONGEST", 8)
     monkeypatch.setattr(lanes, "TRIALS", 1)
     monkeypatch.setattr(keep, "ROWS", 20)
@@ -90,7 +90,7 @@ def test_pieces_become_shorter_where_they_take_long(monkeypatch: pytest.MonkeyPa
     """Bodies that wait for the others in the middle of their way go on where they stood."""
     whole = native().run(BODY.state(mu=MU), t_end=4.0, t_eval=TIMES)
     monkeypatch.setattr(run, "PATIENCE", 0.0)
-    monkeypatch.setattr(run, "ROOM", 32)
+    monkeypatch.setattr(run.Run, "room", 32)
     slow = native().run(BODY.state(mu=MU), t_end=4.0, t_eval=TIMES)
     assert np.array_equal(slow.mu, whole.mu) and slow.steps == whole.steps
     assert np.array_equal(slow.carry.state.mu, whole.carry.state.mu)
