@@ -79,7 +79,7 @@ SECTIONS = {
         "eccentric_orbit",
     ),
     "Many bodies": ("binary_asteroid", "drop_of_water", "mixing_vorticity", "rubber_rod"),
-    "At work": ("attitude_control", "slew", "rocket", "flight_code"),
+    "At work": ("attitude_control", "slew", "flight", "rocket", "flight_code"),
     "Damping and noise": ("paramagnet", "relaxing_body"),
     "From measurements": ("fit_inertia", "fit_bodies", "attitude_filter"),
     "In the browser": (
