@@ -12,7 +12,6 @@ import numpy as np
 
 from liemech.simulation.equal import StraightRun
 from liemech.simulation.options import Options
-from liemech.simulation.plan import Plan
 from liemech.simulation.prepared import Steps
 from liemech.simulation.short import LONGEST, advanced, place_of
 
@@ -47,7 +46,7 @@ def plan_of(steps: Steps) -> Any:
     given = dict.fromkeys(Options._fields) | {"compiled": True, "progress": False}
     return SimpleNamespace(
         recorder=None,
-        system=steps.system, method=steps.method, events=(), of_each={}, count=Plan.count,
+        system=steps.system, method=steps.method, events=(), of_each={},
         options=Options(**given | {"workers": 1}), _steps=steps,
     )  # fmt: skip
 
