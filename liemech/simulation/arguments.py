@@ -396,6 +396,30 @@ def parameters(by: Any, caller: str) -> tuple[str, ...]:
     return found
 
 
+def known_parts(given: Any, parts: Any) -> None:
+    """Refuse a cotangent by something that is no part of the state."""
+    unknown = [name for name in given if name not in parts]
+    if unknown:
+        raise InvalidInput(
+            f"Plan.pullback: cotangent has {unknown[0]!r}; the parts of the state are "
+            f"{', '.join(parts)}"
+        )
+
+
+def cotangent(given: Any, name: str, shape: tuple[int, ...], kinds: str) -> np.ndarray:
+    """The derivatives by a part of the state, or by all of it where `name` is empty, checked.
+    kinds : of NumPy's numbers that it may have.
+    """
+    what, array = f"cotangent[{name!r}]" if name else "cotangent", np.asarray(given)
+    if array.shape != shape or array.dtype.kind not in kinds:
+        raise InvalidInput(
+            f"Plan.pullback: {what} is {shape}, as the samples are; got {array.shape}"
+        )
+    if not np.isfinite(array).all():
+        raise InvalidInput(f"Plan.pullback: {what} must be finite; got {array}")
+    return array
+
+
 def count(value: Any, name: str, least: int) -> int:
     if type(value) is int and least <= value <= MOST:
         return value

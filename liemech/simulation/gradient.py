@@ -154,7 +154,8 @@ class Directions:
         moved = [place for table in self.tables for place in table.places["moved"].tolist()]
         dressed = [self._dressed(system) for system in several]
         self.systems = Varied(dressed, self._slopes(dressed, by_system, self._dressed), moved)
-        self.raw, self.things = methods, several
+        self.raw = methods
+        self.of_things = [[table.of(thing) for thing in several] for table in self.tables]
         wrapped = (
             methods
             if way.clock != "t"
@@ -183,8 +184,7 @@ class Directions:
         known = [p.varied for p in self.parameters if p.varied and p.varied.number == number]
         found = known[0] if known else VariedInput(number, table)
         values = last == "values"
-        broken = np.asarray(table.jumps)[: int(table.jumping)] > np.asarray(table.knots)[0]
-        if values and (table.degree > 1 or (table.degree == 1 and broken.any())):
+        if values and not table.has_values:
             raise InvalidInput(
                 f"Plan.gradient: {name}: values are those of steps (PiecewisePolynomial.constant) and of "
                 f"straight lines (.linear); of {table!r} ask for {before}.coefficients, from which those "
@@ -331,12 +331,12 @@ class Met:
     first, count : (blocks, bodies) the first one, and how many.  intervals : of the table.
     """
 
-    def __init__(self, forward: Forward, table: VariedInput, directions: Any) -> None:
+    def __init__(self, forward: Forward, tables: list[PiecewisePolynomial]) -> None:
         way = forward.plan._steps
-        self.intervals = int(table.table.intervals)
+        self.intervals = int(tables[0].intervals)
         found = []
         for i in range(forward.bodies):
-            own = table.of(directions.things[min(i, len(directions.things) - 1)])
+            own = tables[min(i, len(tables) - 1)]
             found.append(self._met(forward, own, i, overshoot(way.method_of(i))))
         self.first, self.count = (np.stack(x, axis=1) for x in zip(*found, strict=True))
 
@@ -430,7 +430,7 @@ class Backward:
             for t in directions.tables
         ]
 
-        self.met = [Met(forward, table, directions) for table in directions.tables]
+        self.met = [Met(forward, tables) for tables in directions.of_things]
 
     def go(self) -> None:
         """Go backwards through all blocks."""
@@ -538,7 +538,7 @@ class Backward:
                 component = table[1][some] if mine else np.full(len(body), -1)
                 interval = table[2][some] if mine else component
                 part = np.stack(self._counting(n, begin + block, body))
-                tables = [own.of(system) for system in directions.things]
+                tables = directions.of_things[n]
                 own.write(directions.systems, systems, component, interval, part, body, tables)
             first, last = forward.edges[begin + block], forward.edges[begin + block + 1]
             out = self.blocks.run(
@@ -730,23 +730,12 @@ class Cotangent:
         if self.framed:
             count = forward.basis(slice(0, 1)).shape[2]
             given, shapes = {"": given}, {"": (count,)}
-        unknown = [name for name in given if name not in shapes]
-        if unknown:
-            raise InvalidInput(
-                f"Plan.pullback: cotangent has {unknown[0]!r}; the parts of the state are "
-                f"{', '.join(shapes)}"
-            )
+        else:
+            arguments.known_parts(given, shapes)
         self.rows: Any = {}
         for name, shape in shapes.items():
             wanted = (*lead, *shape)
-            array = np.asarray(given.get(name, np.zeros(wanted)))
-            if array.shape != wanted or array.dtype.kind not in "fiuc":
-                what = f"cotangent[{name!r}]" if name else "cotangent"
-                raise InvalidInput(
-                    f"Plan.pullback: {what} is {wanted}, as the samples are; got {array.shape}"
-                )
-            if not np.isfinite(array).all():
-                raise InvalidInput(f"Plan.pullback: cotangent {name!r} must be finite; got {array}")
+            array = arguments.cotangent(given.get(name, np.zeros(wanted)), name, wanted, "fiuc")
             wide = array.reshape(*([1] if samples is None else []), *array.shape)
             self.rows[name] = wide if run.bodies else wide[:, None]
         if not self.framed:

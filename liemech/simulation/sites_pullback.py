@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IncompatibleSystem, InvalidInput
+from ..errors import IncompatibleSystem
 from ..formulas.of_each import Each
 from ..integrators.rattle_of_links import Links
 from ..systems.system import state_of
+from . import arguments
 from .losses import Loss
 from .parameters import full_name, parameter
 from .sites_adjoint import BackwardRun, why_not
@@ -130,12 +131,7 @@ def _cotangent(plan: Any, state: Any, run: Any, given: Any, some: int, along: bo
     frames = Frames(plan._sites.site, state)
     if not isinstance(given, dict):
         return _shaped(given, "", (frames.components,), some, along)
-    unknown = [name for name in given if name not in frames.start]
-    if unknown:
-        raise InvalidInput(
-            f"Plan.pullback: cotangent has {unknown[0]!r}; the parts of the state are "
-            f"{', '.join(frames.start)}"
-        )
+    arguments.known_parts(given, frames.start)
     found = []
     for name, basis in frames.start.items():
         there = run.states[name][-some:]
@@ -152,12 +148,5 @@ def _cotangent(plan: Any, state: Any, run: Any, given: Any, some: int, along: bo
 
 def _shaped(given: Any, name: str, shape: tuple[int, ...], some: int, along: bool) -> np.ndarray:
     """A cotangent by the components of a part, (samples, ...)."""
-    what, wanted = f"cotangent[{name!r}]" if name else "cotangent", (some,) * along + shape
-    array = np.asarray(given)
-    if array.shape != wanted or array.dtype.kind not in "fiu":
-        raise InvalidInput(
-            f"Plan.pullback: {what} is {wanted}, as the samples are; got {array.shape}"
-        )
-    if not np.isfinite(array).all():
-        raise InvalidInput(f"Plan.pullback: {what} must be finite")
+    array = arguments.cotangent(given, name, (some,) * along + shape, "fiu")
     return array.reshape(some, *shape).astype(float)

@@ -187,16 +187,22 @@ class PiecewisePolynomial(Record):
         times, found = _table(t, values, 1)
         return cls(times, found[:, None], outside)
 
+    @property
+    def has_values(self) -> bool:
+        """Is it of steps, or of straight lines from value to value, so that its values tell all of it?"""
+        inner = np.asarray(self.jumps)[: int(self.jumping)] > np.asarray(self.knots)[0]
+        return self.degree == 0 or (self.degree == 1 and not inner.any())
+
     def with_values(self, values: Any) -> PiecewisePolynomial:
         """The table with other values at the same times: (n,) or (n, dim), of steps one for each interval,
         of straight lines one for each knot.  Raises InvalidInput for other tables.
         """
-        make = {0: self.constant, 1: self.linear}.get(self.degree)
-        if make is None or (self.degree == 1 and self.jumping):
+        if not self.has_values:
             raise InvalidInput(
                 "PiecewisePolynomial.with_values: values are those of steps (.constant) and of straight "
                 f"lines (.linear); {self!r} has coefficients"
             )
+        make = self.linear if self.degree else self.constant
         return make(np.asarray(self.knots), values, self.outside)
 
     def derivative(self, order: int = 1) -> PiecewisePolynomial:

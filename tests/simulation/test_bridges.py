@@ -77,5 +77,9 @@ def test_tables_with_other_values() -> None:
         values = np.arange(float(count))
         table = make(t, np.ones(count), "hold").with_values(values)
         assert table == make(t, values, "hold")
+    again = lm.PiecewisePolynomial.linear(
+        t, np.arange(4.0), "repeat"
+    )  # it jumps where it begins anew
+    assert again.with_values(np.ones(4)) == lm.PiecewisePolynomial.linear(t, np.ones(4), "repeat")
     with pytest.raises(InvalidInput, match="has coefficients"):
         lm.PiecewisePolynomial.cubic(t, np.ones(4)).with_values(np.ones(4))
