@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 from scipy.optimize import brentq
-from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
+from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc, jv
 
 import liemech as lm
 from liemech.models import CosseratRod, RodSection, RodStrain
@@ -108,6 +108,26 @@ def test_a_column_loses_its_stiffness_at_eulers_load():
         errors.append(
             abs(brentq(softest, 0.95 * euler, 1.05 * euler, xtol=1e-6 * euler) / euler - 1.0)
         )
+    assert errors[-1] < 3e-3
+    np.testing.assert_allclose(slopes(errors), 2.0, atol=0.1)
+
+
+@pytest.mark.slow
+def test_a_column_too_tall_for_its_weight_loses_its_stiffness_at_greenhills_height():
+    # A. G. Greenhill, Proc. Camb. Phil. Soc. 4 (1881), 65: rho A g L^3/(E I) = (9/4) j^2, j the first zero of J_-1/3.
+    zero = brentq(lambda x: jv(-1.0 / 3.0, x), 1.5, 2.5)
+    assert 2.25 * zero**2 == pytest.approx(7.8373, abs=5e-5)
+    stiff, errors = inextensible(), []
+    greenhill = 2.25 * zero**2 * stiff.stiffness[0] / stiff.inertia[5]
+    for n in (8, 16):
+
+        def softest(gravity, n=n):
+            rod = CosseratRod(stiff, 1.0, n, gravity=gravity)
+            H = rod.stiffness(rod.equilibrium(stages=1)).toarray()
+            return np.linalg.eigvalsh(0.5 * (H + H.T)[np.ix_(rod.free, rod.free)])[0]
+
+        found = brentq(softest, 0.9 * greenhill, 1.1 * greenhill, xtol=1e-6 * greenhill)
+        errors.append(abs(found / greenhill - 1.0))
     assert errors[-1] < 3e-3
     np.testing.assert_allclose(slopes(errors), 2.0, atol=0.1)
 
