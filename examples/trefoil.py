@@ -35,5 +35,5 @@ left.set(xlabel="x (m), from above, light is up", yticks=[], aspect="equal", yli
 sums = np.array([of_axis, twist, of_axis + twist]).T
 right.plot(run.t, sums, label=["writhe", "twist", "their sum"])
 right.set(xlabel="time t (s)", ylabel="turns")
-lm.plots.legend(right, loc="center left")
+lm.plots.legend(right, loc="upper left")
 lm.plots.save(figure, "trefoil.png", dpi=90)
