@@ -24,13 +24,12 @@ from ...systems.poisson import PoissonState
 from ...systems.system import State, System, small_state
 from ..between.dense import DenseOutput
 from ..between.events import Met
-from ..carry import Carry
+from ..carry import Carry, SiteCarry
 from ..compiled.control import CLOCK
 from ..compiled.systems import Methods, OfBodies, Systems, of_body
 from ..fictive_time.arrival import FictiveMotion
 from ..origin import FictiveCarry, Origin
 from ..sites.states import kind_of
-from ..sites_carry import SiteCarry
 from ..stopped import Stopped
 from .arrays import read, write
 from .encoding import LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
