@@ -50,6 +50,35 @@ those after it.
 DOORS = {("simulation", "plots"), ("simulation", "viewer")}
 """The exceptions: `run.plot_momentum()` opens a door upwards, inside the method, when it is called."""
 
+ROOMS = (
+    "reports",
+    "compiled",
+    "between",
+    "",  # simulation/ itself: a run, from its options to its result
+    "fictive_time",
+    "sites",
+    "derivatives",
+    "at_work",
+    "files",
+)
+"""The folders of simulation/, in the order of the layers: most of a run stands between what it is made of,
+and what is made of it.
+"""
+
+INNER_DOORS = {
+    ("plan", "fictive_time"),
+    ("plan", "sites"),
+    ("plan", "derivatives"),
+    ("plan", "at_work"),
+    ("plan", "files"),
+    ("trajectory", "files"),
+    ("trajectory", "sites"),
+    ("sites.plan", "derivatives"),
+}
+"""The modules of simulation/ that open rooms above their own, inside a function: a plan makes runs of every
+kind, a trajectory is saved and looked at.
+"""
+
 HOMES = {"llvmlite": "compiler", "numba": None, "matplotlib": "plots", "meshcat": "viewer"}
 """The one layer that may know an optional package; None: nobody."""
 
@@ -234,6 +263,34 @@ def test_imports_for_typing_point_down_too() -> None:
     complain(upward, f"Imports for typing that point up the layers {' < '.join(LAYERS)}:")
 
 
+def room(module: str) -> tuple[str, str]:
+    """A module of simulation/ by its name there, and the room that it is in."""
+    name = module.removeprefix("liemech.simulation").removeprefix(".")
+    first = name.partition(".")[0]
+    folder = (PACKAGE / "simulation" / first).is_dir()
+    return name, first if folder else ""
+
+
+def opens_a_room(one: Import) -> bool:
+    """Is this one of the INNER_DOORS?"""
+    inside = all(x.startswith("liemech.simulation.") for x in (one.module, one.target))
+    return inside and one.lazy and (room(one.module)[0], room(one.target)[1]) in INNER_DOORS
+
+
+def test_imports_between_the_rooms_of_simulation_go_one_way() -> None:
+    prefix = "liemech.simulation."
+    within = [x for x in inside() if x.module.startswith(prefix) and x.target.startswith(prefix)]
+    upward = [
+        one
+        for one in within
+        if ROOMS.index(room(one.module)[1]) < ROOMS.index(room(one.target)[1])
+        and not opens_a_room(one)
+    ]
+    complain(upward, "Imports that point up the rooms of simulation/:")
+    opened = {(room(x.module)[0], room(x.target)[1]) for x in within if opens_a_room(x)}
+    assert opened == INNER_DOORS
+
+
 def test_no_circles() -> None:
     graph: dict[str, set[str]] = {module: set() for module in trees()}
     for one in inside():
@@ -241,6 +298,7 @@ def test_no_circles() -> None:
             one.module != "liemech"
             and one.target != one.module
             and not (one.lazy and one.layers in DOORS)
+            and not opens_a_room(one)
         ):
             graph[one.module].add(one.target)
     try:

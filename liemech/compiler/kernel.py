@@ -26,7 +26,7 @@ import numpy as np
 from ..errors import NotCompilable
 from ..formulas.blas import on_one_thread
 from ..formulas.frozen import frozen
-from ..formulas.pytree import Layout, gatherer, layout_of, leaves
+from ..formulas.pytree import Layout, gatherer, layout_of
 from . import driver, guard_words, interrupts
 from .gc_pause import gc_paused
 from .planes import Planes
@@ -86,7 +86,7 @@ class Several:
     @classmethod
     def of(cls, values: Sequence[Any], columns: int) -> Several:
         """Values for so many columns; the last value is repeated."""
-        numbers = np.array([leaves(value, layout_of(value)) for value in values]).T
+        numbers = np.array([*map(gatherer(layout_of(values[0])), values)], dtype=float).T
         return cls(
             tuple(values),
             np.ascontiguousarray(numbers[:, np.minimum(np.arange(columns), len(values) - 1)]),

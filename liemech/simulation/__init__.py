@@ -4,12 +4,12 @@ A run, read in the order in which it happens:
 
 1. `integrate` (integrate.py) looks for a plan that it has made before, or makes one, and calls its `run`.
 2. `Plan` (plan.py) checks the system, the method and the `Options` (options.py, arguments.py) once.  It
-   keeps h or the tolerances, and what is compiled, as `Steps` (prepared.py) or `AdaptiveSteps`
+   keeps h or the tolerances, and what is compiled, as `Steps` (compiled/prepared.py) or `AdaptiveSteps`
    (tolerance.py).  `Plan.run` checks the start (starts.py), and chooses the kind of run:
 
                                     all bodies make the same steps    each body its own steps
        fixed steps (equal.py)       StraightRun                       EqualRun
-       in fictive time              StraightFictiveRun                FictiveRun (both: fictive_run.py)
+       in fictive time              StraightFictiveRun                FictiveRun (both: fictive_time/run.py)
        adaptive (tolerance.py)                                        ToleranceRun
 
    A run that is so short that one native call makes it takes a shorter way (short.py), to the same bits.
@@ -19,21 +19,22 @@ A run, read in the order in which it happens:
    `Goal` (last time, last step, tolerances); one body is an ensemble of one.  `aim` sets the goals and
    h of all bodies, `begin` writes the columns: the start goes through `Method.start`, or comes from the
    `Carry` of a former run.  A body that fails stays, and the others go on.
-4. `advance` (driver.py) is what is compiled: it makes steps of one column, or of several side by side.  A
-   `Control` (control.py) knows how long a step is and when it is the last: `Equal`, `Tolerance`,
-   `Fictive`.  `Lanes` (lanes.py) calls it on columns; `Execution` (execution.py) decides whether native
-   code or plain Python does it.  Both give the same bits.
+4. `advance` (compiled/driver.py) is what is compiled: it makes steps of one column, or of several side by
+   side.  A `Control` (compiled/control.py) knows how long a step is and when it is the last: `Equal`, `Tolerance`,
+   `Fictive`.  `Lanes` (compiled/lanes.py) calls it on columns; `Execution` (compiled/execution.py) decides
+   whether native code or plain Python does it.  Both give the same bits.
 5. After each piece observers (keep.py) look at its steps: `Every` n-th state, states `At` given times,
    `Straight` samples that native code writes where they stay, `Dense` rows for the motion between steps,
-   `Quantities` for functions of states; `Events` (events.py) for zeros.  States inside of steps come
-   from a `Between` (dense.py, arrival.py): by a polynomial, or by a shorter step.
+   `Quantities` for functions of states; `Events` (between/events.py) for zeros.  States inside of steps come
+   from a `Between` (between/dense.py): by a polynomial, or by a shorter step.
 6. result.py makes every `Trajectory` (trajectory.py), of what the observers have, and joins those of
-   chunks and members.  Its `carry` (carry.py; fictive.py in fictive time) says where every body stands, and
+   chunks and members.  Its `carry` (carry.py; origin.py in fictive time) says where every body stands, and
    going_on.py whether a plan may go on from there.
 
-The same parts serve other ways to run: stepper.py by hand, spread.py on an executor, tangent.py in numbers
-that carry derivatives, gradient.py backwards (of sites sites_backward.py), archive.py from a file,
-checkpoint.py into one; export.py makes C code of a plan.
-One system of many sites is a `Course` too (sites_run.py; by colours turns_of_sites.py, of chains chain_run.py, of linkages
-links_run.py): it has columns of sites instead of bodies, and its own drivers (sites_driver.py).
+The rooms beside it, of which each imports only from those before it and from here, but for a plan that opens
+them when they are asked for (tests/test_architecture.py):
+
+    reports/ compiled/ between/     a run is made of them
+    fictive_time/ sites/            runs of other kinds
+    derivatives/ at_work/ files/    what is done with plans and runs
 """

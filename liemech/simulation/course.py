@@ -15,7 +15,7 @@ from .trajectory import Trajectory
 
 class Course:
     """A run: of bodies (run.py), of bodies side by side (equal.py), or of the sites of one system
-    (sites_run.py), each with its own `piece`; abstract.
+    (sites/run.py), each with its own `piece`; abstract.
 
     checkpoint : where it is saved on its way, or None.  bodies : of an ensemble their number.
     """

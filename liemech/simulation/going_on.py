@@ -11,11 +11,9 @@ from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Record
 from ..formulas.pytree import exact, fields_of
-from .at_work.stepper import Stepper
-from .carry import Carry
+from .carry import Carry, SiteCarry
 from .compiled.systems import OfBodies, Systems, each_of
 from .origin import FictiveCarry, Origin
-from .sites_carry import SiteCarry
 from .trajectory import TangentTrajectory, Trajectory
 
 
@@ -31,9 +29,9 @@ def carry_of(plan: Any, given: Any, what: str) -> Any:
             f"Plan.{what}: a run with its tangent map carries nothing on; go on with "
             "plan.tangent(run.last, ...) and multiply the maps"
         )
-    if what == "resume" and run is None and not isinstance(given, Stepper):
+    if what == "resume" and run is None and not hasattr(given, "carry"):
         raise InvalidType(f"Plan.resume goes on with a Trajectory; got {type(given).__name__}")
-    carry = given.carry if run is not None or isinstance(given, Stepper) else given
+    carry = getattr(given, "carry", given)  # of a run or a stepper
     if run is not None and carry is None:
         raise InvalidInput(
             f"Plan.{what}: this run was interrupted, has failed or was ended "

@@ -25,14 +25,12 @@ from ..formulas.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
-from .at_work.stepper import Stepper
-from .carry import Carry
+from .carry import Carry, SiteCarry
 from .checkpoint import Checkpoint
 from .compiled.execution import like
 from .compiled.prepared import Steps
 from .compiled.systems import OfBodies, each_of, methods_of, of_body, systems_of
 from .equal import Advance, EqualRun, StraightRun
-from .fictive_time.run import FictiveRun, StraightFictiveRun
 from .going_on import carry_of
 from .options import (
     EQUAL,
@@ -47,13 +45,12 @@ from .options import (
 from .origin import FictiveCarry
 from .recorded import recorder_of
 from .short import advanced, short_run, short_steps
-from .sites.between import SitesBetween
-from .sites_carry import SiteCarry
-from .starts import started, started_by_sites
+from .starts import started
 from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory
 
 if TYPE_CHECKING:
+    from .at_work.stepper import Stepper
     from .derivatives.gradient import Gradient
 
 
@@ -275,7 +272,7 @@ class Plan:
         """A run of a system of many sites, site by site; None if it is to be written out."""
         sites: Any = self._sites
         if sites.knows(start):
-            start, t0 = started_by_sites(self, start), arguments.real(t0, "t0")
+            start, t0 = sites.started(self, start), arguments.real(t0, "t0")
         if path is None:
             made: Trajectory | None = sites.trajectory(start, steps, t_end, t0, None, t_eval)
             return made
@@ -360,9 +357,12 @@ class Plan:
         """The class of the run from such a start."""
         if self.adaptive:
             return ToleranceRun
-        if self._apart(start, t_end, t_eval):
-            return FictiveRun if self.fictive else EqualRun
-        return StraightFictiveRun if self.fictive else StraightRun
+        apart = self._apart(start, t_end, t_eval)
+        if not self.fictive:
+            return EqualRun if apart else StraightRun
+        from .fictive_time.run import FictiveRun, StraightFictiveRun
+
+        return FictiveRun if apart else StraightFictiveRun
 
     def _in_pieces(
         self, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any, kept: Checkpoint | None
@@ -638,6 +638,8 @@ class Plan:
         What formulas read counts as it is now, until `body.refresh()`.
         Raises what `step` and `resume` raise.
         """
+        from .at_work.stepper import Stepper
+
         self._one_length("stepper")
         if isinstance(start, State):
             return Stepper(self, self.begin(start, 0.0 if t0 is None else t0))
@@ -690,6 +692,3 @@ class Plan:
             if n not in ("system", "method") and x is not defaults[n].default
         ]
         return f"Plan({', '.join([repr(self.system), repr(self.method), *given])})"
-
-
-SitesBetween.planner = Plan

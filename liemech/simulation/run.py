@@ -299,7 +299,8 @@ class Run(Course):
         self.compiled = self.compiled or native
         turns = self.span
         if native:
-            most = self.work * workers // columns.shape[1]
+            # where rows are kept, those of longer pieces would not stay in the cache
+            most = self.work * (1 if self.rows else 4) * workers // columns.shape[1]
             turns = max(self.least, min(LONGEST, most))
         if checkpoint is not None:
             turns = max(1, min(turns, checkpoint.within(turns * m) // m))
@@ -503,7 +504,17 @@ class Run(Course):
         width): who has less of them stays where it came to.
         """
         rows, counts = self.observers[0].rows
-        failed, heads = self.failed, self.here.T
+        shown, failed = rows, self.failed
+        if failed.any() or (counts < len(rows)).any():
+            shown = self._filled(rows, counts, failed)
+        t = shown[..., 0]
+        if not self.own_times and (t == t[:, :1]).all():
+            t = t[:, 0].copy()
+        return t, shown[..., 1:]
+
+    def _filled(self, rows: np.ndarray, counts: np.ndarray, failed: np.ndarray) -> np.ndarray:
+        """Rows of samples, in which who has less of them than others stays where it came to."""
+        heads = self.here.T
         late = failed & (self.asked is None) & (counts > 0)
         last = rows[np.maximum(counts - 1, 0), np.arange(self.count)] if len(rows) else heads
         late &= (last != heads)[:, -1 if self.lanes.mark else 0]
@@ -516,15 +527,12 @@ class Run(Course):
             shown = np.empty((n, *rows.shape[1:]))
             shown[: len(rows)] = rows[:n]
         np.copyto(shown, rest, where=(np.arange(n)[:, None] >= counts)[..., None])
-        t = shown[..., 0]
         if (
             self.asked is not None and not self.own_times
         ):  # who has failed shares the times of others
             gone = failed | (self.over & np.isin(np.arange(self.count), [*self.errors]))
-            np.copyto(t, self.asked, where=gone)
-        if not self.own_times and (t == t[:, :1]).all():
-            t = t[:, 0].copy()
-        return t, shown[..., 1:]
+            np.copyto(shown[..., 0], self.asked, where=gone)
+        return shown
 
     # ---------------------------------------------------------------- going on
 

@@ -67,17 +67,3 @@ def kind_of_many(start: Any) -> Any:
 def needed(plan: Any, system: Any, start: Any) -> Any:
     """The parts of the state that the run needs, if not all."""
     return plan.recorder.needed(system, start) if plan.recorder else plan.record
-
-
-def started_by_sites(plan: Any, start: Any) -> Any:
-    """The start of a system of many sites, with the parts that the run needs."""
-    from ..integrators.rattle_of_links import Links  # here, for most runs have no sites
-    from .sites.states import by_site, first_of
-
-    sites: Any = plan._sites
-    start = by_site(plan._one, arguments.known(plan._one, start))
-    first = first_of(start)
-    if plan.recorder and isinstance(sites.site, Links):  # functions of the state of all bodies
-        return start
-    wanted = arguments.with_parts(sites.site, first, needed(plan, sites.site, first)).arrays
-    return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))

@@ -197,7 +197,7 @@ class ToleranceRun(Run):
         self.rows = curves or not self.bodies
         example = self.start_of(0)
         key = layout_of(example), curves, bool(self.bodies)
-        lanes = None if plan.of_each else way.shapes.get(key)
+        lanes = way.shapes.get(key)
         if lanes is not None:
             lanes.stepping.refresh()
             return lanes
@@ -215,8 +215,7 @@ class ToleranceRun(Run):
             self.asked_for, plan.options.progress,
             kernel.width() if self.bodies and self.asked_for is not False and kernel.available() is None else 1,
         )  # fmt: skip
-        if not plan.of_each:
-            way.shapes[key] = lanes
+        way.shapes[key] = lanes
         return lanes
 
     def observe(self) -> list[Any]:

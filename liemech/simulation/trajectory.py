@@ -19,11 +19,10 @@ from ..integrators.ending_at_jumps import ending_at_jumps
 from ..systems.site_state import StateOfSites
 from ..systems.system import State, System, small_state
 from .between.dense import Between, DenseOutput, ShortSteps, flat
+from .carry import SiteCarry
 from .compiled.systems import OfBodies, Systems, of_body
 from .origin import Origin
 from .reports.drift import RECORDED, Drift
-from .sites.between import SitesBetween
-from .sites_carry import SiteCarry
 from .stopped import NONE, Stop
 
 if TYPE_CHECKING:
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
 
     from ..integrators.method import Method
     from ..viewer import Scene
+    from .sites.between import SitesBetween
 
 
 @frozen(eq=False, repr=False)
@@ -319,6 +319,8 @@ class Trajectory:
         example = system.state(**{name: x[0] for name, x in self.states.items()}) if kept else None
         if isinstance(self.carry, SiteCarry) or isinstance(example, StateOfSites):
             if kept:
+                from .sites.between import SitesBetween
+
                 return SitesBetween(self, type(example))
             example = None
         far = abs(self.h) * (1.0 + 1e-6)

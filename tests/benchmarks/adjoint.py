@@ -19,7 +19,6 @@ import numpy as np
 
 import liemech as lm
 from liemech.simulation.derivatives.of_sites.adjoint import BackwardRun
-from liemech.simulation.starts import started_by_sites
 
 
 @lm.record
@@ -47,7 +46,7 @@ def measured(method: Any, n: int, steps: int, rounds: int) -> dict[str, float]:
     plan = lm.Plan(
         spins, method, h=min(0.02, 20.0 / steps), every=steps, compiled=True, progress=False
     )
-    first = started_by_sites(plan, start)
+    first = plan._sites.started(plan, start)
     ways = {
         "run": lambda: plan.run(start, steps=steps),
         "J v": lambda: plan.tangent(start, steps=steps, along=w),

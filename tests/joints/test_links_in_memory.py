@@ -27,7 +27,7 @@ from liemech.joints import (
     chain,
 )
 from liemech.models.linked_joints import eliminated_in, has_loops
-from liemech.simulation.sites_carry import SiteCarry
+from liemech.simulation.carry import SiteCarry
 
 TURN = [0.0, 1.0, 0.0]
 TOP, BOTTOM = [0.0, 0.0, 0.5], [0.0, 0.0, -0.5]

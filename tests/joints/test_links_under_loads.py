@@ -23,7 +23,7 @@ from test_links_in_memory import (
 import liemech as lm
 from liemech.formulas import dot, sin, sqrt, vec
 from liemech.joints import BallJoint, Damper, Link, Linkage, Motor, Spring, chain
-from liemech.simulation.sites_carry import SiteCarry
+from liemech.simulation.carry import SiteCarry
 
 library: Any = lm
 

@@ -17,7 +17,6 @@ import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput
 from liemech.simulation.derivatives.of_sites import adjoint as sites_adjoint
 from liemech.simulation.derivatives.reversal import go_back, repetitions
-from liemech.simulation.starts import started_by_sites
 
 edges = lm.neighbours.edges
 
@@ -71,13 +70,13 @@ def by_sites(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def back(plan: Any, start: Any, given: Any, names: tuple[str, ...] = ()) -> Any:
-    return plan._sites.back_through(started_by_sites(plan, start), max(given), 0.0, given, names)
+    return plan._sites.back_through(plan._sites.started(plan, start), max(given), 0.0, given, names)
 
 
 def require_transposed(plan: Any, start: Any, steps: int) -> None:
     """<w, J v> = <J^T w, v>, with w at the end and half of it after two steps."""
     rng = np.random.default_rng(5)
-    first = started_by_sites(plan, start)
+    first = plan._sites.started(plan, start)
     run = sites_adjoint.BackwardRun(plan._sites, first, steps, 0.0)
     v, w = rng.normal(size=(2, run.components))
     forwards = plan.replace(every=1).tangent(start, steps=steps, along=v).tangent["along"]

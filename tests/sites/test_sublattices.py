@@ -14,7 +14,7 @@ from terms_of_spins import Chiral, Exchange, Twist, Zeeman
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput, InvalidType
-from liemech.simulation.sites_carry import SiteCarry
+from liemech.simulation.carry import SiteCarry
 from liemech.systems.colouring import Places, colours_of, colours_of_bonds, colours_of_edges
 from liemech.tableaus.splittings import BLANES_MOAN4, STRANG, SYMPLECTIC_EULER
 

@@ -17,7 +17,7 @@ from ...formulas.pytree import build, gatherer, layout_of
 from ...systems.system import State
 from .. import arguments, short
 from ..between.dense import unpacked
-from ..carry import Carry
+from ..carry import Carry, SiteCarry
 from ..compiled.control import FRESH, GOAL, MARK, STEP, STRAIGHT, TAKEN
 from ..compiled.execution import like
 from ..compiled.parameters import Input, full_name, parameter
@@ -26,7 +26,6 @@ from ..compiled.systems import OfBodies, each_of
 from ..equal import WORTH
 from ..origin import FictiveCarry
 from ..short import ENDLESS, Place, place_of
-from ..sites_carry import SiteCarry
 from ..stopped import Stopped
 
 

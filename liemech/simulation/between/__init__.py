@@ -1,0 +1,1 @@
+"""The motion inside of the steps: dense.py evaluates it at given times, events.py looks for zeros in it."""

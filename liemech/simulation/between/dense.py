@@ -12,11 +12,12 @@ import numpy as np
 from ...compiler import kernel
 from ...compiler.driver import accepted, any_body, attempt, itself, read, reason, write
 from ...errors import IncompatibleSystem, InvalidInput, failure, is_mistake
-from ...formulas import Vec, horner, real_array, where
+from ...formulas import Vec, real_array, where
 from ...formulas.frozen import frozen
 from ...formulas.pytree import NUMBER, build, layout_of, leaves, rounded
 from ...integrators.ending_at_jumps import AT_ENDS
 from ...systems.system import state_of
+from ..compiled.driver import on_the_way
 from ..compiled.execution import COLUMNS, Execution, numbers_of
 
 
@@ -30,11 +31,6 @@ def along(retraction: Any, system: Any, row: Any, given: Any, out: Any, failures
     state, coefficients, theta = read(given, 0, row)
     moved = attempt(on_the_way, retraction, system, state, coefficients, theta)
     report(moved, row.parts[0], out, failures)
-
-
-def on_the_way(retraction: Any, system: Any, state: Any, coefficients: Any, theta: float) -> Any:
-    """The state a part theta of a step later."""
-    return system.displaced(retraction, state, theta * horner(coefficients, theta))
 
 
 def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failures: Any) -> None:

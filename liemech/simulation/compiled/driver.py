@@ -5,10 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from ...compiler.driver import accepted, any_body, attempt, itself, read, reason, write
-from ...formulas import Record, record, where
+from ...formulas import Record, horner, record, where
 from ...formulas.pytree import NUMBER, fitted, layout_of
-from ..between.dense import on_the_way
 from .control import ASKED, CLOCK, GOAL, STUCK, begun, observed, with_mark
+
+
+def on_the_way(retraction: Any, system: Any, state: Any, coefficients: Any, theta: float) -> Any:
+    """The state a part theta of a step later."""
+    return system.displaced(retraction, state, theta * horner(coefficients, theta))
 
 
 def advance(

@@ -43,7 +43,6 @@ from ..compiled.systems import Methods, Systems
 from ..equal import StraightRun
 from ..origin import Origin
 from ..result import AsItIs, of_some, of_tangent
-from ..starts import started_by_sites
 from ..trajectory import TangentTrajectory, Trajectory
 
 LEVEL = 0.5
@@ -72,7 +71,7 @@ def tangent_of(
         )
     given = (asked[0], products[asked[0]]) if asked else None
     if plan._sites is not None and plan._sites.takes(start):
-        by_sites = started_by_sites(plan, start)
+        by_sites = plan._sites.started(plan, start)
         made: Any = plan._sites.tangent(by_sites, steps, t_end, t0, names, given)
         if made is not None:
             return made

@@ -24,13 +24,12 @@ from ...systems.poisson import PoissonState
 from ...systems.system import State, System, small_state
 from ..between.dense import DenseOutput
 from ..between.events import Met
-from ..carry import Carry
+from ..carry import Carry, SiteCarry
 from ..compiled.control import CLOCK
 from ..compiled.systems import Methods, OfBodies, Systems, of_body
 from ..fictive_time.arrival import FictiveMotion
 from ..origin import FictiveCarry, Origin
 from ..sites.states import kind_of
-from ..sites_carry import SiteCarry
 from ..stopped import Stopped
 from .arrays import read, write
 from .encoding import LIBRARY, POOL, Decoder, Pool, encoded, encoded_each
@@ -241,97 +240,25 @@ def load(
 
 def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> dict[str, Any]:
     """The fields of a Trajectory from the content of a file."""
-    made, method = (
-        decode.record(told, kind)
-        if isinstance(told, dict) and "class" in told
-        else of_each(tuple(decode.each(told, kind)))
-        for told, kind, of_each in (
-            (about["system"], System, Systems),
-            (about["method"], Method, Methods),
-        )
-    )
-    states = {
-        name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")
-    }
-    # not every kind of file keeps the order of its arrays
-    parts = about.get("parts", list(states))
-    if not isinstance(parts, list) or sorted(map(str, parts)) != sorted(states):
-        raise InvalidInput(f"{decode.where}: samples of {', '.join(states)} are told as {parts!r}")
-    states = {name: states[name] for name in parts}
     bodies = about["bodies"]
     if bodies is not None and type(bodies) is not int:
         raise InvalidInput(f"{decode.where}: {bodies!r} is no number of bodies")
-    for several in (made, method):
-        if isinstance(several, OfBodies) and len(several) != bodies:
-            raise InvalidInput(f"{decode.where}: {several!r} are not those of {bodies} bodies")
-    for name, x in states.items():
-        if len(x) != len(arrays["t"]) or (bodies is not None and x.shape[1:2] != (bodies,)):
-            raise InvalidInput(
-                f"{decode.where}: the samples of {name} have shape {x.shape}, the times "
-                f"{arrays['t'].shape}"
-            )
+    system = _laws_of(about["system"], System, Systems, bodies, decode)
+    method = _laws_of(about["method"], Method, Methods, bodies, decode)
+    states = _states_of(arrays, about, bodies, decode)
+    origin = _origin_of(about, method, decode) if about.keys() & {"origin", "origins"} else None
     dense: Any = None
-    events = []
-    carry: Any = None
-    origin: Any = None
-    if "origin" in about or "origins" in about:
-        told = about["origins"] if "origins" in about else [*zip(*about["origin"], strict=True)]
-        pairs = zip(
-            decode.each(_listed(told[0]), System), decode.each(_listed(told[1]), State), strict=True
-        )
-        origin = tuple(
-            [Origin(given, of_body(method, i), start) for i, (given, start) in enumerate(pairs)]
-        )
-        if about["together"]:
-            origin = origin[0]
-        if "dense.t" in arrays:
-            example = origin.whole.extended(origin.start, 0.0)
-            t, points, kind = arrays["dense.t"], arrays["dense.points"], type(origin.start)
-            begun = arrays.get("dense.begun")
-            width = layout_of(example).width
-            if points.shape[1:] == (width,):  # of older files
-                points = np.column_stack([points, np.zeros(len(points))])
-            _require_shape(decode.where, t, points.shape[:1])
-            _require_shape(decode.where, points, (len(t), width + 1))
-            if begun is not None:
-                _require_shape(decode.where, begun, (width + 1,))
-            dense = FictiveMotion(
-                ending_at_jumps(method, origin.whole, ()),
-                origin.whole,
-                kind,
-                example,
-                about["h"],
-                np.column_stack([t, points]),
-                None,
-                begun,
-            )
-    elif "dense" in about:
-        order, point = about["dense"]
-        example, rows = decode.record(point, State), arrays["dense"]
-        terms, rest = divmod(rows.shape[1] - 1 - layout_of(example).width, made.group.dim)
-        if terms < 0 or rest:
-            raise InvalidInput(f"{decode.where}: rows of {rows.shape[1]} numbers are no way")
-        _require_shape(decode.where, rows, rows.shape[:1] + rows.shape[1:2])
-        dense = DenseOutput(made, method.retraction, example, rows, order)
-    for i, (names, counts) in enumerate(about["events"]):
-        cls = decode(about["states"])
-        if not (isinstance(cls, type) and issubclass(cls, State)):
-            raise InvalidInput(f"{decode.where}: {cls!r} is no class of states")
-        met, ends = [], np.cumsum(counts)
-        for first, end in zip(ends - counts, ends, strict=True):
-            parts = {name: arrays[f"event.{i}.{name}"][first:end] for name in names}
-            times = arrays[f"event.{i}"][first:end]
-            met.append((times, cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
-        events.append(met[0] if bodies is None else tuple(met))
+    if origin is not None and "dense.t" in arrays:
+        dense = _fictive_motion_of(arrays, about["h"], method, origin, decode)
+    elif origin is None and "dense" in about:
+        dense = _dense_of(arrays["dense"], about["dense"], system, method, decode)
+    events = tuple(
+        [_event_of(i, arrays, about, bodies, decode) for i in range(len(about["events"]))]
+    )
     ended = about.get("ended")
     if ended is not None and not (type(ended) is int and 0 <= ended < len(events)):
         raise InvalidInput(f"{decode.where}: {ended!r} is the number of no event")
-    if "carry" in about:
-        carry = _carry_of(about["carry"], arrays, bodies, origin, decode)
-    reasons = {
-        int(body): (steps, IntegrationFailure(text))
-        for body, (steps, text) in about["stopped"].items()
-    }
+    kept, reasons = about.get("carry"), {int(i): x for i, x in about["stopped"].items()}
     more: dict[str, Any] = {}
     if origin is not None:
         more = {"tau": arrays["tau"], "z": arrays.get("z"), "origin": origin}
@@ -339,7 +266,7 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         tangent = {name: arrays[f"tangent.{name}"] for name in about["tangent"]}
         more = {"tangent": tangent, "tau": arrays.get("tau")}
     return more | {
-        "system": made,
+        "system": system,
         "method": method,
         "h": decode(about["h"]),
         "t": arrays["t"],
@@ -348,16 +275,102 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
         "steps": about["steps"],
         "compiled": about["compiled"],
         "stopped": Stopped(
-            {body: steps for body, (steps, _) in reasons.items()}, lambda body: reasons[body][1]
+            {i: steps for i, (steps, _) in reasons.items()},
+            lambda i: IntegrationFailure(reasons[i][1]),
         ),
         "rejected": about["rejected"],
         "dense": dense,
-        "events": tuple(events),
-        "carry": carry,
+        "events": events,
+        "carry": None if kept is None else _carry_of(kept, arrays, bodies, origin, decode),
         "observed": tuple(about.get("observed", ())),
         "breaks": tuple([float(t) for t in about.get("breaks", ())]),
         "ended": ended,
     }
+
+
+def _laws_of(told: Any, kind: type, of_each: Any, bodies: int | None, decode: Decoder) -> Any:
+    """A system or a method, or those of each body, which `_of_each` wrote."""
+    if isinstance(told, dict) and "class" in told:
+        return decode.record(told, kind)
+    several = of_each(tuple(decode.each(told, kind)))
+    if len(several) != bodies:
+        raise InvalidInput(f"{decode.where}: {several!r} are not those of {bodies} bodies")
+    return several
+
+
+def _states_of(
+    arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, decode: Decoder
+) -> dict[str, np.ndarray]:
+    """The samples, by the names of the parts of the state."""
+    states = {
+        name.removeprefix("state."): x for name, x in arrays.items() if name.startswith("state.")
+    }
+    # not every kind of file keeps the order of its arrays
+    parts = about.get("parts", list(states))
+    if not isinstance(parts, list) or sorted(map(str, parts)) != sorted(states):
+        raise InvalidInput(f"{decode.where}: samples of {', '.join(states)} are told as {parts!r}")
+    for name, x in states.items():
+        if len(x) != len(arrays["t"]) or (bodies is not None and x.shape[1:2] != (bodies,)):
+            raise InvalidInput(
+                f"{decode.where}: the samples of {name} have shape {x.shape}, the times "
+                f"{arrays['t'].shape}"
+            )
+    return {name: states[name] for name in parts}
+
+
+def _origin_of(about: dict[str, Any], method: Any, decode: Decoder) -> Any:
+    """Where a run in fictive time began, or where each of its bodies did."""
+    told = about["origins"] if "origins" in about else [*zip(*about["origin"], strict=True)]
+    given = decode.each(_listed(told[0]), System)
+    starts = decode.each(_listed(told[1]), State)
+    pairs = enumerate(zip(given, starts, strict=True))
+    origins = tuple([Origin(system, of_body(method, i), start) for i, (system, start) in pairs])
+    return origins[0] if about["together"] else origins
+
+
+def _fictive_motion_of(
+    arrays: dict[str, Any], h: Any, method: Any, origin: Origin, decode: Decoder
+) -> FictiveMotion:
+    """The motion between the samples of a run in fictive time."""
+    example = origin.whole.extended(origin.start, 0.0)
+    t, points, begun = arrays["dense.t"], arrays["dense.points"], arrays.get("dense.begun")
+    width = layout_of(example).width
+    if points.shape[1:] == (width,):  # of older files
+        points = np.column_stack([points, np.zeros(len(points))])
+    _require_shape(decode.where, t, points.shape[:1])
+    _require_shape(decode.where, points, (len(t), width + 1))
+    if begun is not None:
+        _require_shape(decode.where, begun, (width + 1,))
+    cut, rows = ending_at_jumps(method, origin.whole, ()), np.column_stack([t, points])
+    return FictiveMotion(cut, origin.whole, type(origin.start), example, h, rows, None, begun)
+
+
+def _dense_of(
+    rows: np.ndarray, told: Any, system: Any, method: Any, decode: Decoder
+) -> DenseOutput:
+    """The motion between adaptive steps."""
+    order, example = told[0], decode.record(told[1], State)
+    terms, rest = divmod(rows.shape[1] - 1 - layout_of(example).width, system.group.dim)
+    if terms < 0 or rest:
+        raise InvalidInput(f"{decode.where}: rows of {rows.shape[1]} numbers are no way")
+    _require_shape(decode.where, rows, rows.shape[:1] + rows.shape[1:2])
+    return DenseOutput(system, method.retraction, example, rows, order)
+
+
+def _event_of(
+    i: int, arrays: dict[str, Any], about: dict[str, Any], bodies: int | None, decode: Decoder
+) -> Any:
+    """Times and states at which event i was met, or those of each body."""
+    names, counts = about["events"][i]
+    cls = decode(about["states"])
+    if not (isinstance(cls, type) and issubclass(cls, State)):
+        raise InvalidInput(f"{decode.where}: {cls!r} is no class of states")
+    met, ends = [], np.cumsum(counts)
+    for first, end in zip(ends - counts, ends, strict=True):
+        parts = {name: arrays[f"event.{i}.{name}"][first:end] for name in names}
+        times = arrays[f"event.{i}"][first:end]
+        met.append((times, cls(*(parts.get(f.name) for f in dataclasses.fields(cls)))))
+    return met[0] if bodies is None else tuple(met)
 
 
 def _listed(told: Any) -> Any:

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidInput
 from ...systems.system import state_of
 from ..between.dense import one_or_many, within_run
+from ..plan import Plan
 
 
 class SitesBetween:
     """The motion of the sites of a run: from the last end of a step a shorter one of the method, as for
     `t_eval`.
 
-    run : one that has kept the ends of all steps.  kind : of its states.  planner : `Plan`, which says so
-    itself, as it stands above the runs that it makes.
+    run : one that has kept the ends of all steps.  kind : of its states.
     """
-
-    planner: ClassVar[Any] = None
 
     def __init__(self, run: Any, kind: Any) -> None:
         self.run, self.kind = run, kind
@@ -29,13 +26,8 @@ class SitesBetween:
         """The plan of a step of this length."""
         if h not in self.plans:
             run = self.run
-            if self.planner is None:
-                raise InvalidInput(
-                    "Trajectory.at: states between the steps of many sites are made by a plan; import "
-                    "liemech.Plan first"
-                )
             own = {"h": h, "breaks": run.breaks, "progress": False}
-            self.plans = {h: self.planner(run.system, run.method, **own)}
+            self.plans = {h: Plan(run.system, run.method, **own)}
         return self.plans[h]
 
     def _inside(self, k: int, times: np.ndarray) -> dict[str, np.ndarray]:

@@ -16,9 +16,8 @@ from ...formulas.sums import total as added
 from ...integrators.rkmk import Trial
 from ...systems.tabulated import during
 from ...systems.terms_at_site import at_this_site
-from ..between.dense import on_the_way
 from ..compiled.control import CLOCK, GOAL, going, sample, stepped
-from ..compiled.driver import advance
+from ..compiled.driver import advance, on_the_way
 
 
 @record

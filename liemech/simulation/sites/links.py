@@ -24,10 +24,10 @@ from ...systems.lie_poisson import BodyState
 from ...systems.system import small_state
 from ..between.dense import flat, unpacked
 from ..between.events import Events
+from ..carry import SiteCarry
 from ..compiled.control import FRESH, GOAL, MARK, TAKEN, TIME
 from ..compiled.parameters import places_of
 from ..result import AsItIs
-from ..sites_carry import SiteCarry
 from .run import SiteRun
 from .states import as_users_see, state_of_rows
 

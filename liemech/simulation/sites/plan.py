@@ -27,14 +27,16 @@ from ...integrators.rattle_of_links import Links
 from ...integrators.sublattices import TermSplitting
 from ...systems.site_state import SiteValues, StateOfSites
 from ...systems.system import State
+from .. import arguments
 from ..between.events import name_of
+from ..carry import SiteCarry
 from ..result import of_members
-from ..sites_carry import SiteCarry
+from ..starts import needed
 from ..trajectory import Trajectory
 from .chains import ChainRun, chained_method
 from .links import LinksRun, linked_method
 from .lists import with_lists
-from .states import by_site
+from .states import by_site, first_of
 
 LARGE = 300
 """Numbers of momenta beyond which a system is not written out."""
@@ -88,6 +90,15 @@ class SitesOfPlan:
         if key not in self.known:
             self.known[key] = Prepared(self.plan, self.site, first, starts, curves, level)
         return self.known[key]
+
+    def started(self, plan: Any, start: Any) -> Any:
+        """The start with the parts that a run of this plan needs."""
+        start = by_site(plan._one, arguments.known(plan._one, start))
+        first = first_of(start)
+        if plan.recorder and isinstance(self.site, Links):  # functions of the state of all bodies
+            return start
+        wanted = arguments.with_parts(self.site, first, needed(plan, self.site, first)).arrays
+        return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
 
     # ---------------------------------------------------------------- which runs
 

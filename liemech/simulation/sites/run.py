@@ -23,6 +23,7 @@ from ...systems.site_state import StateOfSites
 from ...systems.tabulated import during, has_inputs
 from .. import arguments
 from ..between.dense import unpacked
+from ..carry import SiteCarry
 from ..compiled.control import (
     ANEW,
     EPSILON,
@@ -43,7 +44,6 @@ from ..course import Course, told
 from ..equal import affordable, at_steps
 from ..jumps import Ways, beyond_jump, stretches, until_jumps
 from ..result import of_run
-from ..sites_carry import SiteCarry
 from ..tolerance import limit_of, too_many, too_small
 from .driver import (
     COPIES,

@@ -1,0 +1,5 @@
+"""Derivatives of runs of many sites.
+
+tangent.py: forwards.  adjoint.py: backwards, by the drivers of backward.py; parameters.py: by parameters of
+the terms and of the sites.  pullback.py: the gradients that a user asks for.
+"""

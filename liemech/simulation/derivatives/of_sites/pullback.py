@@ -16,7 +16,6 @@ from ....systems.system import state_of
 from ... import arguments
 from ...compiled.parameters import full_name, parameter
 from ...sites.states import by_site, first_of, kind_of, site_rows
-from ...starts import started_by_sites
 from ..losses import Loss
 from .adjoint import BackwardRun, why_not
 from .parameters import terms_of_sites
@@ -40,7 +39,7 @@ def gradient_by_sites(
         )
     between = every or max(1, steps)
     shown = plan.replace(every=between)
-    state = started_by_sites(shown, start)
+    state = shown._sites.started(shown, start)
     others = tuple(n for n in names if n != "start")
     by_directions = bool(why_not(shown._sites, state)) and not others
     if not by_directions:
