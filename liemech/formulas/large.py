@@ -92,6 +92,8 @@ class Large(InMemory):
         return np.asarray(self.numbers)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        if self.is_complex and dtype is not None and np.dtype(dtype).kind != "c":
+            raise TypeError(f"{self!r} is not real")
         return np.array(self.array, dtype=dtype)
 
     def __iter__(self) -> Any:
