@@ -74,6 +74,7 @@ from .integrators.discrete_gradient import DiscreteGradient as DiscreteGradient
 from .integrators.discrete_lagrangian import DiscreteLagrangian as DiscreteLagrangian
 from .integrators.discrete_lagrangian import GroupLagrangian as GroupLagrangian
 from .integrators.discrete_lagrangian import QuadratureLagrangian as QuadratureLagrangian
+from .integrators.dissipative_splitting import DissipativeSplitting as DissipativeSplitting
 from .integrators.exact_free_body import ExactFreeBody as ExactFreeBody
 from .integrators.galerkin import GalerkinVariational as GalerkinVariational
 from .integrators.geodesic_splitting import GeodesicSplitting as GeodesicSplitting
@@ -140,6 +141,7 @@ from .systems.constrained_parts import ConstrainedPart as ConstrainedPart
 from .systems.constrained_parts import SplitConstrainedSystem as SplitConstrainedSystem
 from .systems.constraint import Constraint as Constraint
 from .systems.constraint import VelocityConstraint as VelocityConstraint
+from .systems.dissipative import Dissipative as Dissipative
 from .systems.double_bracket import DoubleBracket as DoubleBracket
 from .systems.driven import DrivenHamiltonianSystem as DrivenHamiltonianSystem
 from .systems.driven import DrivenLiePoissonSystem as DrivenLiePoissonSystem

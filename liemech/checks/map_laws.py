@@ -21,7 +21,7 @@ from ..groups.lie_group import LieGroup
 from ..retractions import Cayley, Exponential, Retraction
 from ..systems.system import lies_in_memory
 from .law import Law, Same, axiom, cases, factors, replaced
-from .sample_points import LARGE, STEP, At, flat, phi1, size, slope, turning
+from .sample_points import LARGE, MANY, STEP, At, flat, of_rows, phi1, size, slope, turning
 
 MAPS: list[Law] = []
 """In names and formulas {tau} stands for exp, cayley, or tau itself."""
@@ -91,22 +91,26 @@ class Map:
             if self.is_exp:
                 found = phi1(at.ad if side == "right" else -at.ad), 1.0
             else:
-                found = (
-                    np.stack([self.difference(at, axis, side) for axis in at.axes], axis=1),
-                    1.0 / STEP,
-                )
+                units, lengths = np.eye(at.dim), at.units.lengths
+                found = self.differences(at, units / lengths, side) * lengths, 1.0 / STEP
             self.differentials[at, side] = found
         return self.differentials[at, side]
 
     def difference(self, at: At, eta: Vec, side: str) -> np.ndarray:
         """d/de of tau(xi + e eta) tau(xi)^-1, or of tau(xi)^-1 tau(xi + e eta) for side="left"."""
+        length = at.units.length(eta)
+        return self.differences(at, flat(eta)[None] / length, side)[:, 0] * length
+
+    def differences(self, at: At, etas: np.ndarray, side: str) -> np.ndarray:
+        """Those of many directions of size one.  etas : (many, dim); (dim, many)."""
         group, back = self.group, self.group.inverse(self.tau(at.xi))
 
-        def moved(s: float) -> Any:
-            there = self.tau(at.xi + s * eta)
+        def moved(xi: Any) -> Any:
+            there = self.tau(xi)
             return group.compose(there, back) if side == "right" else group.compose(back, there)
 
-        return at.units.coordinates(slope(moved, STEP / at.units.length(eta)))
+        changes = slope(lambda s: of_rows(moved, flat(at.xi) + s * etas)).reshape(len(etas), -1)
+        return at.units.coordinates(changes.T)
 
     def slips(self, at: At, dual: bool, inverse: bool) -> dict[str, Any]:
         """The maps for which a differential, its inverse or a dual of them is mistaken."""
@@ -230,7 +234,7 @@ def composition_shortcut(tau: Map, at: At) -> Iterator[Same]:
 )
 def chart(tau: Map, at: At) -> Iterator[Same]:
     yield Same(bool(tau.is_chart(0.0 * at.eta)), True)
-    for axis in at.axes if tau.is_exp else []:
+    for axis in (at.axes if at.dim <= MANY else at.axes[:LARGE]) if tau.is_exp else []:
         angle, _ = turning(at.units.ad(axis))
         beyond = (1.001 * 2.0 * math.pi / angle) * axis if angle else 0.0 * axis
         if angle and not tau.is_chart(1e3 * beyond):  # who does not know lets all pass
@@ -309,8 +313,8 @@ NEWTON = "r = 0 where p = {dtau_dual}_-xi mu, and dr/dp and dr/dxi are the deriv
 
 @axiom(MAPS, "{residual}", NEWTON, "residual", "dtau_dual", optional=True)
 def residual(tau: Map, at: At) -> Iterator[Same]:
-    if lies_in_memory(tau.group):
-        return  # for Newton's method, which large matrices do not take
+    if lies_in_memory(tau.group) or (at.dim > MANY and at.name != "random"):
+        return  # large matrices do not take Newton's method; many formulas cost their time
     d, roundings = tau.differential(at, "right")
     p = Vec.of((d.T @ flat(at.mu)).tolist())
     r, by_p, _ = tau.residual(at.xi, p, at.mu)

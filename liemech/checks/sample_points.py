@@ -37,6 +37,11 @@ Source: Fornberg, Generation of finite difference formulas on arbitrarily spaced
 FAR = 12.0
 """How far out where nothing becomes singular."""
 
+MANY = 20
+"""Beyond this dimension brackets of all axes are asked for at once, and derivatives by all components are
+looked at in one place.
+"""
+
 LARGE = 6
 """Up to this dimension all axes are visited; in higher ones three, drawn by lot."""
 
@@ -53,6 +58,14 @@ def flat(value: Any) -> np.ndarray:
 def size(value: Any) -> float:
     """The Euclidean norm."""
     return float(np.linalg.norm(flat(value)))
+
+
+def of_rows(f: Callable[[Any], Any], rows: np.ndarray) -> np.ndarray:
+    """A formula's values for all rows; where these are long, all in one call."""
+    if rows.shape[1] > LARGE:
+        found = np.asarray(f(rows)).reshape(len(rows), -1)
+        return found.view(float) if found.dtype.kind == "c" else found
+    return np.stack([flat(f(Vec.of(row))) for row in rows.tolist()])
 
 
 def slope(f: Callable[[float], Any], step: float = STEP) -> np.ndarray:
@@ -116,8 +129,8 @@ class Units:
 
     @cached_property
     def constants(self) -> np.ndarray:
-        """c[i, j] = [E_i, E_j], asked of the bracket; of large matrices of all at once."""
-        if lies_in_memory(self.group):
+        """c[i, j] = [E_i, E_j], asked of the bracket; of long vectors of all at once."""
+        if self.dim > MANY:
             units = np.eye(self.dim)
             return np.asarray(self.group.algebra.bracket(units[:, None], units[None]))
         return np.array(
@@ -167,6 +180,11 @@ class Units:
         ]
         return next((n for n in norms if n > 0.0), 1.0)
 
+    @cached_property
+    def lengths(self) -> np.ndarray:
+        """The sizes of E_1, ..., E_dim.  (dim,)"""
+        return np.array([self.length(axis) for axis in self.axes])
+
     def of_length(self, xi: np.ndarray, length: float) -> Vec:
         return Vec.of((xi * (length / self.length(Vec.of(xi.tolist())))).tolist())
 
@@ -175,7 +193,10 @@ class Units:
         """How large elements are, not far from the neutral one."""
         g = self.group
         return (
-            max(size(g.identity()), *(size(g.exp(self.of_length(flat(a), 1.0))) for a in self.axes))
+            max(
+                size(g.identity()),
+                *(size(g.exp(a * (1.0 / r))) for a, r in zip(self.axes, self.lengths)),
+            )
             or 1.0
         )
 
@@ -183,10 +204,9 @@ class Units:
     def tangents(self) -> np.ndarray:
         """The velocities E_1, ..., E_dim as columns of changes of an element at e."""
 
-        def change(axis: Vec) -> np.ndarray:
-            return slope(lambda s: self.group.exp(s * axis), STEP / self.length(axis))
-
-        return np.stack([change(axis) for axis in self.axes], axis=1)
+        units = np.diag(1.0 / self.lengths)
+        found = slope(lambda s: of_rows(self.group.exp, s * units)).reshape(self.dim, -1)
+        return np.asarray((self.lengths[:, None] * found).T)
 
     @cached_property
     def _inverse_tangents(self) -> np.ndarray:
@@ -251,7 +271,7 @@ class At:
     @cached_property
     def Ad(self) -> np.ndarray:
         """The matrix of Ad_g."""
-        return np.stack([flat(self.group.Ad(self.g, a)) for a in self.axes], axis=1)
+        return of_rows(lambda a: self.group.Ad(self.g, a), np.eye(self.dim)).T
 
     @cached_property
     def length(self) -> float:

@@ -92,6 +92,8 @@ class Large(InMemory):
         return np.asarray(self.numbers)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        if self.is_complex and dtype is not None and np.dtype(dtype).kind != "c":
+            raise TypeError(f"{self!r} is not real")
         return np.array(self.array, dtype=dtype)
 
     def __iter__(self) -> Any:
@@ -348,7 +350,9 @@ def sum_of(a: Large) -> Any:
 
 
 TABLES: dict[str, list[np.ndarray]] = {}
-"""The tables of all linear maps of this process, by their content: native code finds them here."""
+"""The tables of all linear maps of this process, by their content: native code finds them here, and holds
+their addresses, so that the first ones stay, whoever has the same ones later.
+"""
 
 
 class LinearMap:
@@ -381,7 +385,9 @@ class LinearMap:
             for array in group:
                 told.update(array.tobytes())
         self.content = told.hexdigest()[:24]
-        TABLES[self.content] = [group[part] for group in self.groups for part in (2, 1, 0)]
+        TABLES.setdefault(
+            self.content, [group[part] for group in self.groups for part in (2, 1, 0)]
+        )
 
     def symbol(self, group: int, part: int) -> str:
         """The name by which native code knows a table: places, coefficients or rows of a group."""
@@ -443,7 +449,7 @@ class DiagonalSolver:
 
         tables = [self.down, self.up, self.inverse]
         self.content = hashlib.sha256(b"".join([x.tobytes() for x in tables])).hexdigest()[:24]
-        TABLES[self.content] = tables
+        TABLES.setdefault(self.content, tables)
 
     def symbol(self, part: int) -> str:
         """The name by which native code knows a table: `down`, `up` or `inverse`."""

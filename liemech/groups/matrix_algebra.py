@@ -258,8 +258,8 @@ class MatrixLieAlgebra(LieAlgebra):
 
     @property
     def _ad_matrices(self) -> Any:
-        """The matrices of ad E_i, of large ones from all brackets at once.  (dim, dim, dim)"""
-        if not self.is_large:
+        """The matrices of ad E_i, of many from all brackets at once.  (dim, dim, dim)"""
+        if self.dim <= AT_ONCE:
             return super()._ad_matrices
         units = np.eye(self.dim)
         found = np.asarray(self.bracket(units[:, None], units[None])).transpose(0, 2, 1)
@@ -449,6 +449,9 @@ def _bernoulli_sum(
         power = action(x, power)
     return v + change
 
+
+AT_ONCE = 20
+"""Beyond this dimension brackets of basis vectors are found in one call."""
 
 FARTHEST = 20.0
 """The square of the size of ad up to which the series of dexp^-1, which ends at 2 pi, is summed up."""

@@ -42,6 +42,8 @@ class Method(Record):
     writes_out: ClassVar[bool] = False
     # does a step draw random numbers, which are known at its ends only?
     noisy: ClassVar[bool] = False
+    # does a step move what a system loses by damping, too?
+    dissipative: ClassVar[bool] = False
     # does a step add to the state, so that it is worth to remember what rounding takes from the sum?
     adds: ClassVar[bool] = True
 
@@ -129,6 +131,10 @@ class Method(Record):
         if system.noisy and not self.noisy:
             raise IncompatibleSystem(
                 f"{self!r} draws no random numbers, and {system!r} has noise. {system.alternatives}."
+            )
+        if system.dissipative and not self.dissipative:
+            raise IncompatibleSystem(
+                f"{self!r} moves by velocities alone, and {system!r} is damped. {system.alternatives}."
             )
         for need in self.needs:
             if getattr(system, need, None) is None:

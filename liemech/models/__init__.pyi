@@ -48,6 +48,7 @@ from .spacecraft import Spacecraft as Spacecraft
 from .surfaces import ParticleOnEllipsoid as ParticleOnEllipsoid
 from .toda import TodaLattice as TodaLattice
 from .toda_flow import TodaFlow as TodaFlow
+from .viscous_sphere import ViscousSphere as ViscousSphere
 from .von_neumann import VonNeumann as VonNeumann
 from .water import SPC as SPC
 from .water import Gravity as Gravity

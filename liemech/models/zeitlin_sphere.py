@@ -88,6 +88,8 @@ class ZeitlinSphere(LiePoissonSystem):
     harmonics, `harmonics` and `vorticity` go back.  `Isospectral(order=2)` keeps all Casimirs, to
     rounding, and is a Poisson map.
 
+    `ViscousSphere(sphere, viscosity)` is this flow with viscosity.
+
     Conserved: energy, moments of the vorticity (the second is twice the enstrophy), and angular
     momentum, of a rotating sphere along its axis.
 

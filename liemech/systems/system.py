@@ -127,6 +127,7 @@ class System(Record):
     small: ClassVar[int] = 12  # up to so many numbers many sites are written out, as one body
     bounded: ClassVar[bool] = False  # does it depend on its parameters which states there are?
     noisy: ClassVar[bool] = False  # are there random numbers in its velocity?
+    dissipative: ClassVar[bool] = False  # is there more in its motion than its velocity, a damping?
     time_unit: ClassVar[str] = "s"  # in pictures; "" for systems without units
     fictive: ClassVar[bool] = False  # is it one in a fictive time, with physical time in its state?
     if TYPE_CHECKING:  # a field here would be an argument of every system

@@ -371,3 +371,25 @@ def test_an_energy_of_ones_own() -> None:
     assert native.compiled and np.array_equal(plain.mu, native.mu)
     assert native.drift()["Casimir 1"].verdict == "exact"
     assert np.ptp(native.energy) < 1e-3 * native.energy[0]
+
+
+def test_tables_that_native_code_reads_stay_where_they_are() -> None:
+    """A second system with equal tables must not set free those whose addresses native code holds."""
+    from liemech.formulas.large import TABLES
+
+    first = lm.models.ZeitlinSphere(13)
+    content = [first.hamiltonian.solver.content, first.group.generated.hat_map.content]
+    kept = [TABLES[c] for c in content]
+    second = lm.models.ZeitlinSphere(13)
+    assert [second.hamiltonian.solver.content, second.group.generated.hat_map.content] == content
+    assert all(TABLES[c] is tables for c, tables in zip(content, kept, strict=True))
+
+
+@pytest.mark.parametrize("retraction", [lm.Exponential(), lm.Cayley()], ids=repr)
+def test_retractions_on_rows_of_large_complex_groups(retraction: Any) -> None:
+    """They are complex, and those of one row alike."""
+    group = lm.U(13)
+    xi = RNG.normal(size=(2, group.dim)) / 10.0
+    g = retraction.tau(group, xi)
+    assert g.dtype == complex and np.asarray(group.contains(g)).all()
+    assert np.abs(g[1] - np.asarray(retraction.tau(group, xi[1]))).max() < 1e-14

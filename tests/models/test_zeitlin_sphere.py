@@ -145,3 +145,98 @@ def test_wrong_input_is_named() -> None:
             sphere.from_harmonics(bad)
     with pytest.raises(lm.errors.InvalidInput, match=r"shape \(3, 4\)"):
         sphere.from_harmonics(np.ones((3, 4)))
+
+
+# ---------------------------------------------------------------- beside SymPy and quflow
+
+
+def polarization(n: int, l: int, m: int) -> np.ndarray:
+    """T_lm of spin s = (n - 1)/2 by Wigner's 3j symbols, of trace norm one, by SymPy: the elements
+    (-1)^(s - m1) sqrt(2 l + 1) (s l s; -m1 m m2), rows m1 and columns m2 from s down.
+
+    Source: Varshalovich, Moskalev, Khersonskii, Quantum Theory of Angular Momentum, 2.4.
+    """
+    from sympy import Rational
+    from sympy.physics.wigner import wigner_3j
+
+    s, found = Rational(n - 1, 2), np.zeros((n, n))
+    for j in range(n):
+        if 0 <= j + m < n:
+            symbol = wigner_3j(s, l, s, -(s - j), m, s - j - m)
+            found[j, j + m] = (-1) ** j * np.sqrt(2 * l + 1) * float(symbol)
+    return found
+
+
+def ours(sphere: lm.models.ZeitlinSphere, l: int, m: int) -> np.ndarray:
+    """Our matrix of the complex harmonic Y_lm, of trace norm one."""
+    up = sphere.matrix(np.array(sphere.from_harmonics({(l, abs(m)): 1.0}).mu))
+    if m == 0:
+        found = up
+    else:
+        down = sphere.matrix(np.array(sphere.from_harmonics({(l, -abs(m)): 1.0}).mu))
+        found = (up + np.sign(m) * 1j * down) / np.sqrt(2.0)
+        found = (-1) ** m * found if m > 0 else found
+    return found * np.sqrt(4.0 * np.pi / sphere.n)
+
+
+DEGREES = [(1, 0), (1, -1), (2, 1), (3, 3), (5, -4), (12, 7), (12, 0), (12, -12)]
+
+
+@pytest.mark.parametrize("n", [13, pytest.param(24, marks=pytest.mark.slow)])
+def test_harmonics_are_wigners_3j_symbols(n: int) -> None:
+    """And eigenvectors of -sum_k [S_k, [S_k, .]], by products of spin matrices: Hoppe and Yau."""
+    sphere = lm.models.ZeitlinSphere(n)
+    for l, m in DEGREES:
+        t = polarization(n, l, m)
+        assert np.abs(ours(sphere, l, m) - t).max() < 5e-15, (l, m)
+        turned = sum(commutator(s, commutator(s, t)) for s in spins(n))
+        assert np.abs(turned - l * (l + 1) * t).max() < 1e-13 * l * (l + 1)
+        assert (
+            abs(sphere.hamiltonian.solver(Large(t.astype(complex))).array * l * (l + 1) - t).max()
+            < 1e-14
+        )
+
+
+def test_brackets_have_the_published_structure_constants() -> None:
+    """T_1 T_2 = sum_l (-1)^(2 s + l) sqrt((2 l1 + 1)(2 l2 + 1)) {l1 l2 l; s s s} C^lm_l1m1l2m2 T_lm: the 6j
+    symbols of SymPy; commutators have the terms of l1 + l2 + l odd twice.
+    """
+    from sympy import Rational
+    from sympy.physics.quantum.cg import CG
+    from sympy.physics.wigner import wigner_6j
+
+    n = 13
+    sphere, s = lm.models.ZeitlinSphere(n), Rational(n - 1, 2)
+    for (l1, m1), (l2, m2) in (((2, 1), (3, -2)), ((1, 0), (4, 3)), ((5, -4), (12, 7))):
+        found = commutator(ours(sphere, l1, m1), ours(sphere, l2, m2))
+        expected, m = np.zeros((n, n), dtype=complex), m1 + m2
+        for l in range(max(abs(l1 - l2), abs(m)), min(l1 + l2, n - 1) + 1):
+            if (l1 + l2 + l) % 2:
+                c = wigner_6j(l1, l2, l, s, s, s) * CG(l1, m1, l2, m2, l, m).doit()
+                size = (-1) ** (n - 1 + l) * np.sqrt((2 * l1 + 1) * (2 * l2 + 1)) * float(c)
+                expected += 2.0 * size * ours(sphere, l, m)
+        assert np.abs(found).max() > 0.05 and np.abs(found - expected).max() < 1e-14
+
+
+QUFLOW = {
+    (1, 0): 0.30000000000000016, (1, 1): 0.2000000000000002, (2, 0): 0.014612999273520423,
+    (2, 1): 0.49884762859843207, (2, -2): -0.016866236308696766, (3, 3): 0.1495789523028848,
+    (3, -2): -0.39893845985319065, (5, 1): 0.0076408839727857775, (6, -5): 0.1628543600591445,
+    (9, 4): 0.0003993242713289716,
+}  # fmt: skip
+"""Coefficients of quflow 0.1.0 (github.com/klasmodin/quflow, `isomp_fixedpoint` with compensated sums) after 40 steps
+of h = 0.05, N = 16, from the harmonics below; its matrices are longer by -sqrt(4 pi), which h is divided by.
+"""
+
+
+def test_energy_and_motion_are_those_of_quflow() -> None:
+    """The same method, by another program of other people."""
+    sphere = lm.models.ZeitlinSphere(16)
+    given = {(1, 0): 0.3, (1, 1): 0.2, (2, 1): 0.5, (3, -2): -0.4, (3, 3): 0.2, (4, 2): 0.3, (6, -5): 0.25}  # fmt: skip
+    start = sphere.from_harmonics(given)
+    assert sphere.energy(np.array(start.mu)) == pytest.approx(0.06466071428571442, rel=1e-14)
+    assert sphere.enstrophy(np.array(start.mu)) == pytest.approx(0.3662500000000001, rel=1e-14)
+    run = lm.integrate(sphere, lm.Isospectral(2), start, h=0.05, steps=40, every=40)
+    found = sphere.harmonics(run.mu[-1])
+    for (l, m), value in QUFLOW.items():
+        assert found[l, 15 + m] == pytest.approx(value, abs=2e-15)
