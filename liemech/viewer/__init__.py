@@ -13,10 +13,12 @@ from .animate import animate, live
 from .body import Body, Path
 from .content import Content
 from .drawing import Drawing
+from .field import Field
 from .links import Links
 from .live import Live
 from .motion import Motion
 from .points import Points
+from .rods import Rod
 from .scene import Scene
 from .sites import Sites, Spins
 from .vectors import Momentum, Nose, SpatialMomentum, Vertical
@@ -25,6 +27,7 @@ __all__ = [
     "Body",
     "Content",
     "Drawing",
+    "Field",
     "Links",
     "Live",
     "Momentum",
@@ -32,6 +35,7 @@ __all__ = [
     "Nose",
     "Path",
     "Points",
+    "Rod",
     "Scene",
     "Sites",
     "SpatialMomentum",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,7 @@ from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, box, box_edges, mesh_file, mixed, often, rod, segments, shares, turned
+from .shapes import Shape, ball, box, mesh_file, mixed, often, rod, segments, shares, turned
 from .vectors import AXES, MOST_POINTS, axis_of
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ class Body(Content):
     the colours of the axes that come out of them.
     """
 
-    panel: ClassVar[str] = "space"
+    panel = "space"
 
     mesh: str | PathLike[str] | None = None
     size: float = 1.0
@@ -82,9 +82,7 @@ class Body(Content):
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
         """The axes of the bodies of an ensemble."""
-        if motion.bodies is None:
-            return []
-        return [{"name": f"axis {k}", "color": color} for k, color in enumerate(AXES, start=1)]
+        return [] if motion.bodies is None else axes_legend()
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """A node with the attitude, and on it what the body is made of."""
@@ -116,7 +114,7 @@ class Body(Content):
             _octants(drawing, 0.5 * box_of_inertia(inertia_of(system)), color)
         else:
             edges = box_of_inertia(inertia_of(system))
-            edged_box(drawing, "body", edges, color)
+            drawing.add("body/box", box(edges, color))
             if isinstance(system, Spacecraft) and system.wheels is not None:
                 _wheels(drawing, np.array(system.wheels.axes), motion["g"][:, 12:], edges, color)
         if self.triad:
@@ -192,9 +190,19 @@ def _ensemble(motion: Motion, drawing: Drawing) -> None:
     if flies(system):
         where = panel.inside(place(system, each)).reshape(-1, count, 3)
         size = _size(system, panel.unit)
-    edges = size * box_of_inertia(inertia_of(system))
-    boxes = often(box(np.ones(3), "#ffffff"), count, [edges], sides=shares([*AXES, STONE]))
-    drawing.add("bodies", boxes, cloud=where, turns=attitude(system, each).reshape(-1, count, 4))
+    edges, turns = size * box_of_inertia(inertia_of(system)), attitude(system, each)
+    drawing.add("bodies", boxes(count, [edges]), cloud=where, turns=turns.reshape(-1, count, 4))
+
+
+def axes_legend() -> list[dict[str, Any]]:
+    """The colours of a body's axes."""
+    return [{"name": f"axis {k}", "color": color} for k, color in enumerate(AXES, start=1)]
+
+
+def boxes(count: int, edges: ArrayLike, **known: Any) -> Shape:
+    """Boxes whose sides have the colours of the axes that come out of them, as one object."""
+    sides = shares([*AXES, STONE])
+    return often(box(np.ones(3), "#ffffff"), count, edges, sides=sides, **known)
 
 
 def _constraint(system: Any) -> Any:
@@ -241,19 +249,10 @@ def _wheels(drawing: Drawing, axes: Array, angles: Array, edges: Array, color: s
         drawing.add(f"{path}/disc/mark", mark, position=[0.0, 0.5 * radius, 1.05 * thick])
 
 
-def edged_box(
-    drawing: Drawing, path: str, edges: Array, color: str, turn: ArrayLike = (0.0, 0.0, 0.0, 1.0)
-) -> None:
-    """A box whose edges are seen."""
-    drawing.add(f"{path}/box", box(edges, color), quaternion=turn)
-    dark = mixed(color, "#000000", 0.45)
-    drawing.add(f"{path}/edges", box_edges(edges * 1.001, dark), quaternion=turn)
-
-
 def _sleigh(drawing: Drawing, color: str) -> None:
     """A deck on a blade, which is one unit behind the centre of mass, and a ball in that."""
-    drawing.add("body/deck", position=[-0.35, 0.0, 0.45])
-    edged_box(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
+    deck = box(np.array([2.4, 1.1, 0.16]), color)
+    drawing.add("body/deck", deck, position=[-0.35, 0.0, 0.45])
     drawing.add("body/blade", box(np.array([0.9, 0.05, 0.4]), "#333333"), position=[-1.0, 0.0, 0.2])
     drawing.add("body/centre", ball(0.16, "#333333"), position=[0.0, 0.0, 0.55])
 

@@ -5,16 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 from ..errors import InvalidInput
+from ..models.cosserat_rod import CosseratRod
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.linkage import Linkage
 from ..models.poses import configurations, flies, is_pose, turns
 from ..models.sites import is_place, is_spin, of_sites
+from ..models.zeitlin_sphere import ZeitlinSphere
 from ..systems.canonical import CanonicalSystem
 from ..systems.poisson import PoissonSystem
 from .body import Body, Path
 from .content import Content
+from .field import Field
 from .links import Links
 from .points import Points
+from .rods import Rod
 from .sites import Sites, Spins
 from .vectors import Momentum, Nose, SpatialMomentum, Vertical
 
@@ -29,6 +33,8 @@ KNOWN: dict[str, type[Content]] = {
     "links": Links,
     "spins": Spins,
     "sites": Sites,
+    "rod": Rod,
+    "field": Field,
 }
 """Contents by name."""
 
@@ -50,7 +56,11 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
         )
     many = of_sites(system)
     wanted: list[Content] = []
-    if many is not None:
+    if isinstance(system, ZeitlinSphere):
+        wanted = [] if ensemble else [Field()]
+    elif isinstance(system, CosseratRod):
+        wanted = [Rod()] if one else []
+    elif many is not None:
         if one and (is_pose(many.base) or is_place(many.base)):
             wanted = [Sites()]
         elif "mu" in parts and is_spin(many.base):

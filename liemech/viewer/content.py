@@ -17,6 +17,9 @@ from .motion import Motion
 
 Array = NDArray[np.float64]
 
+UNITS = np.concatenate([np.eye(3), -np.eye(3)])
+"""The extent of contents that give none: the ball of radius 1 about the origin."""
+
 
 @dataclass(frozen=True)
 class Content:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +14,11 @@ from ..models.link import LinkShape
 from ..models.linkage import Linkage
 from ..models.poses import quaternions
 from ..systems.system import System
-from .body import STONE, edged_box
+from .body import STONE
 from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, mesh_file, mixed, often, rod, turned
+from .shapes import ball, box, mesh_file, mixed, often, turned
 
 Array = NDArray[np.float64]
 
@@ -36,8 +35,8 @@ class Links(Content):
     draws none.
     """
 
-    panel: ClassVar[str] = "links"
-    title: ClassVar[str] = "in space"
+    panel = "links"
+    title = "in space"
 
     trail: int | None = -1
 
@@ -76,20 +75,11 @@ class Links(Content):
             drawing.add(
                 f"link {k + 1}", quaternion=quaternions(poses[:, k, :3, :3]), position=place
             )
-            if system.shapes:
-                continue
             axes, edges = principal_box(link)
-            turn, size = quaternions(axes[None])[0], np.maximum(edges / unit, THIN)
-            edged_box(drawing, f"link {k + 1}", size, color, turn)
-            for n, at in enumerate([at for number, at in _points(system) if number == k], start=1):
-                drawing.add(
-                    f"link {k + 1}/joint {n}", ball(0.8 * THIN, drawing.color), position=at / unit
-                )
-                if at.any():
-                    length = float(np.linalg.norm(at)) / unit
-                    drawing.add(
-                        f"link {k + 1}/arm {n}", rod(color, 0.3 * THIN), direction=at, scale=length
-                    )
+            if not system.shapes:
+                solid = box(np.maximum(edges / unit, THIN), color)
+                turn = quaternions(axes[None])[0]
+                drawing.add(f"link {k + 1}/box", solid, quaternion=turn)
         for n, one in enumerate(system.shapes):
             node = f"link {one.body + 1}" if one.body is not None else "ground"
             pose, node = np.array(one.pose), f"{node}/shape {n + 1}"
@@ -97,22 +87,22 @@ class Links(Content):
                 node, quaternion=quaternions(pose[None, :3, :3])[0], position=pose[:3, 3] / unit
             )
             _shape(drawing, node, one, np.array(one.size) / unit, color)
-        grounded = [at for number, at in _points(system) if number is None and not system.shapes]
-        for n, at in enumerate(grounded, start=1):
-            drawing.once(f"support {n}", ball(THIN, "#333333"), position=drawing.panel.inside(at))
-        for n, joint in enumerate(joint for joint in system.joints if isinstance(joint, RigidRod)):
-            ends = [
-                _placed(poses, joint.first, joint.at_first),
-                _placed(poses, joint.second, joint.at_second),
+        inside, dark, held = drawing.panel.inside, mixed(color, "#000000", 0.45), _points(system)
+        joints = np.stack([_placed(poses, number, at) for number, at in held], axis=1)
+        if not system.shapes:
+            colors = ["#333333" if number is None else drawing.color for number, _ in held]
+            sizes = [[2.0 * THIN if number is None else 1.6 * THIN] for number, _ in held]
+            drawing.balls("joints", inside(joints), sizes, colors)
+            arms = [
+                np.stack([poses[:, number, :3, 3], joints[:, k]], axis=1)
+                for k, (number, _) in enumerate(held)
+                if number is not None
             ]
-            way = ends[1] - ends[0]
-            drawing.add(
-                f"rod {n + 1}",
-                rod(mixed(color, "#000000", 0.45)),
-                position=drawing.panel.inside(ends[0]),
-                direction=way,
-                scale=joint.length / unit,
-            )
+            drawing.sticks("arms", inside(np.stack(arms, axis=1)), 0.6 * THIN, color)
+        rods = [k for k, one in enumerate(system.joints) if isinstance(one, RigidRod)]
+        if rods:
+            ends = np.stack([joints[:, 2 * np.array(rods)], joints[:, 2 * np.array(rods) + 1]], 2)
+            drawing.sticks("rods", inside(ends), THIN, dark)
         if self.trail is not None:
             drawing.trail("trail", drawing.panel.inside(poses[:, self.trail, :3, 3]))
 
@@ -121,7 +111,8 @@ def _shape(drawing: Drawing, node: str, one: LinkShape, size: Array, color: str)
     """A shape of a link, of this size in units of the picture."""
     color = one.color or color
     if one.kind == "box":
-        return edged_box(drawing, node, size, color)
+        drawing.add(f"{node}/box", box(size, color))
+        return
     shape = mesh_file(one.file, color) if one.file else ball(0.5, color)
     if one.kind == "cylinder":
         shape = turned([(0.0, -0.5), (0.5, -0.5), (0.5, 0.5), (0.0, 0.5)], color, 32)

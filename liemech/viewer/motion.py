@@ -159,9 +159,7 @@ class Motion:
     def moment(
         cls, system: System, t: float, state: State, sites: NDArray[np.intp] | None = None
     ) -> Motion:
-        """A single state, as a motion of one sample; not checked, for it comes from `system.state`
-        or from a step.  sites : the numbers of those that are shown.
-        """
+        """A single state, as a motion of one sample.  sites : the numbers of those that are shown."""
         states = {
             name: np.asarray(x, dtype=float)[None]
             for name, x in state.parts.items()
@@ -169,10 +167,7 @@ class Motion:
         }
         if sites is not None:
             states = {name: by_site(system, name, x)[:, sites] for name, x in states.items()}
-        motion = object.__new__(cls)
-        values = {"system": system, "t": np.array([t]), "states": states}
-        motion.__dict__.update(values, bodies=state.bodies, sites=sites)
-        return motion
+        return cls(system, np.array([t]), states, state.bodies, sites)
 
     def __len__(self) -> int:
         return len(self.t)

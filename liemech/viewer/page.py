@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import MissingExtra
-from .drawing import MANY, RANK, Node, commands
+from .drawing import MANY, Node, commands
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -26,8 +26,12 @@ HEIGHT = 460
 """Of the frame in a notebook, in pixels."""
 
 
-def page(scene: Scene, compressed: bool, socket: str = "") -> str:
-    """The whole page.  socket : where a live one listens."""
+def page(scene: Scene, *, compressed: bool = False, socket: str = "") -> str:
+    """The page: everything in one text, which fetches nothing.
+
+    compressed : less than half as large; browsers since 2023 open it.  socket : where a live one
+    listens.
+    """
     content = encoded(described(scene) | ({"socket": socket} if socket else {}))
     connect = f"connect-src {socket}" if socket else "connect-src 'none'"
     parts = {  # the large ones last: every other one is looked for in a short text
@@ -75,27 +79,16 @@ def described(scene: Scene) -> dict[str, Any]:
 def tracks(node: Node) -> list[dict[str, Any]]:
     """The channels of a node that move."""
     found = []
-    often = node.shape is not None and node.shape.many is not None
-    still = {c: rows[None] for c, rows in node.still.items() if often and c in MANY}
+    still = {channel: rows[None] for channel, rows in node.still.items() if channel in MANY}
     for channel, rows in (still | node.moving).items():
         track: dict[str, Any] = {"path": node.path, "channel": channel, "clock": node.clock}
-        if channel == "reveal" and node.shape is not None:
-            track |= {"each": node.shape.per_segment, "first": node.shape.per_start}
-            track["fading"] = node.fading
-        elif channel in MANY:
-            largest = float(np.abs(rows).max()) or 1.0
-            track |= {
-                "values": np.round(rows / largest * 32767.0).astype(np.int16).ravel(),
-                "unit": largest / 32767.0,
-            }
-            track |= {"width": int(rows[0].size)}
+        if channel == "reveal" and node.shape is not None:  # how many are there at the start
+            track |= {"first": node.shape.known["count"] + 1 - len(rows), "fading": node.fading}
         else:
-            track |= {
-                "values": rows.astype(np.float32).ravel(),
-                "width": 3 if RANK[channel] and channel != "quaternion" else 4,
-            }
-            if channel == "scale":
-                track["width"] = 1
+            track |= {"values": rows.astype(np.float32).ravel(), "width": int(rows[0].size)}
+        if channel in MANY and len(rows) > 1:  # two bytes each are enough for a screen
+            unit = (float(np.abs(rows).max()) or 1.0) / 32767.0
+            track |= {"values": np.round(rows / unit).astype(np.int16).ravel(), "unit": unit}
         found.append(track)
     return found
 
@@ -165,18 +158,18 @@ def packed_code() -> str:
 
 
 def opened(scene: Scene) -> Path:
-    """The page in the browser, from a temporary file."""
+    """Open the page in the browser.  Returns the temporary file that holds it."""
     with tempfile.NamedTemporaryFile(
         "w", prefix="liemech-", suffix=".html", delete=False, encoding="utf-8"
     ) as file:
-        file.write(page(scene, False))
+        file.write(page(scene))
     webbrowser.open(Path(file.name).as_uri())
     return Path(file.name)
 
 
 def frame(scene: Scene) -> str:
-    """The page in a frame of its own, which can reach nothing of the page around it."""
-    content = html.escape(page(scene, True), quote=True)
+    """The page in a frame, for notebooks, which can reach nothing of the page around it."""
+    content = html.escape(page(scene, compressed=True), quote=True)
     return (
         f'<iframe sandbox="allow-scripts" style="width:100%;height:{HEIGHT}px;border:0" srcdoc="{content}" '
         f'title="{html.escape(scene.title or "liemech", quote=True)}"></iframe>'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,13 @@ from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, dots, mixed, rod, shares
+from .shapes import ball, mixed
 
 Array = NDArray[np.float64]
 
 SUN = "#C87F00"
-MOST_BALLS, FEW = 96, 12
-"""More points are drawn as dots, and of more members no trails."""
+MOST_RODS, FEW = 96, 12
+"""Of more points no rods are drawn, and of more members no trails."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class Points(Content):
     Of an ensemble every member is shown, coloured by the order of their energies.
     """
 
-    panel: ClassVar[str] = "points"
-    title: ClassVar[str] = "position"
+    panel = "points"
+    title = "position"
 
     places: Callable[[Array, Array], Array] | None = None
     rods: bool | None = None
@@ -78,46 +78,34 @@ class Points(Content):
         """Balls, rods, the trails of the last points, and marks in the pivots."""
         inside, system = drawing.panel.inside, motion.system
         points = inside(self._points(motion))
-        members, count = points.shape[1:3]
-        colors, sizes = self._colors(motion, drawing, members, count), np.full(count, 0.05)
+        n, members, count = points.shape[:3]
+        colors = self._colors(motion, drawing, members, count)
+        sizes = np.full(count, 0.1 if members * count <= MOST_RODS else 0.05)
         if isinstance(system, NBody) and self.places is None:
             masses = np.array(system.masses)
-            sizes = np.maximum(0.07 * np.cbrt(masses / masses.max()), 0.02)
+            sizes = np.maximum(0.14 * np.cbrt(masses / masses.max()), 0.04)
+        dark = [mixed(color, "#000000", 0.15) for row in colors for color in row]
+        every = np.tile(sizes, members)[:, None]
+        drawing.balls("points", points.reshape(n, -1, 3), every, dark)
         pivots, pairs = rods(system) if self.places is None else (np.zeros((0, 3)), [])
         if self.rods is not None:
-            pivots, pairs = (
-                np.zeros((1, 3)),
-                [(k - 1 if k else count, k) for k in range(count)] if self.rods else [],
-            )
+            row = [(k - 1 if k else count, k) for k in range(count)]
+            pivots, pairs = np.zeros((1, 3)), row if self.rods else []
         fixed = inside(_upright(pivots))
-        if members * count > MOST_BALLS:  # as dots
-            tints = np.array(shares([color for row in colors for color in row]))
-            cloud = points.reshape(len(points), -1, 3)
-            drawing.add("points", dots(cloud[0], drawing.color, 0.04, tints), cloud=cloud)
-            members = 0
-        for m in range(members):
-            at, name = points[:, m], f"member {m + 1}/" if members > 1 else ""
-            ends = np.concatenate([at, np.broadcast_to(fixed, (len(at), *fixed.shape))], axis=1)
-            for k in range(count):
-                body = ball(sizes[k], mixed(colors[m][k], "#000000", 0.15))
-                drawing.add(f"{name}point {k + 1}", body, position=at[:, k])
-            for k, (a, b) in enumerate(pairs, start=1):
-                start, way = ends[:, a], ends[:, b] - ends[:, a]
-                length = np.linalg.norm(way, axis=1)
-                direction = np.where(length[:, None] > 0.0, way, np.array([0.0, 0.0, 1.0]))
-                stick = rod(mixed(colors[m][0], "#ffffff", 0.3), 0.012)
-                place = {"position": start, "direction": direction, "scale": length}
-                drawing.add(f"{name}rod {k}", stick, **place)
-            moving = range(count) if isinstance(system, NBody) else [count - 1][:count]
-            for k in moving if self.trail and members <= FEW else ():
-                last = "trail" if k == count - 1 else f"trail {k + 1}"
-                drawing.trail(f"{name}{last}", at[:, k], colors[m][k])
+        if pairs and members * count <= MOST_RODS:
+            held = np.broadcast_to(fixed, (n, members, *fixed.shape))
+            ends = np.concatenate([points, held], axis=2)[:, :, pairs]
+            pale = [mixed(row[0], "#ffffff", 0.3) for row in colors for _ in pairs]
+            drawing.sticks("rods", ends.reshape(n, -1, 2, 3), 0.024, pale)
+        for m in range(members if self.trail and members <= FEW else 0):
+            for k in range(count if isinstance(system, NBody) else min(count, 1)):
+                path = f"trail {m + 1}.{k + 1}"
+                drawing.trail(path, points[:, m, -1 - k], colors[m][-1 - k])
         if isinstance(system, Kepler):
             drawing.once("sun", ball(0.07, SUN), position=inside(np.zeros(3)))
         elif self.places is None:
-            for k, pivot in enumerate(fixed):
-                mark = "pivot" if len(fixed) == 1 else f"pivot {k + 1}"
-                drawing.once(mark, ball(0.03, "#333333"), position=pivot)
+            for k, pivot in enumerate(fixed, start=1):
+                drawing.once(f"pivot {k}", ball(0.03, "#333333"), position=pivot)
 
     def _colors(
         self, motion: Motion, drawing: Drawing, members: int, count: int

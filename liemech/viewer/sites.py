@@ -5,14 +5,13 @@ are, they are one object of the page.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
 from ..formulas import real_array
-from ..models.curves import FRONT
 from ..models.even_boxes import edges_of_inertia
 from ..models.poses import flies, is_pose, rotated
 from ..models.sites import (
@@ -30,11 +29,11 @@ from ..models.sites import (
 )
 from ..plots import COLORS, DIRECTIONS
 from ..systems.system import System
+from .body import axes_legend, boxes
 from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, box, box_edges, needle, often, shares
-from .vectors import AXES
+from .shapes import box, needle, often, shares
 
 Array = NDArray[np.float64]
 
@@ -45,7 +44,7 @@ SEEN = 0.06
 large."""
 FEW = 12
 """So many masses or less have colours and trails of their own."""
-GREY, OXYGEN, HYDROGEN = "#aab4c2", "#D55E00", "#c9ced8"
+OXYGEN, HYDROGEN = "#D55E00", "#c9ced8"
 
 
 @dataclass(frozen=True)
@@ -56,20 +55,12 @@ class OnSites(Content):
     a cubic lattice know it, and what flies is where it is.
     """
 
-    panel: ClassVar[str] = "sites"
+    panel = "sites"
     positions: ArrayLike | None = field(default=None, compare=False)
 
     def own(self, system: System) -> bool:
         """Yes: lattices would stand in each other's way."""
         return True
-
-    def eye(self, motion: Motion) -> tuple[float, float]:
-        """From above on what is flat, from the front on what stands upright or in a row."""
-        extent, lattice = np.ptp(self._extent(motion), axis=0), lattice_of(motion.system)
-        if self.positions is None and lattice is not None and lattice.periodic == (True,):
-            return -84.0, 32.0
-        thin = extent < 0.2 * (extent.max() or 1.0)
-        return FRONT if thin[1] else (-84.0, 68.0) if thin[2] else (-62.0, 22.0)
 
     def reach(self, motion: Motion) -> Array:
         """Two corners of the box in which they are, with room for what is drawn there."""
@@ -98,7 +89,7 @@ class Spins(OnSites):
     axis : blue points against it, orange along it, and ink across it.
     """
 
-    title: ClassVar[str] = "spins"
+    title = "spins"
 
     axis: ArrayLike = field(default=(0.0, 0.0, 1.0), compare=False)
 
@@ -155,7 +146,7 @@ class Sites(OnSites):
     trail : the paths; left out, those of a dozen masses or less.
     """
 
-    title: ClassVar[str] = "in space"
+    title = "in space"
 
     atoms: ArrayLike | None = field(default=None, compare=False)
     sizes: ArrayLike | None = field(default=None, compare=False)
@@ -172,44 +163,37 @@ class Sites(OnSites):
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
         """The axes of the bodies."""
-        if self._atoms(motion.system) is not None:
-            return []
-        if is_place(base_of(motion.system)):
-            return [{"name": "places to scale, sizes not", "color": "transparent"}]
-        return [{"name": f"axis {k}", "color": color} for k, color in enumerate(AXES, start=1)]
+        boxes = self._atoms(motion.system) is None and is_pose(base_of(motion.system))
+        return axes_legend() if boxes else []
+
+    def note(self, motion: Motion) -> str:
+        """Masses are to be seen."""
+        return "places to scale, sizes not" if is_place(base_of(motion.system)) else ""
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """One body, as often as there are sites, the paths of a few, and the box."""
         system, unit, edges = motion.system, drawing.panel.unit, box_of(motion.system)
         places, sizes, atoms = self._places(motion), self._size(motion), self._atoms(system)
-        count, shape, masses = places.shape[1], ball(0.5, "#ffffff"), is_place(base_of(system))
+        count, masses = places.shape[1], is_place(base_of(system))
         colors = [drawing.color] * count
         if masses and count <= FEW:
             colors = [COLORS[k % len(COLORS)] for k in range(count)]
-        where, channels = places if edges is None else np.mod(places, edges), dict[str, Any]()
-        if not masses:
-            q = attitudes_of(system, motion["g"])
-            if atoms is None:
-                shape, channels["turns"] = box(np.ones(3), "#ffffff"), q
-            else:  # a ball for each
-                turned = [rotated(q.reshape(-1, 4), atom).reshape(where.shape) for atom in atoms]
-                where = np.concatenate([where + arm for arm in turned], axis=1)
-                sizes = np.repeat([1.5, *[1.0] * (len(atoms) - 1)], count)[:, None] * spacing(atoms)
-                colors = [OXYGEN] * count + [HYDROGEN] * (len(colors) * (len(atoms) - 1))
+        where = places if edges is None else np.mod(places, edges)
         known: dict[str, Any] = {} if edges is None else {"box": (edges / unit).tolist()}
-        if "turns" in channels:
-            known["sides"] = shares([*AXES, GREY])
+        q = np.zeros(4) if masses else attitudes_of(system, motion["g"])
+        if atoms is not None:  # a ball for each
+            turned = [rotated(q.reshape(-1, 4), atom).reshape(where.shape) for atom in atoms]
+            where = np.concatenate([where + arm for arm in turned], axis=1)
+            sizes = np.repeat([1.5, *[1.0] * (len(atoms) - 1)], count)[:, None] * spacing(atoms)
+            colors = [OXYGEN] * count + [HYDROGEN] * (count * (len(atoms) - 1))
+        where = drawing.panel.inside(where)
+        if masses or atoms is not None:
+            drawing.balls("sites", where, sizes / unit, colors, **known)
         else:
-            known["tints"] = np.array(shares(colors), dtype=np.float32)
-        drawing.add(
-            "sites",
-            often(shape, where.shape[1], sizes / unit, **known),
-            cloud=drawing.panel.inside(where),
-            **channels,
-        )
+            drawing.add("sites", boxes(count, sizes / unit, **known), cloud=where, turns=q)
         if edges is not None:
             middle = drawing.panel.inside(0.5 * edges)
-            drawing.once("box", box_edges(edges / unit, "#5f6672"), position=middle)
+            drawing.once("box", box(edges / unit, "#aab2c0", 0.0), position=middle)
         elif self.trail or (self.trail is None and masses and count <= FEW):
             for k in range(count):
                 drawing.trail(f"trail {k + 1}", drawing.panel.inside(places[:, k]), colors[k])

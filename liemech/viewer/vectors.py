@@ -5,7 +5,7 @@ top, momentum in space.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,10 @@ from ..plots import COLORS, energy_levels, separatrix
 from ..plots.contours import contours
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.system import System
-from .content import Content, refuse
-from .drawing import Drawing
+from .content import UNITS, Content, refuse
+from .drawing import SHARED, Drawing
 from .motion import Motion
-from .shapes import arrow, ball, chained, dots, rgb, rod, segments, tube
+from .shapes import arrow, ball, chained, mixed, rod, segments
 
 Array = NDArray[np.float64]
 
@@ -46,17 +46,17 @@ class Momentum(Content):
 
     trail : the curve behind the arrow.  sphere : the orbit, |mu| = const.  levels : how many
     energies are drawn on it beside that of the separatrix; 0 for none, and no separatrix.  Of an
-    ensemble every momentum is a dot, coloured by the order of the energies.
+    ensemble every momentum is a small ball, coloured by the order of the energies.
     The motion follows a curve of constant energy.  No sphere is drawn where there is not one orbit:
     for a body in a field, and for an ensemble whose momenta differ in length.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.7.
     """
 
-    panel: ClassVar[str] = "momentum"
-    alike: ClassVar[bool] = True
-    title: ClassVar[str] = "momentum, seen from the body"
-    of_space: ClassVar[bool] = False
+    panel = "momentum"
+    alike = True
+    title = "momentum, seen from the body"
+    of_space = False
 
     trail: bool = True
     sphere: bool = True
@@ -90,7 +90,7 @@ class Momentum(Content):
         return found
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """The arrow or the dots, the trail, and once for all runs the orbit."""
+        """The arrow or the balls, the trail, and once for all runs the orbit."""
         mu = drawing.panel.inside(motion["mu"])
         if motion.bodies is None:
             _moving_vector(drawing, mu, "mu", self.trail)
@@ -102,7 +102,7 @@ class Momentum(Content):
         if _one_orbit(motion):
             radius = float(np.linalg.norm(mu[0], axis=-1).max())
             drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, SOLID))
-            if self.levels and f"{drawing.panel.path}/levels" not in drawing.panel.nodes:
+            if self.levels and f"{drawing.panel.path}/{SHARED}/levels" not in drawing.panel.nodes:
                 _levels(drawing, motion.system, radius, self.levels)
 
 
@@ -143,9 +143,9 @@ class Vertical(Content):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 1.4.
     """
 
-    panel: ClassVar[str] = "vertical"
-    title: ClassVar[str] = "vertical, seen from the body"
-    of_space: ClassVar[bool] = False
+    panel = "vertical"
+    title = "vertical, seen from the body"
+    of_space = False
 
     trail: bool = True
     sphere: bool = True
@@ -209,8 +209,7 @@ def axis_of(top: Any) -> Array:
 
 def _ball(vectors: Array) -> Array:
     """The corners of what a ball about the origin needs: as large as the longest vector."""
-    largest = np.linalg.norm(vectors, axis=-1).max() or 1.0
-    return largest * np.concatenate([np.eye(3), -np.eye(3)])
+    return (np.linalg.norm(vectors, axis=-1).max() or 1.0) * UNITS
 
 
 def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
@@ -218,39 +217,26 @@ def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
     length = np.linalg.norm(v, axis=1)
     if length.max() <= 0.0:  # a body at rest has no arrow
         return
-    direction = np.where(
-        length[:, None] > 0.0,
-        v / np.where(length > 0.0, length, 1.0)[:, None],
-        np.array([0.0, 0.0, 1.0]),
+    unit = np.divide(
+        v, length[:, None], out=np.tile([0.0, 0.0, 1.0], (len(v), 1)), where=length[:, None] > 0.0
     )
-    drawing.add(
-        name,
-        arrow(drawing.color),
-        direction=direction,
-        scale=length,
-        position=drawing.panel.inside(np.zeros(3)),
-    )
+    origin = drawing.panel.inside(np.zeros(3))
+    drawing.add(name, arrow(drawing.color), direction=unit, scale=length, position=origin)
     if trail:  # with its tip, for the arrow is inside
         drawing.add(f"{name} tip", ball(0.035, drawing.color), position=LIFT * v)
         drawing.trail(f"{name} trail", LIFT * v, fading=False)
 
 
 def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
-    """A dot for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the
+    """A small ball for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the
     start.
     """
     some = np.linspace(0, v.shape[1] - 1, min(v.shape[1], MOST_POINTS)).round().astype(int)
     if isinstance(motion.system, LiePoissonSystem):
         energy: Any = motion.system.energy(motion["mu"][0, some])
         some = some[np.argsort(energy, kind="stable")]
-    shown = v[:, some]
-    first, last = np.array(rgb(drawing.color)) / 255.0, np.array(rgb(OTHER)) / 255.0
-    share = np.linspace(0.0, 1.0, len(some))[:, None]
-    drawing.add(
-        "mu",
-        dots(LIFT * shown[0], drawing.color, 0.045, first + share * (last - first)),
-        cloud=LIFT * shown,
-    )
+    colors = [mixed(drawing.color, OTHER, share) for share in np.linspace(0.0, 1.0, len(some))]
+    drawing.balls("mu", LIFT * v[:, some], [[0.04]], colors)
 
 
 def _axes(drawing: Drawing, symbol: str) -> None:
@@ -282,4 +268,4 @@ def _levels(drawing: Drawing, system: Any, radius: float, count: int) -> None:
         return
     drawing.once("levels", segments(lift * chained(curves), LEVEL))
     for k, circle in enumerate(separatrix(inertia, samples=121)):
-        drawing.once(f"separatrix {k + 1}", tube(lift * circle, SEPARATRIX, 0.005, 3))
+        drawing.shared.curve(f"separatrix {k + 1}", lift * circle, SEPARATRIX, 0.01)
