@@ -18,10 +18,11 @@ from ..models.rolling import Blade, Rolling
 from ..models.space_bodies import OrbitingBody
 from ..models.spacecraft import Spacecraft
 from ..systems.system import System
-from .content import Content, refuse
+from .content import UNITS, Content, refuse
 from .drawing import Drawing
 from .motion import Motion
 from .shapes import Shape, ball, box, mesh_file, mixed, often, rod, segments, shares, turned
+from .thinning import evenly
 from .vectors import AXES, MOST_POINTS, axis_of
 
 Array = NDArray[np.float64]
@@ -71,12 +72,12 @@ class Body(Content):
         """Yes, unless it flies: bodies that stay where they are would stand in each other's way."""
         return not flies(system)
 
-    def reach(self, motion: Motion) -> Array | None:
+    def reach(self, motion: Motion) -> Array:
         """The places to which the body comes, or where those of an ensemble stand."""
         if flies(motion.system):
             return _room(motion)
         if motion.bodies is None:
-            return None
+            return UNITS
         grid = _side_by_side(len(_shown(motion)))
         return np.concatenate([grid - 1.0, grid + 1.0])
 
@@ -172,7 +173,7 @@ def _room(motion: Motion) -> Array:
 def _shown(motion: Motion) -> Array:
     """The numbers of the bodies of an ensemble that are drawn."""
     assert motion.bodies is not None
-    return np.unique(np.linspace(0, motion.bodies - 1, MOST_POINTS).round().astype(int))
+    return evenly(motion.bodies, MOST_POINTS)
 
 
 def _side_by_side(count: int) -> Array:

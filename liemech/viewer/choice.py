@@ -14,7 +14,7 @@ from ..models.zeitlin_sphere import ZeitlinSphere
 from ..systems.canonical import CanonicalSystem
 from ..systems.poisson import PoissonSystem
 from .body import Body, Path
-from .content import Content
+from .content import Content, chosen, require
 from .field import Field
 from .links import Links
 from .points import Points
@@ -37,6 +37,17 @@ KNOWN: dict[str, type[Content]] = {
     "field": Field,
 }
 """Contents by name."""
+
+
+def contents_of(
+    system: Any, parts: frozenset[str], ensemble: bool, show: Any = None
+) -> tuple[Content, ...]:
+    """What is asked for, or else what suits a system of which these parts of the state are known.
+    Raises InvalidInput if it has not got it.
+    """
+    contents = suited(system, parts, ensemble) if show is None else chosen(show, KNOWN)
+    require(contents, system, parts)
+    return contents
 
 
 def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content, ...]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import check_finite, real_array
@@ -120,9 +120,6 @@ class Motion:
                 "in viewer.Scene(run, body=0)"
             )
         chosen, note = shown_sites(run.system, sites)
-        some = chosen
-        if isinstance(run, Motion) and run.sites is not None:
-            chosen, some, note = run.sites, np.arange(len(run.sites)), run.note
         numbers = 0
         if chosen is not None:
             if bodies is not None:
@@ -133,10 +130,10 @@ class Motion:
             numbers = len(chosen) * (7 if "g" in states else 3)
 
         def shown(kept: NDArray[np.intp]) -> dict[str, Any]:
-            if some is None:
+            if chosen is None:
                 return {name: rows[kept] for name, rows in states.items()}
             by_sites = {name: by_site(run.system, name, rows) for name, rows in states.items()}
-            return {name: rows[np.ix_(kept, some)] for name, rows in by_sites.items()}
+            return {name: rows[np.ix_(kept, chosen)] for name, rows in by_sites.items()}
 
         kept, notes = shown_samples(len(t), frames, numbers), [note] if note else []
         left_out = len(t) / len(kept)
@@ -175,9 +172,3 @@ class Motion:
     def __getitem__(self, part: str) -> NDArray[np.float64]:
         """The rows of one part of the state."""
         return self.states[part]
-
-
-def times(t: ArrayLike) -> NDArray[np.float64]:
-    """Playing time from the first sample: it rises whichever way the motion runs."""
-    array = np.asarray(t, dtype=float)
-    return np.abs(array - array[0])

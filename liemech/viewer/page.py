@@ -55,7 +55,6 @@ def described(scene: Scene) -> dict[str, Any]:
     """The scene as data: its panels, the commands that build it, the tracks along which it moves."""
     panels = scene.panels()
     nodes = [node for panel in panels for node in panel.nodes.values()]
-    named = [one for one in scene.shown if one.name]
     return {
         "start": scene.start,
         "sign": -1 if any(one.motion.t[-1] < one.motion.t[0] for one in scene.shown) else 1,
@@ -64,7 +63,7 @@ def described(scene: Scene) -> dict[str, Any]:
         "view": scene.view,
         "joined": [scene.interpolate and one.motion.joined for one in scene.shown],
         "title": scene.title,
-        "legend": [{"name": one.name, "color": one.color} for one in named] + scene.legend(),
+        "legend": scene.legend(),
         "notes": scene.notes(),
         "unit": scene.unit,
         "axes": any(content.of_space for one in scene.shown for content in one.contents),
@@ -159,12 +158,9 @@ def packed_code() -> str:
 
 def opened(scene: Scene) -> Path:
     """Open the page in the browser.  Returns the temporary file that holds it."""
-    with tempfile.NamedTemporaryFile(
-        "w", prefix="liemech-", suffix=".html", delete=False, encoding="utf-8"
-    ) as file:
-        file.write(page(scene))
-    webbrowser.open(Path(file.name).as_uri())
-    return Path(file.name)
+    file = scene.save(Path(tempfile.mkdtemp(prefix="liemech-")) / "scene.html")
+    webbrowser.open(file.as_uri())
+    return file
 
 
 def frame(scene: Scene) -> str:

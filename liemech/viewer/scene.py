@@ -18,11 +18,11 @@ from ..formulas import real_array
 from ..models.curves import ASIDE
 from ..plots import COLORS
 from ..plots.style import time_unit
-from .choice import KNOWN, suited
-from .content import UNITS, Content, chosen, require
+from .choice import contents_of
+from .content import Content
 from .drawing import Drawing, Panel
 from .live import Live
-from .motion import Motion, times
+from .motion import Motion
 from .page import frame, opened, page
 from .shapes import rgb
 from .snapshot import file_that_ends, snapshot, write_film
@@ -125,12 +125,7 @@ class Scene:
             frames = min(frames, ENSEMBLE_FRAMES, max(2, ENSEMBLE_DOTS // bodies))
         motion = Motion.of(run, frames, body, self.interpolate, sites)
         have = frozenset(motion.states)
-        contents = (
-            suited(motion.system, have, motion.bodies is not None)
-            if show is None
-            else chosen(show, KNOWN)
-        )
-        require(contents, motion.system, have)
+        contents = contents_of(motion.system, have, motion.bodies is not None, show)
         color = color or COLORS[len(self.shown) % len(COLORS)]
         rgb(color)
         backwards = motion.t[-1] < motion.t[0]
@@ -152,7 +147,7 @@ class Scene:
     @property
     def duration(self) -> float:
         """The time from the first sample to the last, in s."""
-        return float(max(self._sign() * (one.motion.t[-1] - self.start) for one in self._some()))
+        return float(max(clock[-1] for clock in self.clocks()))
 
     @property
     def unit(self) -> str:
@@ -171,7 +166,7 @@ class Scene:
 
     def clocks(self) -> list[np.ndarray]:
         """The times of each run, counted from the start of the scene."""
-        return [abs(one.motion.t[0] - self.start) + times(one.motion.t) for one in self._some()]
+        return [self._sign() * (one.motion.t - self.start) for one in self._some()]
 
     # ---------------------------------------------------------------- what it is made of
 
@@ -184,9 +179,11 @@ class Scene:
         return found.pop() if len(found) == 1 else ASIDE
 
     def legend(self) -> list[dict[str, Any]]:
-        """The meanings of the colours, each said once."""
-        found: list[dict[str, Any]] = []
-        for one in self._some():
+        """The colours of the runs that have names, and other meanings of colours, each said once."""
+        found: list[dict[str, Any]] = [
+            {"name": one.name, "color": one.color} for one in self._some() if one.name
+        ]
+        for one in self.shown:
             for content in one.contents:
                 found += [entry for entry in content.legend(one.motion) if entry not in found]
         return found
@@ -267,10 +264,7 @@ def _framed(path: str, members: Sequence[tuple[Shown, Content]], named: bool) ->
     """An empty panel that is large enough for its contents."""
     first, content = members[0]
     title = f"{content.title}: {first.name}" if named and first.name else content.title
-    corners = [c.reach(one.motion) for one, c in members]
-    if all(found is None for found in corners):
-        return Panel(path, title, np.zeros(3), 1.0)
-    points = np.concatenate([UNITS if found is None else found for found in corners])
+    points = np.concatenate([c.reach(one.motion) for one, c in members])
     low, high = points.min(axis=0), points.max(axis=0)
     centre = low + 0.5 * (high - low)
     unit = float(np.linalg.norm(points - centre, axis=1).max())

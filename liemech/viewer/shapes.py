@@ -165,9 +165,9 @@ def mesh_file(path: str | PathLike[str], color: str) -> Shape:
 # ------------------------------------------------------------------ lines
 
 
-def segments(pairs: Array, color: str, opacity: float = 1.0) -> Shape:
+def segments(pairs: Array, color: str) -> Shape:
     """Straight lines one pixel wide, from (m, 2, 3)."""
-    look = {"type": "LineBasicMaterial", "color": number(color), **_seen_through(opacity)}
+    look = {"type": "LineBasicMaterial", "color": number(color)}
 
     def geometry() -> dict[str, Any]:
         array = pairs.astype(np.float32).ravel()
@@ -189,21 +189,13 @@ def solid(color: str, opacity: float = 1.0) -> dict[str, Any]:
     """Lambert's law, front sides only: in software drawing several times faster than the
     alternatives, and no less clear.
     """
-    return {
-        "type": "MeshLambertMaterial",
-        "color": number(color),
-        "side": 0,
-        **_seen_through(opacity),
-    }
+    look = {"type": "MeshLambertMaterial", "color": number(color), "side": 0}
+    return look if opacity >= 1.0 else look | {"transparent": True, "opacity": opacity}
 
 
 def plain(color: str) -> dict[str, Any]:
     """The colour itself, whatever the light."""
     return {"type": "MeshBasicMaterial", "color": number(color)}
-
-
-def _seen_through(opacity: float) -> dict[str, Any]:
-    return {} if opacity >= 1.0 else {"transparent": True, "opacity": opacity}
 
 
 @lru_cache(maxsize=256)

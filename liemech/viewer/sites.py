@@ -68,13 +68,19 @@ class OnSites(Content):
         return self._extent(motion) + [[-room], [room]]
 
     def _fixed(self, motion: Motion) -> Array:
-        """The places of the shown sites that do not move."""
+        """The places of the shown sites that do not move, (m, 3)."""
         return fixed_places(motion.system, self.positions)[motion.sites]
+
+    def _places(self, motion: Motion) -> Array:
+        """Where the shown sites are, (n, m, 3)."""
+        return self._fixed(motion)[None]
 
     def _extent(self, motion: Motion) -> Array:
         """Two corners of the box in which their places are."""
-        places = self._fixed(motion)
-        return np.array([places.min(axis=0), places.max(axis=0)])
+        box, places = box_of(motion.system), self._places(motion)
+        if box is not None:
+            return np.array([0.0 * box, box])
+        return np.array([places.min(axis=(0, 1)), places.max(axis=(0, 1))])
 
     def _size(self, motion: Motion) -> Array:
         """How large they are drawn."""
@@ -207,12 +213,6 @@ class Sites(OnSites):
         group = base_of(motion.system)
         moves = flies(group) or (is_place(group) and group.dim > 1)
         return places_of(motion.system, motion["g"], None if moves else self._fixed(motion))
-
-    def _extent(self, motion: Motion) -> Array:
-        box, places = box_of(motion.system), self._places(motion)
-        if box is not None:
-            return np.array([0.0 * box, box])
-        return np.array([places.min(axis=(0, 1)), places.max(axis=(0, 1))])
 
     def _size(self, motion: Motion) -> Array:
         """Diameters of balls, edges of boxes, (1, 1), (m, 1) or (m, 3)."""

@@ -22,6 +22,7 @@ from .content import UNITS, Content, refuse
 from .drawing import SHARED, Drawing
 from .motion import Motion
 from .shapes import arrow, ball, chained, mixed, rod, segments
+from .thinning import evenly
 
 Array = NDArray[np.float64]
 
@@ -231,7 +232,7 @@ def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
     """A small ball for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the
     start.
     """
-    some = np.linspace(0, v.shape[1] - 1, min(v.shape[1], MOST_POINTS)).round().astype(int)
+    some = evenly(v.shape[1], MOST_POINTS)
     if isinstance(motion.system, LiePoissonSystem):
         energy: Any = motion.system.energy(motion["mu"][0, some])
         some = some[np.argsort(energy, kind="stable")]

@@ -16,7 +16,6 @@ import liemech as lm
 from liemech.command_line.scenes import SCENES
 from liemech.errors import InvalidInput
 from liemech.models.even_boxes import principal_box
-from liemech.models.poses import rotated
 from liemech.viewer import Links, Motion, Scene
 
 library: Any = lm
