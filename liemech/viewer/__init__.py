@@ -10,7 +10,7 @@ The page is written here, around meshcat's file for browsers; its Python side is
 """
 
 from .animate import animate, live
-from .body import Body, Path
+from .body import Body
 from .content import Content
 from .drawing import Drawing
 from .field import Field
@@ -21,7 +21,7 @@ from .points import Points
 from .rods import Rod
 from .scene import Scene
 from .sites import Sites, Spins
-from .vectors import Momentum, Nose, SpatialMomentum, Vertical
+from .vectors import Momentum, SpatialMomentum, Vertical
 
 __all__ = [
     "Body",
@@ -32,8 +32,6 @@ __all__ = [
     "Live",
     "Momentum",
     "Motion",
-    "Nose",
-    "Path",
     "Points",
     "Rod",
     "Scene",

@@ -13,7 +13,7 @@ from ..errors import InvalidInput
 from ..models.even_boxes import box_of_inertia, inertia_of
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.kirchhoff import KirchhoffBody
-from ..models.poses import attitude, configurations, flies, is_pose, place, toward
+from ..models.poses import attitude, configurations, flies, is_pose, place, rotated, toward
 from ..models.rolling import Blade, Rolling
 from ..models.space_bodies import OrbitingBody
 from ..models.spacecraft import Spacecraft
@@ -22,12 +22,14 @@ from .content import UNITS, Content, refuse
 from .drawing import Drawing
 from .motion import Motion
 from .shapes import Shape, ball, box, mesh_file, mixed, often, rod, segments, shares, turned
-from .thinning import evenly
+from .thinning import Numbers, evenly
 from .vectors import AXES, MOST_POINTS, axis_of
 
 Array = NDArray[np.float64]
 
 STONE = "#d5dbe5"
+ORBITS = OrbitingBody, Spacecraft
+"""Bodies with a centre to go round."""
 TRIAD = 0.75
 """Length of the axes of a top, whose nose is at 1."""
 FLYING = 0.17
@@ -44,12 +46,16 @@ class Body(Content):
     mesh : a file (.stl, .obj, .dae) to show instead of the box.  size : of the mesh's unit of
     length, in units of the picture,
     whose content fits a ball of radius 1.  triad : the axes of the body, one to three in red, green
-    and plum.  A top is a disc on a stick through its centre of mass, a body in a fluid an
+    and plum.  trail : the path of a body that flies, of a top that of its nose, where its axis meets the
+    unit sphere.
+    A top is a disc on a stick through its centre of mass, a body in a fluid an
     ellipsoid; what rolls is a ball on its plane and what glides a sleigh on its blade, both to
     scale.  Other bodies that fly are drawn larger than to scale.  Reaction wheels are discs on the
     faces, or corners, that their axes point at; a mark shows the spin.  The bodies of an ensemble
     are boxes, side by side unless they fly, at most 1000 of them, evenly chosen; their sides have
     the colours of the axes that come out of them.
+
+    Source: Goldstein, Classical Mechanics, 3rd ed., section 5.7 (the nose).
     """
 
     panel = "space"
@@ -57,6 +63,7 @@ class Body(Content):
     mesh: str | PathLike[str] | None = None
     size: float = 1.0
     triad: bool = True
+    trail: bool = True
 
     def __post_init__(self) -> None:
         if not 0.0 < self.size < np.inf:
@@ -128,35 +135,18 @@ class Body(Content):
                     scale=TRIAD if top else 1.2,
                 )
 
+        if self.trail and flies(system):
+            drawing.trail("path", drawing.panel.inside(where))
+        elif self.trail and top:
+            drawing.trail("nose", rotated(attitude(system, motion["g"]), axis_of(system)))
+        if isinstance(system, ORBITS):
+            centre = drawing.panel.inside(np.zeros(3))
+            drawing.once("centre", ball(0.05, "#C87F00"), position=centre)
+
     def note(self, motion: Motion) -> str:
         """Bodies that fly would be points."""
         scaled = not flies(motion.system) or _constraint(motion.system) is not None
         return "" if scaled else "the path is to scale, the body is not"
-
-
-@dataclass(frozen=True)
-class Path(Content):
-    """The path of a body that flies: the curve of its centre of mass, or of a point on a group of
-    translations.
-    """
-
-    def needs(self, system: System) -> tuple[str, ...]:
-        """The place, which is part of g."""
-        if not flies(system):
-            raise refuse(self, system, "the path of a body that flies")
-        return ("g",)
-
-    def reach(self, motion: Motion) -> Array:
-        """The path."""
-        return _room(motion)
-
-    def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """The trail."""
-        drawing.trail("path", drawing.panel.inside(place(motion.system, motion["g"])))
-        if isinstance(motion.system, (OrbitingBody, Spacecraft)):
-            drawing.once(
-                "centre", ball(0.05, "#C87F00"), position=drawing.panel.inside(np.zeros(3))
-            )
 
 
 # ------------------------------------------------------------------ pieces
@@ -166,11 +156,10 @@ def _room(motion: Motion) -> Array:
     """The path of a body, and what it orbits."""
     g = motion["g"]
     path = place(motion.system, g if motion.bodies is None else g.reshape(-1, *g.shape[2:]))
-    orbits = isinstance(motion.system, (OrbitingBody, Spacecraft))
-    return np.concatenate([path, np.zeros((1, 3))]) if orbits else path
+    return np.concatenate([path, np.zeros((1, 3))]) if isinstance(motion.system, ORBITS) else path
 
 
-def _shown(motion: Motion) -> Array:
+def _shown(motion: Motion) -> Numbers:
     """The numbers of the bodies of an ensemble that are drawn."""
     assert motion.bodies is not None
     return evenly(motion.bodies, MOST_POINTS)

@@ -8,27 +8,25 @@ from ..errors import InvalidInput
 from ..models.cosserat_rod import CosseratRod
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.linkage import Linkage
-from ..models.poses import configurations, flies, is_pose, turns
+from ..models.poses import configurations, is_pose, turns
 from ..models.sites import is_place, is_spin, of_sites
 from ..models.zeitlin_sphere import ZeitlinSphere
 from ..systems.canonical import CanonicalSystem
 from ..systems.poisson import PoissonSystem
-from .body import Body, Path
+from .body import Body
 from .content import Content, chosen, require
 from .field import Field
 from .links import Links
 from .points import Points
 from .rods import Rod
 from .sites import Sites, Spins
-from .vectors import Momentum, Nose, SpatialMomentum, Vertical
+from .vectors import Momentum, SpatialMomentum, Vertical
 
 KNOWN: dict[str, type[Content]] = {
     "body": Body,
     "momentum": Momentum,
     "spatial momentum": SpatialMomentum,
     "vertical": Vertical,
-    "nose": Nose,
-    "path": Path,
     "points": Points,
     "links": Links,
     "spins": Spins,
@@ -79,10 +77,9 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
     elif isinstance(system, Linkage):
         wanted = [Links()] if one else []
     elif isinstance(system, (HeavyTop, ReducedHeavyTop)):
-        wanted = [Body(), Nose(), Vertical()] if one else [Vertical()] if not ensemble else []
+        wanted = [Body(), Vertical()] if one else [Vertical()] if not ensemble else []
     elif is_pose(group):
         wanted += [Body()] if "g" in parts else []
-        wanted += [Path()] if one and flies(system) else []
         if "mu" in parts and turns(group):
             wanted += [SpatialMomentum()] if one else []
             wanted += [Momentum()]

@@ -174,7 +174,7 @@ def transform(still: dict[str, Array]) -> list[float]:
 
 def commands(panels: list[Panel]) -> list[dict[str, Any]]:
     """The scene as it stands at the start, in the commands of meshcat: every object once, every
-    transform once.
+    transform that stands still once; the tracks move the others.
     """
     found: list[dict[str, Any]] = []
     for panel in panels:
@@ -183,10 +183,7 @@ def commands(panels: list[Panel]) -> list[dict[str, Any]]:
                 found.append(
                     {"type": "set_object", "path": node.path, "object": node.shape.three(node.path)}
                 )
-            now = node.still | {channel: rows[0] for channel, rows in node.moving.items()}
-            first = {channel: now[channel] for channel in PLACED if channel in now}
-            if first:
-                found.append(
-                    {"type": "set_transform", "path": node.path, "matrix": transform(first)}
-                )
+            if PLACED.keys() & node.still.keys():
+                matrix = transform(node.still)
+                found.append({"type": "set_transform", "path": node.path, "matrix": matrix})
     return found

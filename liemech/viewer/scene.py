@@ -53,7 +53,7 @@ class Scene:
         Scene(run, show=("body", "momentum")).save("body.html")
 
     run : what `integrate` returns, or a `Motion(system, t, states)`.
-    show : names, "body", "momentum", "spatial momentum", "vertical", "nose", "path", "points",
+    show : names, "body", "momentum", "spatial momentum", "vertical", "points",
     "links", "spins", "sites", "rod", "field", or contents with options, such as Momentum(levels=0).  Left out: what suits the
     system.  Nothing else is computed or written.
     name, color : of the run in the legend, "#rrggbb".  body : the one to show of an ensemble.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.heavy_top import ReducedHeavyTop
 from ..models.poses import attitude, configurations, is_pose, rotated, turns
 from ..models.rigid_body import RigidBody
 from ..plots import COLORS, energy_levels, separatrix
@@ -69,9 +69,7 @@ class Momentum(Content):
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The body momentum."""
-        if "mu" not in system.coordinates or not turns(configurations(system)):
-            raise refuse(self, system, "an angular momentum in the body, which moves on a sphere")
-        return ("mu",)
+        return _turning(self, system)
 
     def reach(self, motion: Motion) -> Array:
         """A ball as large as the largest momentum."""
@@ -117,9 +115,7 @@ class SpatialMomentum(Content):
 
     def needs(self, system: System) -> tuple[str, ...]:
         """Body momentum and attitude."""
-        if "mu" not in system.coordinates or not turns(configurations(system)):
-            raise refuse(self, system, "an angular momentum")
-        return "mu", "g"
+        return *_turning(self, system), "g"
 
     def own(self, system: System) -> bool:
         """Yes: it stands where the body is."""
@@ -172,31 +168,14 @@ class Vertical(Content):
             _axes(drawing, "\u0393")
 
 
-@dataclass(frozen=True)
-class Nose(Content):
-    """The path that the nose of a top draws, where its axis through the centre of mass meets the
-    unit sphere.
-
-    Source: Goldstein, Classical Mechanics, 3rd ed., section 5.7.
-    """
-
-    def needs(self, system: System) -> tuple[str, ...]:
-        """The attitude."""
-        if not isinstance(system, (HeavyTop, ReducedHeavyTop)):
-            raise refuse(self, system, "the nose of a top")
-        return ("g",)
-
-    def own(self, system: System) -> bool:
-        """Yes: it belongs to the body."""
-        return True
-
-    def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """The trail."""
-        path = rotated(attitude(motion.system, motion["g"]), axis_of(motion.system))
-        drawing.trail("nose", drawing.panel.inside(path))
-
-
 # ------------------------------------------------------------------ pieces
+
+
+def _turning(content: Content, system: System) -> tuple[str, ...]:
+    """The momentum, of a system that has one in space."""
+    if "mu" not in system.coordinates or not turns(configurations(system)):
+        raise refuse(content, system, "an angular momentum, which moves on a sphere")
+    return ("mu",)
 
 
 def axis_of(top: Any) -> Array:

@@ -380,7 +380,7 @@ def test_bad_input_is_named() -> None:
         (lambda: Scene(spin), "there is no picture of"),
         (lambda: Motion(BODY, t, {"g": np.full((4, 3, 3), 1j)}), "g must be real numbers"),
         (lambda: Scene(RUN, show=()), "show is empty"),
-        (lambda: Scene(RUN, show="nose"), "Nose shows the nose of a top"),
+        (lambda: Scene(RUN, show="links"), "Links shows bodies that joints hold together"),
         (lambda: Scene(RUN, color="blue"), "#rrggbb"),
         (lambda: Scene(RUN, seconds=0.0), "seconds"),
         (lambda: Scene(RUN, frames=1), "frames"),
