@@ -21,9 +21,9 @@ from ..systems.system import System
 from .content import UNITS, Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import Shape, ball, box, mesh_file, mixed, often, rod, segments, shares, turned
+from .shapes import Shape, ball, box, mesh_file, mixed, often, segments, shares, turned
 from .thinning import Numbers, evenly
-from .vectors import AXES, MOST_POINTS, axis_of
+from .vectors import AXES, MOST_POINTS, axis_of, triad
 
 Array = NDArray[np.float64]
 
@@ -126,15 +126,8 @@ class Body(Content):
             if isinstance(system, Spacecraft) and system.wheels is not None:
                 _wheels(drawing, np.array(system.wheels.axes), motion["g"][:, 12:], edges, color)
         if self.triad:
-            for k, axis in enumerate(AXES):
-                drawing.add(
-                    f"body/axis {k + 1}",
-                    rod(axis, 0.014),
-                    "" if flies(system) else "e" + "\u2081\u2082\u2083"[k],
-                    direction=np.eye(3)[k],
-                    scale=TRIAD if top else 1.2,
-                )
-
+            symbol, length = "" if flies(system) else "e", TRIAD if top else 1.2
+            triad(drawing, "body/axis", symbol, 0.014, length)
         if self.trail and flies(system):
             drawing.trail("path", drawing.panel.inside(where))
         elif self.trail and top:

@@ -22,6 +22,9 @@ from ..errors import BrowserFailure, MissingProgram
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
+PATIENCE = 60.0
+"""The longest time in s that an answer may take."""
+
 FLAGS = (
     "--headless",
     "--remote-debugging-pipe",
@@ -55,7 +58,6 @@ class Chromium:
     def __init__(
         self,
         size: tuple[int, int] = (1000, 560),
-        patience: float = 60.0,
         flags: tuple[str, ...] = (),
     ) -> None:
         program = find()
@@ -65,7 +67,7 @@ class Chromium:
                 "this machine (Debian: apt-get install chromium). Scene.save writes the page "
                 "without it; lm.plots draws with Matplotlib"
             )
-        self.size, self.patience, self.events = size, patience, list[dict[str, Any]]()
+        self.size, self.events = size, list[dict[str, Any]]()
         self._sent, self._unread = 0, b""
         self._profile = tempfile.mkdtemp(prefix="liemech-browser-")
         (near_in, self._to), (self._from, near_out) = os.pipe(), os.pipe()
@@ -119,7 +121,7 @@ class Chromium:
         self,
         method: str,
         session: str | None = None,
-        patience: float | None = None,
+        patience: float = PATIENCE,
         **parameters: Any,
     ) -> dict[str, Any]:
         """Ask something of the browser, or of the page `session`, and wait for the answer."""
@@ -133,11 +135,11 @@ class Chromium:
                 data = data[os.write(self._to, data) :]
         except BrokenPipeError:
             raise BrowserFailure("the browser ended") from None
-        until = time.monotonic() + (patience or self.patience)
+        until = time.monotonic() + patience
         while True:
             answer = self._next(until)
             if answer is None:
-                raise BrowserFailure(f"{method}: no answer in {patience or self.patience:g} s")
+                raise BrowserFailure(f"{method}: no answer in {patience:g} s")
             if answer.get("id") != self._sent:
                 self.events.append(answer)
             elif "error" in answer:

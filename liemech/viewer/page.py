@@ -97,11 +97,8 @@ def encoded(content: Any) -> str:
 
     def array(value: Any) -> Any:
         if isinstance(value, np.ndarray):
-            name = f"{ {'f': 'Float', 'u': 'Uint', 'i': 'Int'}[value.dtype.kind] }{8 * value.dtype.itemsize}Array"
-            return {
-                "$": name,
-                "b": base64.b64encode(np.ascontiguousarray(value).data).decode("ascii"),
-            }
+            data = base64.b64encode(np.ascontiguousarray(value).data).decode("ascii")
+            return {"$": f"{value.dtype.name.title()}Array", "b": data}
         raise TypeError(f"{type(value).__name__} does not go into a page")
 
     return json.dumps(content, default=array, allow_nan=False, separators=(",", ":")).replace(

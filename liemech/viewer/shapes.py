@@ -97,10 +97,9 @@ def turned(profile: Sequence[tuple[float, float]], color: str, sides: int = 20) 
     return Shape("Mesh", lambda: lathe, solid(color))
 
 
-def arrow(color: str, radius: float = 0.018) -> Shape:
+def arrow(color: str) -> Shape:
     """An arrow of length 1 along the third axis, from the origin."""
-    neck, wide = 1.0 - 6.5 * radius, 2.7 * radius
-    return turned([(0.0, 0.0), (radius, 0.0), (radius, neck), (wide, neck), (0.0, 1.0)], color)
+    return turned([(0.0, 0.0), (0.018, 0.0), (0.018, 0.88), (0.05, 0.88), (0.0, 1.0)], color)
 
 
 def rod(color: str, radius: float = 0.015, sides: int = 12) -> Shape:

@@ -12,15 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
 from ..formulas import real_array
-from ..models.even_boxes import edges_of_inertia
 from ..models.poses import flies, is_pose, rotated
 from ..models.sites import (
     atoms_of,
     attitudes_of,
     base_of,
     box_of,
+    edges_of_sites,
     fixed_places,
-    inertia_of_sites,
     is_place,
     is_spin,
     lattice_of,
@@ -111,12 +110,10 @@ class Spins(OnSites):
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
         """The scale of colours."""
-        given = np.asarray(self.axis, dtype=float).tolist()
-        unit = np.eye(3).tolist()
-        axis = "xyz"[unit.index(given)] if given in unit else "({:g}, {:g}, {:g})".format(*given)
-        return [
-            {"name": "spins along", "colors": DIRECTIONS, "ends": [f"\u2212{axis}", f"+{axis}"]}
-        ]
+        given = tuple(np.asarray(self.axis, dtype=float).tolist())
+        axis = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}.get(given, given)
+        ends = [f"\u2212{axis}", f"+{axis}"]
+        return [{"name": "spins along", "colors": DIRECTIONS, "ends": ends}]
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """One arrow, as often as there are sites."""
@@ -149,14 +146,13 @@ class Sites(OnSites):
     and larger; left out, those of a term that knows them, as `SPC` does.
     sizes : diameters of balls and edges of boxes, (1, 1) for all, (sites, 1) or (sites, 3).  Left out,
     boxes are to scale where masses are known, unless they would be dots.
-    trail : the paths; left out, those of a dozen masses or less.
+    A dozen masses or less have colours and paths of their own.
     """
 
     title = "in space"
 
     atoms: ArrayLike | None = field(default=None, compare=False)
     sizes: ArrayLike | None = field(default=None, compare=False)
-    trail: bool | None = None
 
     def needs(self, system: System) -> tuple[str, ...]:
         """Places and attitudes."""
@@ -181,9 +177,8 @@ class Sites(OnSites):
         system, unit, edges = motion.system, drawing.panel.unit, box_of(motion.system)
         places, sizes, atoms = self._places(motion), self._size(motion), self._atoms(system)
         count, masses = places.shape[1], is_place(base_of(system))
-        colors = [drawing.color] * count
-        if masses and count <= FEW:
-            colors = [COLORS[k % len(COLORS)] for k in range(count)]
+        few = masses and count <= FEW
+        colors = [COLORS[k % len(COLORS)] if few else drawing.color for k in range(count)]
         where = places if edges is None else np.mod(places, edges)
         known: dict[str, Any] = {} if edges is None else {"box": (edges / unit).tolist()}
         q = np.zeros(4) if masses else attitudes_of(system, motion["g"])
@@ -200,8 +195,8 @@ class Sites(OnSites):
         if edges is not None:
             middle = drawing.panel.inside(0.5 * edges)
             drawing.once("box", box(edges / unit, "#aab2c0", 0.0), position=middle)
-        elif self.trail or (self.trail is None and masses and count <= FEW):
-            for k in range(count):
+        else:
+            for k in range(count if few else 0):
                 drawing.trail(f"trail {k + 1}", drawing.panel.inside(places[:, k]), colors[k])
 
     def _atoms(self, system: System) -> Array | None:
@@ -219,17 +214,14 @@ class Sites(OnSites):
         if self.sizes is not None:
             given = real_array(self.sizes, "Sites: sizes")
             return given if len(given) == 1 else given[motion.sites]
-        start, inertia = self._places(motion)[0], inertia_of_sites(motion.system)
+        start, (edges, scaled) = self._places(motion)[0], edges_of_sites(motion.system)
         whole = np.ptp(self._extent(motion), axis=0).max() or 1.0
         fitting = LONG * (spacing(start) if len(start) > 1 else whole)
-        if inertia is None:
+        if edges is None:
             return np.array([[0.6 * fitting]])
-        inertia = inertia[motion.sites]
+        edges = edges[motion.sites]
+        if scaled and edges.max() > 0.02 * whole:
+            return edges
         if is_place(base_of(motion.system)):
-            share = np.cbrt(inertia[:, :1] / inertia[:, 0].max())
-            return min(fitting, SEEN * whole) * np.maximum(share, 0.3)
-        mass = inertia[:, 3:4] if inertia.shape[1] > 3 else np.zeros((1, 1))
-        edges = np.array([edges_of_inertia(J, 1.0) for J in inertia[:, :3]])
-        if mass.min() > 0.0 and (edges / np.sqrt(mass)).max() > 0.02 * whole:
-            return edges / np.sqrt(mass)
+            return min(fitting, SEEN * whole) * np.maximum(edges / edges.max(), 0.3)
         return fitting * edges / np.linalg.norm(edges, axis=1).max()

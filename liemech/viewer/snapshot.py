@@ -31,9 +31,16 @@ def snapshot(
     """Draw the scene at a time, by default the last, into a PNG file; needs Chromium.
     size : width and height in pixels.
     """
-    file = file_that_ends(path, ".png")
+    file, since = file_that_ends(path, ".png"), scene.duration
+    if t is not None:
+        since = abs(t - scene.start)
+        if since > scene.duration * (1.0 + 1e-9):
+            raise InvalidInput(
+                f"snapshot: t = {t:g} is outside the scene, "
+                f"{scene.duration:g} s from t = {scene.start:g}"
+            )
     with _stage(scene, size) as page:
-        file.write_bytes(_at(page, scene.duration if t is None else _since(scene, t)))
+        file.write_bytes(_at(page, since))
     return file
 
 
@@ -102,16 +109,6 @@ def _at(page: Page, t: float) -> bytes:
     """The picture at a playing time."""
     page.evaluate(f"seekTo({float(t)!r}); player.draw()")
     return page.picture()
-
-
-def _since(scene: Scene, t: float) -> float:
-    since = abs(t - scene.start)
-    if since > scene.duration * (1.0 + 1e-9):
-        raise InvalidInput(
-            f"snapshot: t = {t:g} is outside the scene, "
-            f"{scene.duration:g} s from t = {scene.start:g}"
-        )
-    return since
 
 
 def file_that_ends(path: str | PathLike[str], *endings: str) -> Path:

@@ -77,12 +77,12 @@ class Momentum(Content):
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
         """The curves on the sphere, and of an ensemble the energies."""
-        lines = {"constant energy": LEVEL, "separatrix": SEPARATRIX}
+        lines = {"constant energy": LEVEL}
+        if isinstance(motion.system, RigidBody):
+            lines["separatrix"] = SEPARATRIX
         drawn = self.sphere and self.levels and _one_orbit(motion)
         found: list[dict[str, Any]] = [
-            {"name": name, "color": color, "line": True}
-            for name, color in lines.items()
-            if drawn and (color == LEVEL or isinstance(motion.system, RigidBody))
+            {"name": name, "color": color, "line": True} for name, color in lines.items() if drawn
         ]
         if motion.bodies is not None:
             found.append({"name": "energy", "colors": (COLORS[0], OTHER), "ends": ["low", "high"]})
@@ -97,7 +97,7 @@ class Momentum(Content):
             _cloud(drawing, mu, motion)
         if not self.sphere:
             return
-        _axes(drawing, "\u03bc")
+        triad(drawing.shared, "axis", "\u03bc", 0.007, 1.22)
         if _one_orbit(motion):
             radius = float(np.linalg.norm(mu[0], axis=-1).max())
             drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, SOLID))
@@ -144,9 +144,6 @@ class Vertical(Content):
     title = "vertical, seen from the body"
     of_space = False
 
-    trail: bool = True
-    sphere: bool = True
-
     def needs(self, system: System) -> tuple[str, ...]:
         """The attitude; of a top on se(3)* the momentum, of which Gamma is a part."""
         if isinstance(system, ReducedHeavyTop):
@@ -160,12 +157,11 @@ class Vertical(Content):
         if isinstance(motion.system, ReducedHeavyTop):
             gamma = motion["mu"][:, 3:]
         else:
-            x, y, z, w = attitude(motion.system, motion["g"]).T
-            gamma = rotated(np.stack([-x, -y, -z, w], axis=-1), np.array([0.0, 0.0, 1.0]))
-        _moving_vector(drawing, gamma, "vertical", self.trail)
-        if self.sphere:
-            drawing.once("sphere", ball(1.0, SPHERE, SOLID))
-            _axes(drawing, "\u0393")
+            back = attitude(motion.system, motion["g"]) * [-1.0, -1.0, -1.0, 1.0]
+            gamma = rotated(back, np.array([0.0, 0.0, 1.0]))
+        _moving_vector(drawing, gamma, "vertical", trail=True)
+        drawing.once("sphere", ball(1.0, SPHERE, SOLID))
+        triad(drawing.shared, "axis", "\u0393", 0.007, 1.22)
 
 
 # ------------------------------------------------------------------ pieces
@@ -219,12 +215,12 @@ def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
     drawing.balls("mu", LIFT * v[:, some], [[0.04]], colors)
 
 
-def _axes(drawing: Drawing, symbol: str) -> None:
-    """The axes of the body, which stick out of the sphere, with their names."""
+def triad(pen: Drawing, path: str, symbol: str, radius: float, length: float) -> None:
+    """The axes of the body with their names, if they have any."""
     for k, color in enumerate(AXES):
-        name = symbol + "\u2081\u2082\u2083"[k]
-        stick = rod(color, 0.007)
-        drawing.once(f"axis {k + 1}", stick, name, direction=np.eye(3)[k], scale=1.22)
+        name = symbol and symbol + "\u2081\u2082\u2083"[k]
+        stick = rod(color, radius)
+        pen.add(f"{path} {k + 1}", stick, name, direction=np.eye(3)[k], scale=length)
 
 
 def _one_orbit(motion: Motion) -> bool:
