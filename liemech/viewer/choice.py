@@ -49,7 +49,7 @@ SUITED: dict[type[System], tuple[type[Content], ...]] = {
 def contents_of(
     system: Any, parts: frozenset[str], ensemble: bool, show: Any = None
 ) -> tuple[Content, ...]:
-    """What is asked for, or else what suits a system of which these parts of the state are known.
+    """The contents that are asked for, or that suit a system of which these parts of the state are known.
     Raises InvalidInput if it has not got it.
     """
     contents = suited(system, parts, ensemble) if show is None else chosen(show, KNOWN)
@@ -62,11 +62,6 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
     if isinstance(system, CanonicalSystem):
         return (Points(),)
     group, base = configurations(system), base_of(system)
-    if group is None:
-        raise InvalidInput(
-            f"there is no moving picture of {system!r}, whose state is no place; `run.plot()`, or "
-            "--plot, draws it"
-        )
     own = [contents for kind, contents in SUITED.items() if isinstance(system, kind)]
     wanted: tuple[type[Content], ...] = ()
     if own:
@@ -78,6 +73,11 @@ def suited(system: Any, parts: frozenset[str], ensemble: bool) -> tuple[Content,
         wanted = Body, SpatialMomentum, Momentum
     elif is_pose(group):
         wanted = (Body,)
+    if not wanted:
+        raise InvalidInput(
+            f"there is no moving picture of {system!r}, whose state is no place; `run.plot()`, or "
+            "--plot, draws it"
+        )
     if ensemble:
         wanted = () if own else tuple(kind for kind in wanted if kind in (Body, Momentum))
     fitting = tuple(kind() for kind in wanted if set(kind().needs(system)) <= parts)

@@ -125,8 +125,7 @@ class Drawing:
     def curve(self, path: str, points: Array, color: str, thick: float = 0.018) -> Node:
         """A curve (n, 3), or its points if it would be invented: lines are one pixel wide in WebGL."""
         if is_smooth(points):
-            pairs = np.stack([points[:-1], points[1:]], axis=1)
-            node = self.sticks(path, pairs, thick, color)
+            node = self.sticks(path, neighbours(points), thick, color)
         else:
             node = self.balls(path, points, [[0.03]], color)
         assert node.shape is not None
@@ -147,6 +146,11 @@ class Drawing:
             node.moving["reveal"], node.fading = np.arange(len(points), dtype=float), fading
         else:
             self.panel.tips[f"{self.panel.path}/{self.name}/{path}"] = points[-1], color
+
+
+def neighbours(points: Array) -> Array:
+    """The pairs of points that follow each other, (..., m - 1, 2, 3)."""
+    return np.stack([points[..., :-1, :], points[..., 1:, :]], axis=-2)
 
 
 SHARED = "shared"

@@ -179,7 +179,8 @@ class Live:
     def _update(self, states: dict[int, tuple[float, State]]) -> str:
         """The last states as they are drawn, in JSON."""
         nodes: dict[str, Any] = {}
-        tips: dict[str, tuple[Any, str]] = {}
+        trails: dict[str, Any] = {}
+        colors: dict[str, int] = {}
         for run, (t, state) in states.items():
             one, name = self._scene.shown[run], f"run {run + 1}"
             motion = Motion.moment(one.motion.system, t, state, one.motion.sites)
@@ -188,12 +189,11 @@ class Live:
                 shared = {p: node for p, node in panel.nodes.items() if f"/{SHARED}/" in p}
                 now = replace(panel, nodes=dict(shared), tips={})
                 content.draw(motion, Drawing(now, name, one.color, run))
-                tips |= now.tips
+                for p, (point, color) in now.tips.items():
+                    trails[p], colors[p] = [point.tolist()], number(color)
                 for p, node in now.nodes.items():
                     if p not in shared and node.still:
                         nodes[p] = {c: rows.ravel().tolist() for c, rows in node.still.items()}
-        trails = {path: [point.tolist()] for path, (point, _) in tips.items()}
-        colors = {path: number(color) for path, (_, color) in tips.items()}
         latest = max(t for t, _ in states.values())
         return json.dumps(
             {"t": latest, "nodes": nodes, "trails": trails, "colors": colors}, allow_nan=False

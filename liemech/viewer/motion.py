@@ -130,10 +130,8 @@ class Motion:
             numbers = len(chosen) * (7 if "g" in states else 3)
 
         def shown(kept: NDArray[np.intp]) -> dict[str, Any]:
-            if chosen is None:
-                return {name: rows[kept] for name, rows in states.items()}
-            by_sites = {name: by_site(run.system, name, rows) for name, rows in states.items()}
-            return {name: rows[np.ix_(kept, chosen)] for name, rows in by_sites.items()}
+            some = kept if chosen is None else np.ix_(kept, chosen)
+            return {name: by_site(run.system, name, rows)[some] for name, rows in states.items()}
 
         kept, notes = shown_samples(len(t), frames, numbers), [note] if note else []
         left_out = len(t) / len(kept)
@@ -143,7 +141,7 @@ class Motion:
         ):
             kept = np.arange(len(kept))
             notes.append(f"the first {len(kept):,} of {len(t):,} samples, to t = {t[kept[-1]]:.6g}")
-        elif left_out > 1.0:
+        elif left_out >= 2.0:  # fewer are not missed
             notes.append(f"{len(kept):,} of {len(t):,} samples")
         found = shown(kept)
         angle = turn(run.system, *({n: x[k] for n, x in found.items()} for k in (FIRST, LATER)))

@@ -176,7 +176,7 @@ function startPlayer() {
       return [name, v.x.toFixed(3), (-v.y).toFixed(3)];
     });
     $("axes").innerHTML = ends.map(([name, x, y]) => `<line x2="${26 * x}" y2="${26 * y}"/>` +
-      (Math.hypot(x, y) > 0.15 ? `<text x="${35 * x}" y="${35 * y}">${name}</text>` : "")).join("");
+      (Math.hypot(x, y) > 0.4 ? `<text x="${35 * x}" y="${35 * y}">${name}</text>` : "")).join("");
   }
 
   const right = new THREE.Vector3(), up = new THREE.Vector3();

@@ -11,7 +11,7 @@ from ..models.cosserat_rod import CosseratRod
 from ..systems.system import System
 from .body import STONE
 from .content import Content, refuse
-from .drawing import Drawing
+from .drawing import Drawing, neighbours
 from .motion import Motion
 from .shapes import ball, mixed
 
@@ -46,24 +46,24 @@ class Rod(Content):
 
     def reach(self, motion: Motion) -> Array:
         """Where the frames come, with room for the tube."""
-        places, room = motion["g"][..., :3, 3].reshape(-1, 3), radius_of(_rod(motion))
+        places, (_, room) = motion["g"][..., :3, 3].reshape(-1, 3), _rod(motion)
         return np.concatenate([places - room, places + room])
 
     def note(self, motion: Motion) -> str:
         """Threads would not be seen."""
-        thin = _rod(motion).section.radius < radius_of(_rod(motion))
-        return "the thickness of the rod is not to scale" if thin else ""
+        rod, radius = _rod(motion)
+        return "the thickness of the rod is not to scale" if rod.section.radius < radius else ""
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """The tube, its line, the ends that are held, and the trail of the last one."""
-        system, panel = _rod(motion), drawing.panel
-        radius = radius_of(system) / panel.unit
+        (system, radius), panel = _rod(motion), drawing.panel
+        radius /= panel.unit
         g = system.between(motion["g"], -(-PIECES // system.elements))
         where, color = panel.inside(g[..., :3, 3]), mixed(STONE, drawing.color, 0.6)
-        drawing.sticks("tube", _pieces(where), 2.0 * radius, color)
+        drawing.sticks("tube", neighbours(where), 2.0 * radius, color)
         if motion["g"].shape[1] <= LONG:
             line, dark = where + radius * g[..., :3, 0], mixed(color, "#000000", 0.6)
-            drawing.sticks("line", _pieces(line), 0.5 * radius, dark)
+            drawing.sticks("line", neighbours(line), 0.5 * radius, dark)
         for end, kind in zip((0, -1), () if system.closed else system.ends):
             if kind != "free":
                 mark = ball(1.5 * radius, "#333333")
@@ -72,16 +72,8 @@ class Rod(Content):
                 drawing.trail("trail", where[:, end])
 
 
-def radius_of(rod: CosseratRod) -> float:
-    """With which a rod is drawn, in its unit of length."""
-    return max(rod.section.radius, THIN * rod.length)
-
-
-def _rod(motion: Motion) -> CosseratRod:
-    assert isinstance(motion.system, CosseratRod)
-    return motion.system
-
-
-def _pieces(points: Array) -> Array:
-    """The pairs of neighbours, (n, m - 1, 2, 3)."""
-    return np.stack([points[:, :-1], points[:, 1:]], axis=2)
+def _rod(motion: Motion) -> tuple[CosseratRod, float]:
+    """The rod, and the radius with which it is drawn."""
+    rod = motion.system
+    assert isinstance(rod, CosseratRod)
+    return rod, max(rod.section.radius, THIN * rod.length)

@@ -152,9 +152,7 @@ class Scene:
     @property
     def unit(self) -> str:
         """Of the times: what was given, or that of the first system."""
-        if self._unit is not None:
-            return self._unit
-        return time_unit(self._some()[0].motion.system)
+        return time_unit(self._some()[0].motion.system) if self._unit is None else self._unit
 
     @property
     def seconds(self) -> float:
@@ -194,11 +192,10 @@ class Scene:
         """
         found: list[str] = []
         for one in self._some():
-            scale = [content.note(one.motion) for content in one.contents]
-            for text in (one.note, one.motion.note and f"shown: {one.motion.note}", *scale):
-                said = f"{one.name}: {text}" if one.name and text not in scale else text
-                found += [said] if text and said not in found else []
-        return found
+            own = [one.note, one.motion.note and f"shown: {one.motion.note}"]
+            found += [f"{one.name}: {text}" if one.name and text else text for text in own]
+            found += [content.note(one.motion) for content in one.contents]
+        return [text for text in dict.fromkeys(found) if text]
 
     def _some(self) -> list[Shown]:
         if not self.shown:

@@ -6,6 +6,7 @@ costs nothing. Lengths are in units of a panel, whose content fits a ball of rad
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -176,11 +177,6 @@ def segments(pairs: Array, color: str) -> Shape:
     return Shape("LineSegments", geometry, look)
 
 
-def chained(curves: Array) -> Array:
-    """The segments (m, 2, 3) of curves (c, n, 3)."""
-    return np.stack([curves[:, :-1], curves[:, 1:]], axis=2).reshape(-1, 2, 3)
-
-
 # ------------------------------------------------------------------ materials
 
 
@@ -200,14 +196,10 @@ def plain(color: str) -> dict[str, Any]:
 @lru_cache(maxsize=256)
 def rgb(color: str) -> tuple[int, int, int]:
     """The parts of a colour "#rrggbb", 0 to 255."""
-    try:
-        if len(color) != 7 or color[0] != "#":
-            raise ValueError
-        return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
-    except (ValueError, TypeError):
-        raise InvalidInput(
-            f'color must be written "#rrggbb", such as "#0072B2"; got {color!r}'
-        ) from None
+    if not re.fullmatch("#[0-9a-fA-F]{6}", str(color)):
+        raise InvalidInput(f'color must be written "#rrggbb", such as "#0072B2"; got {color!r}')
+    red, green, blue = bytes.fromhex(color[1:])
+    return red, green, blue
 
 
 def shares(colors: Sequence[str]) -> list[list[float]]:
@@ -217,8 +209,7 @@ def shares(colors: Sequence[str]) -> list[list[float]]:
 
 def number(color: str) -> int:
     """A colour as three.js counts it."""
-    red, green, blue = rgb(color)
-    return red << 16 | green << 8 | blue
+    return int.from_bytes(rgb(color), "big")
 
 
 def mixed(color: str, other: str, share: float) -> str:

@@ -19,9 +19,9 @@ from ..plots.contours import contours
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.system import System
 from .content import UNITS, Content, refuse
-from .drawing import SHARED, Drawing
+from .drawing import SHARED, Drawing, neighbours
 from .motion import Motion
-from .shapes import arrow, ball, chained, mixed, rod, segments
+from .shapes import arrow, ball, mixed, rod, segments
 from .thinning import evenly
 
 Array = NDArray[np.float64]
@@ -232,16 +232,14 @@ def _one_orbit(motion: Motion) -> bool:
 
 def _levels(drawing: Drawing, system: Any, radius: float, count: int) -> None:
     """Curves of constant energy and, of a rigid body, the separatrix."""
-    lift = LIFT * radius
-    if not isinstance(system, RigidBody):
-        found = contours(lambda mu: system.energy(mu * drawing.panel.unit), radius, count + 2)
-        if len(found):
-            drawing.once("levels", segments(LIFT * found, LEVEL))
-        return
-    inertia = np.array(system.inertia)
-    curves = energy_levels(inertia, count, samples=181)
-    if not len(curves):  # every direction of a spherical body is a fixed point
-        return
-    drawing.once("levels", segments(lift * chained(curves), LEVEL))
-    for k, circle in enumerate(separatrix(inertia, samples=121)):
-        drawing.shared.curve(f"separatrix {k + 1}", lift * circle, SEPARATRIX, 0.01)
+    circles: Any = []
+    if isinstance(system, RigidBody):
+        inertia = np.array(system.inertia)
+        curves = radius * neighbours(energy_levels(inertia, count, samples=181)).reshape(-1, 2, 3)
+        circles = radius * separatrix(inertia, samples=121)
+    else:
+        curves = contours(lambda mu: system.energy(mu * drawing.panel.unit), radius, count + 2)
+    if len(curves):  # of a spherical body every direction is a fixed point
+        drawing.once("levels", segments(LIFT * curves, LEVEL))
+        for k, circle in enumerate(circles, start=1):
+            drawing.shared.curve(f"separatrix {k}", LIFT * circle, SEPARATRIX, 0.01)

@@ -377,7 +377,7 @@ def test_bad_input_is_named() -> None:
             lambda: Scene(RUN, show="momentums"),
             "'momentums' is not known; there are body, momentum",
         ),
-        (lambda: Scene(spin), "there is no picture of"),
+        (lambda: Scene(spin), "there is no moving picture of"),
         (lambda: Motion(BODY, t, {"g": np.full((4, 3, 3), 1j)}), "g must be real numbers"),
         (lambda: Scene(RUN, show=()), "show is empty"),
         (lambda: Scene(RUN, show="links"), "Links shows bodies that joints hold together"),
