@@ -25,7 +25,7 @@ for name, precession in (
         f"{name:<26} nose between {height.min():.3f} and {height.max():.3f}, energy "
         f"{run.drift()['energy'].verdict}"
     )
-    scene.add(run, show=("body", "nose"), name=name)
+    scene.add(run, show="body", name=name)
 
 print(scene.save("top.html"))
 ax = lm.plots.vertical(run, title="the vertical, seen from the top")

@@ -387,12 +387,29 @@ class CosseratRod(MechanicalSystem):
         """Curvatures, twist, shear and stretch of the elements, u = tau^-1(g_k^-1 g_k+1)/l, (..., N,
         6), in their own axes.  g : (..., frames, 4, 4).
         """
-        poses = real_array(g, f"{type(self).__name__}.strains: g")
-        after = np.roll(poses, -1, axis=-3)
+        return self._displacements("strains", g)[2] * (self.elements / self.length)
+
+    def between(self, g: Any, pieces: int) -> np.ndarray:
+        """The frames and others between them, `pieces` to an element: g_a tau(s tau^-1(g_a^-1 g_b)), the
+        shape of an element of constant strain.  g : (..., frames, 4, 4); (..., N pieces + 1, 4, 4).
+
+        Source: Sonneville, Cardona and Bruls, Comput. Methods Appl. Mech. Eng. 268 (2014), 451.
+        """
+        first, second, x = self._displacements("between", g)
+        s = np.arange(pieces)[:, None] / pieces
+        moved = np.asarray(self.retraction.tau(SE3(), s * x[..., None, :]))
+        found = SE3().compose(first[..., None, :, :], moved)
+        found = found.reshape(*first.shape[:-3], -1, 4, 4)
+        return np.concatenate([found, second[..., -1:, :, :]], axis=-3)
+
+    def _displacements(self, name: str, g: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The frames at both ends of the elements, and x = tau^-1(g_a^-1 g_b), (..., N, 6)."""
+        first = real_array(g, f"{type(self).__name__}.{name}: g")
+        second = np.roll(first, -1, axis=-3)
         if not self.closed:
-            poses, after = poses[..., :-1, :, :], after[..., :-1, :, :]
-        h = SE3().compose(SE3().inverse(poses), after)
-        return np.asarray(self.retraction.tau_inv(SE3(), h)) * (self.elements / self.length)
+            first, second = first[..., :-1, :, :], second[..., :-1, :, :]
+        h = SE3().compose(SE3().inverse(first), second)
+        return first, second, np.asarray(self.retraction.tau_inv(SE3(), h))
 
     def wrenches(self, g: Any) -> np.ndarray:
         """Moment and force in the elements, K (u - u_0), (..., N, 6), in N m and N, in their own

@@ -1,6 +1,4 @@
-"""Curves through points in space: their frames, whether they look like curves, and whence they are
-best seen.
-"""
+"""Curves through points in space: whether they look like curves, and whence they are best seen."""
 
 from __future__ import annotations
 
@@ -35,42 +33,11 @@ def is_smooth(points: Array) -> bool:
     return bool(np.median(cosines) >= SHARP)
 
 
-def frames(points: Array) -> tuple[Array, Array]:
-    """Two unit vectors across a curve (n, 3) at each of its points, carried along it without a
-    twist.  (n, 3) each.
-
-    Source: Bishop, There is more than one way to frame a curve, Amer. Math. Monthly 82 (1975).
-    """
-    steps = np.diff(points, axis=0)
-    along = np.concatenate([steps[:1], steps[1:] + steps[:-1], steps[-1:]])
-    length = np.linalg.norm(along, axis=1)
-    still = length <= 1e-9 * (length.max(initial=0.0) or 1.0)
-    if still.any():  # a point that is repeated keeps the direction from before it
-        last = np.maximum.accumulate(np.where(still, -1, np.arange(len(along))))
-        first = int(np.argmin(still))
-        along, length = (
-            along[np.where(last < 0, first, last)],
-            length[np.where(last < 0, first, last)],
-        )
-    tangents = along / np.where(length > 0.0, length, 1.0)[:, None]
-    normals = []
-    nx, ny, nz = np.eye(3)[np.abs(tangents[0]).argmin()].tolist()
-    for x, y, z in tangents.tolist():
-        d = nx * x + ny * y + nz * z
-        nx, ny, nz = nx - d * x, ny - d * y, nz - d * z
-        size = (nx * nx + ny * ny + nz * nz) ** 0.5
-        if size < 1e-6:  # the curve turned by a right angle into its own normal
-            nx, ny, nz = (y, -x, 0.0) if abs(z) < 0.9 else (0.0, z, -y)
-            size = (nx * nx + ny * ny + nz * nz) ** 0.5
-        nx, ny, nz = nx / size, ny / size, nz / size
-        normals.append((nx, ny, nz))
-    normal = np.array(normals)
-    return normal, np.cross(tangents, normal)
-
-
 def across(points: Array) -> tuple[float, float]:
     """The eye, in degrees, that sees most of points (k, 3): across their principal plane, but
     neither quite level nor from straight above, so that the picture has depth.
+
+    Source: Jolliffe, Principal Component Analysis, 2nd ed., section 1.1.
     """
     _, sizes, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
     if len(sizes) < 3 or sizes[2] >= 0.6 * sizes[0]:

@@ -38,6 +38,11 @@ class RodSection(Record):
                     f"stretch); got {len(getattr(self, name))}"
                 )
 
+    @property
+    def radius(self) -> float:
+        """2 sqrt(EI/EA), that of a full circle which bends as easily, in m."""
+        return float(2.0 * np.sqrt(min(self.stiffness[0], self.stiffness[1]) / self.stiffness[5]))
+
     @classmethod
     def of(
         cls, area: float, I1: float, I2: float, torsion: float, shear: float, young: float,

@@ -18,6 +18,7 @@ from ..groups.vector_space import VectorSpace
 from ..systems.bound_terms import BoundTerm
 from ..systems.graphs import Lattice, Within
 from ..systems.sums_of_terms import OfTerms
+from .even_boxes import edges_of_inertia
 from .linkage import Linkage
 from .poses import attitude, configurations, flies, is_pose, place, places, quaternions, turns
 
@@ -147,6 +148,20 @@ def inertia_of_sites(system: Any) -> Array | None:
                     rows.reshape(len(rows), -1), (group.copies, rows[0].size or 1)
                 )
     return None
+
+
+def edges_of_sites(system: Any) -> tuple[Array | None, bool]:
+    """How large bodies are, and whether that is to scale: of masses the cube roots, (sites, 1), of
+    bodies the edges of the boxes with their inertia, (sites, 3); None where it is not known.
+    """
+    inertia = inertia_of_sites(system)
+    if inertia is None:
+        return None, False
+    if is_place(base_of(system)):
+        return np.cbrt(inertia[:, :1]), False
+    edges = np.array([edges_of_inertia(J, 1.0) for J in inertia[:, :3]])
+    scaled = inertia.shape[1] > 3 and inertia[:, 3].min() > 0.0
+    return (edges / np.sqrt(inertia[:, 3:4]), True) if scaled else (edges, False)
 
 
 def atoms_of(system: Any) -> Array | None:

@@ -191,39 +191,41 @@ class ZeitlinSphere(LiePoissonSystem):
 
     def harmonics(self, mu: Any, degrees: int | None = None) -> np.ndarray:
         """The coefficients a[l, L + m] of the absolute vorticity up to degree L (default N - 1):
-        the inverse of `from_harmonics`.  mu : (N^2 - 1,).
+        the inverse of `from_harmonics`.  mu : (..., N^2 - 1); (..., L + 1, 2 L + 1).
         """
         n, f = self.n, self.matrix(mu)
         largest = n - 1 if degrees is None else min(degrees, n - 1)
-        found = np.zeros((largest + 1, 2 * largest + 1))
+        found = np.zeros((*f.shape[:-2], largest + 1, 2 * largest + 1))
         for m in range(largest + 1):
             j = np.arange(n - m)
             size = np.sqrt(n / (4.0 * np.pi)) if m == 0 else np.sqrt(n / (8.0 * np.pi))
-            own = self._along(m, largest).T @ f[j, j + m] / size
-            found[m:, largest + m] = own.real
+            own = f[..., j, j + m] @ self._along(m, largest) / size
+            found[..., m:, largest + m] = own.real
             if m:
-                found[m:, largest - m] = -own.imag
-        found[0] = 0.0
+                found[..., m:, largest - m] = -own.imag
+        found[..., 0, :] = 0.0
         return found
 
     def vorticity(
         self, mu: Any, latitude: Any, longitude: Any, degrees: int | None = None
     ) -> np.ndarray:
-        """The absolute vorticity on a grid, in rad/s.  latitude : (a,), longitude : (b,), in rad;
-        (a, b).  degrees : harmonics beyond are left out.
+        """The absolute vorticity on a grid, in rad/s.  mu : (..., N^2 - 1), latitude : (a,),
+        longitude : (b,), in rad; (..., a, b).  degrees : harmonics beyond are left out.
         """
         a = self.harmonics(mu, degrees)
-        largest, z = len(a) - 1, np.sin(real_array(latitude, "ZeitlinSphere.vorticity: latitude"))
+        largest, z = (
+            a.shape[-2] - 1,
+            np.sin(real_array(latitude, "ZeitlinSphere.vorticity: latitude")),
+        )
         phi = real_array(longitude, "ZeitlinSphere.vorticity: longitude")
-        found = np.zeros((len(z), len(phi)))
+        along = np.empty((*a.shape[:-2], len(z), 2 * largest + 1))  # by order, -L to L
         for m in range(largest + 1):
-            p = legendre(m, largest, z)
-            if m == 0:
-                found += (a[:, largest] @ p)[:, None]
-                continue
-            cosine, sine = (np.sqrt(2.0) * a[m:, largest + s * m] @ p for s in (1, -1))
-            found += np.outer(cosine, np.cos(m * phi)) + np.outer(sine, np.sin(m * phi))
-        return found
+            p = legendre(m, largest, z) * (np.sqrt(2.0) if m else 1.0)
+            for order in {m, -m}:
+                along[..., largest + order] = a[..., m:, largest + order] @ p
+        orders = np.arange(-largest, largest + 1)[:, None]
+        around = np.where(orders < 0, np.sin(-orders * phi), np.cos(orders * phi))
+        return np.asarray(along @ around)
 
     # ---------------------------------------------------------------- what is conserved
 

@@ -15,6 +15,8 @@ from .style import COLORS, new_figure, require_matplotlib
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+FIELD = (COLORS[0], "#f7f7f5", COLORS[1])
+"""The colours of the least value, of zero and of the largest."""
 PIXELS = 480
 """Across the sphere."""
 
@@ -62,7 +64,7 @@ def field(
         _between(given, north, east, *at) * (0.86 + 0.14 * ahead),  # paler towards its edge
         extent=(-1, 1, -1, 1),
         origin="lower",
-        cmap=LinearSegmentedColormap.from_list("field", [COLORS[0], "#f7f7f5", COLORS[1]]),
+        cmap=LinearSegmentedColormap.from_list("field", FIELD),
         vmin=-full,
         vmax=full,
         interpolation="bilinear",

@@ -10,28 +10,30 @@ The page is written here, around meshcat's file for browsers; its Python side is
 """
 
 from .animate import animate, live
-from .body import Body, Path
+from .body import Body
 from .content import Content
 from .drawing import Drawing
+from .field import Field
 from .links import Links
 from .live import Live
 from .motion import Motion
 from .points import Points
+from .rods import Rod
 from .scene import Scene
 from .sites import Sites, Spins
-from .vectors import Momentum, Nose, SpatialMomentum, Vertical
+from .vectors import Momentum, SpatialMomentum, Vertical
 
 __all__ = [
     "Body",
     "Content",
     "Drawing",
+    "Field",
     "Links",
     "Live",
     "Momentum",
     "Motion",
-    "Nose",
-    "Path",
     "Points",
+    "Rod",
     "Scene",
     "Sites",
     "SpatialMomentum",

@@ -11,8 +11,7 @@ import numpy as np
 from ..integrators.method import Method
 from ..simulation.integrate import integrate
 from ..systems.system import State, System
-from .choice import KNOWN, suited
-from .content import chosen, require
+from .choice import contents_of
 from .live import Live
 from .motion import Motion
 from .scene import FRAMES, Scene
@@ -43,10 +42,7 @@ def animate(
     Returns the Scene; `scene.runs[0]` is the run.  Raises what Scene and `integrate` raise.
     """
     known = frozenset(name for name, x in start.parts.items() if x is not None)
-    contents = (
-        suited(system, known, start.bodies is not None) if show is None else chosen(show, KNOWN)
-    )
-    require(contents, system, known)
+    contents = contents_of(system, known, start.bodies is not None, show)
     least = [name for name, x in system.essential_part(start).parts.items() if x is not None]
     needed = {*least, *(part for content in contents for part in content.needs(system))}
     record = [name for name in start.parts if name in needed]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,20 +13,23 @@ from ..errors import InvalidInput
 from ..models.even_boxes import box_of_inertia, inertia_of
 from ..models.heavy_top import HeavyTop, ReducedHeavyTop
 from ..models.kirchhoff import KirchhoffBody
-from ..models.poses import attitude, configurations, flies, is_pose, place, toward
+from ..models.poses import attitude, configurations, flies, is_pose, place, rotated, toward
 from ..models.rolling import Blade, Rolling
 from ..models.space_bodies import OrbitingBody
 from ..models.spacecraft import Spacecraft
 from ..systems.system import System
-from .content import Content, refuse
+from .content import UNITS, Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, box, box_edges, mesh_file, mixed, often, rod, segments, shares, turned
-from .vectors import AXES, MOST_POINTS, axis_of
+from .shapes import Shape, ball, box, mesh_file, mixed, often, segments, shares, turned
+from .thinning import Numbers, evenly
+from .vectors import AXES, MOST_POINTS, axis_of, triad
 
 Array = NDArray[np.float64]
 
 STONE = "#d5dbe5"
+ORBITS = OrbitingBody, Spacecraft
+"""Bodies with a centre to go round."""
 TRIAD = 0.75
 """Length of the axes of a top, whose nose is at 1."""
 FLYING = 0.17
@@ -43,19 +46,24 @@ class Body(Content):
     mesh : a file (.stl, .obj, .dae) to show instead of the box.  size : of the mesh's unit of
     length, in units of the picture,
     whose content fits a ball of radius 1.  triad : the axes of the body, one to three in red, green
-    and plum.  A top is a disc on a stick through its centre of mass, a body in a fluid an
+    and plum.  trail : the path of a body that flies, of a top that of its nose, where its axis meets the
+    unit sphere.
+    A top is a disc on a stick through its centre of mass, a body in a fluid an
     ellipsoid; what rolls is a ball on its plane and what glides a sleigh on its blade, both to
     scale.  Other bodies that fly are drawn larger than to scale.  Reaction wheels are discs on the
     faces, or corners, that their axes point at; a mark shows the spin.  The bodies of an ensemble
     are boxes, side by side unless they fly, at most 1000 of them, evenly chosen; their sides have
     the colours of the axes that come out of them.
+
+    Source: Goldstein, Classical Mechanics, 3rd ed., section 5.7 (the nose).
     """
 
-    panel: ClassVar[str] = "space"
+    panel = "space"
 
     mesh: str | PathLike[str] | None = None
     size: float = 1.0
     triad: bool = True
+    trail: bool = True
 
     def __post_init__(self) -> None:
         if not 0.0 < self.size < np.inf:
@@ -71,20 +79,18 @@ class Body(Content):
         """Yes, unless it flies: bodies that stay where they are would stand in each other's way."""
         return not flies(system)
 
-    def reach(self, motion: Motion) -> Array | None:
+    def reach(self, motion: Motion) -> Array:
         """The places to which the body comes, or where those of an ensemble stand."""
         if flies(motion.system):
             return _room(motion)
         if motion.bodies is None:
-            return None
+            return UNITS
         grid = _side_by_side(len(_shown(motion)))
         return np.concatenate([grid - 1.0, grid + 1.0])
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
         """The axes of the bodies of an ensemble."""
-        if motion.bodies is None:
-            return []
-        return [{"name": f"axis {k}", "color": color} for k, color in enumerate(AXES, start=1)]
+        return [] if motion.bodies is None else axes_legend()
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """A node with the attitude, and on it what the body is made of."""
@@ -116,48 +122,24 @@ class Body(Content):
             _octants(drawing, 0.5 * box_of_inertia(inertia_of(system)), color)
         else:
             edges = box_of_inertia(inertia_of(system))
-            edged_box(drawing, "body", edges, color)
+            drawing.add("body/box", box(edges, color))
             if isinstance(system, Spacecraft) and system.wheels is not None:
                 _wheels(drawing, np.array(system.wheels.axes), motion["g"][:, 12:], edges, color)
         if self.triad:
-            for k, axis in enumerate(AXES):
-                drawing.add(
-                    f"body/axis {k + 1}",
-                    rod(axis, 0.014),
-                    "" if flies(system) else "e" + "\u2081\u2082\u2083"[k],
-                    direction=np.eye(3)[k],
-                    scale=TRIAD if top else 1.2,
-                )
+            symbol, length = "" if flies(system) else "e", TRIAD if top else 1.2
+            triad(drawing, "body/axis", symbol, 0.014, length)
+        if self.trail and flies(system):
+            drawing.trail("path", drawing.panel.inside(where))
+        elif self.trail and top:
+            drawing.trail("nose", rotated(attitude(system, motion["g"]), axis_of(system)))
+        if isinstance(system, ORBITS):
+            centre = drawing.panel.inside(np.zeros(3))
+            drawing.once("centre", ball(0.05, "#C87F00"), position=centre)
 
     def note(self, motion: Motion) -> str:
         """Bodies that fly would be points."""
         scaled = not flies(motion.system) or _constraint(motion.system) is not None
         return "" if scaled else "the path is to scale, the body is not"
-
-
-@dataclass(frozen=True)
-class Path(Content):
-    """The path of a body that flies: the curve of its centre of mass, or of a point on a group of
-    translations.
-    """
-
-    def needs(self, system: System) -> tuple[str, ...]:
-        """The place, which is part of g."""
-        if not flies(system):
-            raise refuse(self, system, "the path of a body that flies")
-        return ("g",)
-
-    def reach(self, motion: Motion) -> Array:
-        """The path."""
-        return _room(motion)
-
-    def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """The trail."""
-        drawing.trail("path", drawing.panel.inside(place(motion.system, motion["g"])))
-        if isinstance(motion.system, (OrbitingBody, Spacecraft)):
-            drawing.once(
-                "centre", ball(0.05, "#C87F00"), position=drawing.panel.inside(np.zeros(3))
-            )
 
 
 # ------------------------------------------------------------------ pieces
@@ -167,14 +149,13 @@ def _room(motion: Motion) -> Array:
     """The path of a body, and what it orbits."""
     g = motion["g"]
     path = place(motion.system, g if motion.bodies is None else g.reshape(-1, *g.shape[2:]))
-    orbits = isinstance(motion.system, (OrbitingBody, Spacecraft))
-    return np.concatenate([path, np.zeros((1, 3))]) if orbits else path
+    return np.concatenate([path, np.zeros((1, 3))]) if isinstance(motion.system, ORBITS) else path
 
 
-def _shown(motion: Motion) -> Array:
+def _shown(motion: Motion) -> Numbers:
     """The numbers of the bodies of an ensemble that are drawn."""
     assert motion.bodies is not None
-    return np.unique(np.linspace(0, motion.bodies - 1, MOST_POINTS).round().astype(int))
+    return evenly(motion.bodies, MOST_POINTS)
 
 
 def _side_by_side(count: int) -> Array:
@@ -192,9 +173,19 @@ def _ensemble(motion: Motion, drawing: Drawing) -> None:
     if flies(system):
         where = panel.inside(place(system, each)).reshape(-1, count, 3)
         size = _size(system, panel.unit)
-    edges = size * box_of_inertia(inertia_of(system))
-    boxes = often(box(np.ones(3), "#ffffff"), count, [edges], sides=shares([*AXES, STONE]))
-    drawing.add("bodies", boxes, cloud=where, turns=attitude(system, each).reshape(-1, count, 4))
+    edges, turns = size * box_of_inertia(inertia_of(system)), attitude(system, each)
+    drawing.add("bodies", boxes(count, [edges]), cloud=where, turns=turns.reshape(-1, count, 4))
+
+
+def axes_legend() -> list[dict[str, Any]]:
+    """The colours of a body's axes."""
+    return [{"name": f"axis {k}", "color": color} for k, color in enumerate(AXES, start=1)]
+
+
+def boxes(count: int, edges: ArrayLike, **known: Any) -> Shape:
+    """Boxes whose sides have the colours of the axes that come out of them, as one object."""
+    sides = shares([*AXES, STONE])
+    return often(box(np.ones(3), "#ffffff"), count, edges, sides=sides, **known)
 
 
 def _constraint(system: Any) -> Any:
@@ -241,19 +232,10 @@ def _wheels(drawing: Drawing, axes: Array, angles: Array, edges: Array, color: s
         drawing.add(f"{path}/disc/mark", mark, position=[0.0, 0.5 * radius, 1.05 * thick])
 
 
-def edged_box(
-    drawing: Drawing, path: str, edges: Array, color: str, turn: ArrayLike = (0.0, 0.0, 0.0, 1.0)
-) -> None:
-    """A box whose edges are seen."""
-    drawing.add(f"{path}/box", box(edges, color), quaternion=turn)
-    dark = mixed(color, "#000000", 0.45)
-    drawing.add(f"{path}/edges", box_edges(edges * 1.001, dark), quaternion=turn)
-
-
 def _sleigh(drawing: Drawing, color: str) -> None:
     """A deck on a blade, which is one unit behind the centre of mass, and a ball in that."""
-    drawing.add("body/deck", position=[-0.35, 0.0, 0.45])
-    edged_box(drawing, "body/deck", np.array([2.4, 1.1, 0.16]), color)
+    deck = box(np.array([2.4, 1.1, 0.16]), color)
+    drawing.add("body/deck", deck, position=[-0.35, 0.0, 0.45])
     drawing.add("body/blade", box(np.array([0.9, 0.05, 0.4]), "#333333"), position=[-1.0, 0.0, 0.2])
     drawing.add("body/centre", ball(0.16, "#333333"), position=[0.0, 0.0, 0.55])
 

@@ -22,6 +22,9 @@ from ..errors import BrowserFailure, MissingProgram
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
+PATIENCE = 60.0
+"""The longest time in s that an answer may take."""
+
 FLAGS = (
     "--headless",
     "--remote-debugging-pipe",
@@ -55,7 +58,6 @@ class Chromium:
     def __init__(
         self,
         size: tuple[int, int] = (1000, 560),
-        patience: float = 60.0,
         flags: tuple[str, ...] = (),
     ) -> None:
         program = find()
@@ -65,46 +67,29 @@ class Chromium:
                 "this machine (Debian: apt-get install chromium). Scene.save writes the page "
                 "without it; lm.plots draws with Matplotlib"
             )
-        import fcntl
-
-        self.size, self.patience, self.events = size, patience, list[dict[str, Any]]()
+        self.size, self.events = size, list[dict[str, Any]]()
         self._sent, self._unread = 0, b""
         self._profile = tempfile.mkdtemp(prefix="liemech-browser-")
         (near_in, self._to), (self._from, near_out) = os.pipe(), os.pipe()
-        # clear of 3 and 4
-        theirs_in, theirs_out = (fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (near_in, near_out))
-        os.close(near_in)
-        os.close(near_out)
         asroot = ("--no-sandbox",) if os.geteuid() == 0 else ()
-        command = [
-            program,
-            *FLAGS,
-            *asroot,
-            *flags,
-            f"--user-data-dir={self._profile}",
-            "about:blank",
-        ]
+        profile = f"--user-data-dir={self._profile}"
         # it reads file descriptor 3 and writes 4: the shell puts them there, whatever their numbers
-        # are here
-        wire = [
-            "/bin/sh",
-            "-c",
-            f'exec "$@" 3</dev/fd/{theirs_in} 4>/dev/fd/{theirs_out}',
-            "sh",
-            *command,
-        ]
+        # are here; the later of two pipes is never 3
+        wire = f'exec "$@" 3</dev/fd/{near_in} 4>/dev/fd/{near_out}'
+        command = [program, *FLAGS, *asroot, *flags, profile, "about:blank"]
+        nothing = subprocess.DEVNULL
         try:
             self._process = subprocess.Popen(
-                wire,
-                pass_fds=(theirs_in, theirs_out),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
+                ["/bin/sh", "-c", wire, "sh", *command],
+                pass_fds=(near_in, near_out),
+                stdin=nothing,
+                stdout=nothing,
+                stderr=nothing,
                 start_new_session=True,
             )
         finally:
-            os.close(theirs_in)
-            os.close(theirs_out)
+            os.close(near_in)
+            os.close(near_out)
 
     def __enter__(self) -> Chromium:
         return self
@@ -136,7 +121,7 @@ class Chromium:
         self,
         method: str,
         session: str | None = None,
-        patience: float | None = None,
+        patience: float = PATIENCE,
         **parameters: Any,
     ) -> dict[str, Any]:
         """Ask something of the browser, or of the page `session`, and wait for the answer."""
@@ -150,11 +135,11 @@ class Chromium:
                 data = data[os.write(self._to, data) :]
         except BrokenPipeError:
             raise BrowserFailure("the browser ended") from None
-        until = time.monotonic() + (patience or self.patience)
+        until = time.monotonic() + patience
         while True:
             answer = self._next(until)
             if answer is None:
-                raise BrowserFailure(f"{method}: no answer in {patience or self.patience:g} s")
+                raise BrowserFailure(f"{method}: no answer in {patience:g} s")
             if answer.get("id") != self._sent:
                 self.events.append(answer)
             elif "error" in answer:

@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput, InvalidType, NotDefined
-from ..models.curves import ASIDE, across
+from ..models.curves import across
 from ..systems.system import System
 from .drawing import Drawing
 from .motion import Motion
 
 Array = NDArray[np.float64]
+
+UNITS = np.concatenate([np.eye(3), -np.eye(3)])
+"""The reach of contents that say nothing else: the ball of radius 1 about the origin."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +49,15 @@ class Content:
         """Does every run have a panel of its own?"""
         return False
 
-    def reach(self, motion: Motion) -> Array | None:
-        """Points that the panel must hold, (k, 3), in the units of the motion; None for a panel
-        that has none.
-        """
-        return None
+    def reach(self, motion: Motion) -> Array:
+        """Points that the panel must hold, (k, 3), in the units of the motion."""
+        return UNITS
 
     def eye(self, motion: Motion) -> tuple[float, float]:
         """The direction from which it is best seen, (azimuth, elevation) in degrees: across the
         plane in which most of it lies.
         """
-        points = self.reach(motion)
-        return ASIDE if points is None else across(points)
+        return across(self.reach(motion))
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
         """The meaning of its colours: each a "name" and a "color", of a "line" or of a dot, or for a

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..models.curves import is_smooth
 from ..models.poses import rotation, toward
-from .shapes import Shape, dots, tube
+from .shapes import Shape, ball, colored, often, plain, rod
 
 Array = NDArray[np.float64]
 
@@ -26,8 +27,9 @@ class Node:
 
     Channels: `position` (3), `quaternion` (4), `direction` (3), towards which the third axis
     points, `scale` (1), `reveal`, the segments of a trail that are behind the moving point, and of
-    what is there many times its places `cloud` (m, 3), of dots too, and arrows `vectors` (m, 3) or
-    attitudes `turns` (m, 4).  A `label` stands at the end of an arrow or a rod.
+    what is there many times its places `cloud` (m, 3), and arrows `vectors` (m, 3) or attitudes
+    `turns` (m, 4), of the points of a surface their colours `tones` (m,), from -1 to 1.  A `label`
+    stands at the end of an arrow or a rod.
     """
 
     path: str
@@ -43,6 +45,8 @@ class Node:
 class Panel:
     """One of the pictures side by side: what it is called, and which ball (centre and radius) of
     its own space it shows.
+
+    tips : of a motion of one sample the points at which trails are, and their colours.
     """
 
     path: str
@@ -50,6 +54,7 @@ class Panel:
     centre: Array
     unit: float
     nodes: dict[str, Node] = field(default_factory=dict)
+    tips: dict[str, tuple[Array, str]] = field(default_factory=dict)
 
     def inside(self, points: ArrayLike) -> Array:
         """Points in units of the panel."""
@@ -70,12 +75,13 @@ class Drawing:
 
     def add(
         self, path: str, shape: Shape | None = None, label: str = "", **channels: ArrayLike
-    ) -> None:
+    ) -> Node:
         """Put a shape, or an empty node for others to hang on, at a path below the run.
 
         Channels with one row for each time move; those whose rows do not differ are taken as one.
         """
         node = Node(f"{self.panel.path}/{self.name}/{path}", shape, clock=self.clock, label=label)
+        self.panel.nodes[node.path] = node
         for channel, values in channels.items():
             rows = np.asarray(values, dtype=float)
             if rows.ndim == RANK[channel]:
@@ -84,16 +90,47 @@ class Drawing:
                 node.still[channel] = rows[0]
             else:
                 node.moving[channel] = rows
-        self.panel.nodes[node.path] = node
+        return node
+
+    @property
+    def shared(self) -> Drawing:
+        """The pen for what all runs in the panel share."""
+        return replace(self, name=SHARED)
 
     def once(self, path: str, shape: Shape, label: str = "", **channels: ArrayLike) -> None:
         """Put a shape that all runs in the panel share."""
-        place = f"{self.panel.path}/{path}"
-        if place not in self.panel.nodes:
-            still = {
-                channel: np.asarray(values, dtype=float) for channel, values in channels.items()
-            }
-            self.panel.nodes[place] = Node(place, shape, still, label=label)
+        self.shared.add(path, shape, label, **channels)
+
+    def balls(
+        self, path: str, places: Array, sizes: ArrayLike, colors: str | Sequence[str], **known: Any
+    ) -> Node:
+        """Balls at places (n, m, 3) or (m, 3), as one object.  sizes : diameters, (1, 1) or (m, 1).
+        colors : one, or m of them.
+        """
+        count = places.shape[-2]
+        shape = often(ball(0.5, "#ffffff", rows=12 if count < 200 else 6), count, sizes, **known)
+        return self.add(path, colored(shape, colors), cloud=places)
+
+    def sticks(self, path: str, ends: Array, thick: float, colors: str | Sequence[str]) -> Node:
+        """Round sticks between pairs of points, (n, m, 2, 3) or (m, 2, 3), as one object.  thick : their
+        diameter.  colors : one, or m of them.
+        """
+        way, count = ends[..., 1, :] - ends[..., 0, :], ends.shape[-3]
+        length = np.linalg.norm(way.reshape(-1, count, 3)[0], axis=-1)
+        wide = thick / np.where(length > 0.0, length, 1.0)
+        sizes = np.column_stack([wide, wide, np.ones_like(wide)])
+        shape = colored(often(rod("#ffffff", 0.5, 8), count, sizes, room=0.0), colors)
+        return self.add(path, shape, cloud=ends[..., 0, :], vectors=way)
+
+    def curve(self, path: str, points: Array, color: str, thick: float = 0.018) -> Node:
+        """A curve (n, 3), or its points if it would be invented: lines are one pixel wide in WebGL."""
+        if is_smooth(points):
+            node = self.sticks(path, neighbours(points), thick, color)
+        else:
+            node = self.balls(path, points, [[0.03]], color)
+        assert node.shape is not None
+        node.shape = replace(node.shape, material=plain(color))
+        return node
 
     def trail(
         self,
@@ -103,44 +140,45 @@ class Drawing:
         fading: bool = True,
     ) -> None:
         """The curve behind a moving point, (n, 3): it grows with the time, and fades."""
-        if len(points) < 2:
-            return
-        smooth, color = is_smooth(points), color or self.color
-        shape = tube(points, color) if smooth else dots(points, color)
-        node = Node(f"{self.panel.path}/{self.name}/{path}", shape, clock=self.clock)
-        node.moving["reveal"], node.fading = np.arange(len(points), dtype=float), fading
-        self.panel.nodes[node.path] = node
+        color = color or self.color
+        if len(points) > 1:
+            node = self.curve(path, points, color)
+            node.moving["reveal"], node.fading = np.arange(len(points), dtype=float), fading
+        else:
+            self.panel.tips[f"{self.panel.path}/{self.name}/{path}"] = points[-1], color
 
 
-MANY = ("cloud", "vectors", "turns")
-"""The channels of what is there many times."""
+def neighbours(points: Array) -> Array:
+    """The pairs of points that follow each other, (..., m - 1, 2, 3)."""
+    return np.stack([points[..., :-1, :], points[..., 1:, :]], axis=-2)
 
-RANK = {"position": 1, "quaternion": 1, "direction": 1, "scale": 0} | dict.fromkeys(MANY, 2)
-"""How many axes a channel has at one time."""
 
-PLACED = ("position", "quaternion", "direction", "scale")
-"""The channels that a transform holds."""
+SHARED = "shared"
+"""What nodes are called that belong to no run."""
+
+PLACED = {"position": 1, "quaternion": 1, "direction": 1, "scale": 0}
+"""The channels that a transform holds, and how many axes they have at one time."""
+
+MANY = {"cloud": 2, "vectors": 2, "turns": 2, "tones": 1}
+"""Those of what is there many times."""
+
+RANK = PLACED | MANY
 
 
 def transform(still: dict[str, Array]) -> list[float]:
     """The 4x4 matrix, column by column, of the channels that stand still."""
     matrix = np.eye(4)
-    scale = float(still.get("scale", 1.0))
-    q = (
-        still["quaternion"]
-        if "quaternion" in still
-        else toward(still["direction"])
-        if "direction" in still
-        else None
-    )
-    matrix[:3, :3] = scale * (np.eye(3) if q is None else rotation(q))
+    q = still.get("quaternion", np.array([0.0, 0.0, 0.0, 1.0]))
+    if "direction" in still:
+        q = toward(still["direction"])
+    matrix[:3, :3] = float(still.get("scale", 1.0)) * rotation(q)
     matrix[:3, 3] = still.get("position", 0.0)
     return matrix.T.ravel().tolist()
 
 
 def commands(panels: list[Panel]) -> list[dict[str, Any]]:
     """The scene as it stands at the start, in the commands of meshcat: every object once, every
-    transform once.
+    transform that stands still once; the tracks move the others.
     """
     found: list[dict[str, Any]] = []
     for panel in panels:
@@ -149,10 +187,7 @@ def commands(panels: list[Panel]) -> list[dict[str, Any]]:
                 found.append(
                     {"type": "set_object", "path": node.path, "object": node.shape.three(node.path)}
                 )
-            first = {c: values for c, values in node.still.items() if c in PLACED}
-            first |= {c: rows[0] for c, rows in node.moving.items() if c in PLACED}
-            if first:
-                found.append(
-                    {"type": "set_transform", "path": node.path, "matrix": transform(first)}
-                )
+            if PLACED.keys() & node.still.keys():
+                matrix = transform(node.still)
+                found.append({"type": "set_transform", "path": node.path, "matrix": matrix})
     return found

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,16 +14,19 @@ from ..models.link import LinkShape
 from ..models.linkage import Linkage
 from ..models.poses import quaternions
 from ..systems.system import System
-from .body import STONE, edged_box
+from .body import STONE
 from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, mesh_file, mixed, often, rod, turned
+from .shapes import ball, box, mesh_file, mixed, often, turned
 
 Array = NDArray[np.float64]
 
 THIN = 0.03
 """The least thickness of a link, in units of the picture: thinner ones are drawn that thick."""
+
+GROUND = -1
+"""The number of the ground, which is the last body."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,8 @@ class Links(Content):
     draws none.
     """
 
-    panel: ClassVar[str] = "links"
-    title: ClassVar[str] = "in space"
+    panel = "links"
+    title = "in space"
 
     trail: int | None = -1
 
@@ -57,71 +59,61 @@ class Links(Content):
         """Where the joints and the centres of mass come."""
         system, poses = _read(motion)
         seen = [
-            (one.body, (np.array(one.pose) @ [*(half * np.array(one.size)), 1.0])[:3])
+            (
+                GROUND if one.body is None else one.body,
+                (np.array(one.pose) @ [*(half * np.array(one.size)), 1.0])[:3],
+            )
             for one in system.shapes
             for half in (-0.5, 0.5)
         ]
-        joints = [_placed(poses, number, at) for number, at in _points(system) + seen]
-        return np.concatenate([*joints, poses[:, :, :3, 3].reshape(-1, 3)])
+        found = [_placed(poses, _ends(system) + seen), poses[:, :-1, :3, 3]]
+        return np.concatenate(found, axis=1).reshape(-1, 3)
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """A node for each body, which carries its box, and the joints on arms from its centre of
-        mass.
+        """A node for each body and the ground, which carries its box or its shapes, and the joints on
+        arms from the centres of mass.
         """
         system, poses = _read(motion)
-        unit, color = drawing.panel.unit, mixed(STONE, drawing.color, 0.18)
-        drawing.add("ground", position=drawing.panel.inside(np.zeros(3)))
-        for k, link in enumerate(system.links):
-            place = drawing.panel.inside(poses[:, k, :3, 3])
-            drawing.add(
-                f"link {k + 1}", quaternion=quaternions(poses[:, k, :3, :3]), position=place
-            )
-            if system.shapes:
-                continue
-            axes, edges = principal_box(link)
-            turn, size = quaternions(axes[None])[0], np.maximum(edges / unit, THIN)
-            edged_box(drawing, f"link {k + 1}", size, color, turn)
-            for n, at in enumerate([at for number, at in _points(system) if number == k], start=1):
-                drawing.add(
-                    f"link {k + 1}/joint {n}", ball(0.8 * THIN, drawing.color), position=at / unit
-                )
-                if at.any():
-                    length = float(np.linalg.norm(at)) / unit
-                    drawing.add(
-                        f"link {k + 1}/arm {n}", rod(color, 0.3 * THIN), direction=at, scale=length
-                    )
+        inside, unit, ends = drawing.panel.inside, drawing.panel.unit, _ends(system)
+        color, joints = mixed(STONE, drawing.color, 0.18), _placed(poses, ends)
+        names = [*(f"link {k + 1}" for k in range(len(system.links))), "ground"]
+        for k, name in enumerate(names):
+            turns = quaternions(poses[:, k, :3, :3])
+            drawing.add(name, quaternion=turns, position=inside(poses[:, k, :3, 3]))
         for n, one in enumerate(system.shapes):
-            node = f"link {one.body + 1}" if one.body is not None else "ground"
-            pose, node = np.array(one.pose), f"{node}/shape {n + 1}"
-            drawing.add(
-                node, quaternion=quaternions(pose[None, :3, :3])[0], position=pose[:3, 3] / unit
+            pose, node = (
+                np.array(one.pose),
+                f"{names[GROUND if one.body is None else one.body]}/shape {n + 1}",
             )
+            turn = quaternions(pose[None, :3, :3])[0]
+            drawing.add(node, quaternion=turn, position=pose[:3, 3] / unit)
             _shape(drawing, node, one, np.array(one.size) / unit, color)
-        grounded = [at for number, at in _points(system) if number is None and not system.shapes]
-        for n, at in enumerate(grounded, start=1):
-            drawing.once(f"support {n}", ball(THIN, "#333333"), position=drawing.panel.inside(at))
-        for n, joint in enumerate(joint for joint in system.joints if isinstance(joint, RigidRod)):
-            ends = [
-                _placed(poses, joint.first, joint.at_first),
-                _placed(poses, joint.second, joint.at_second),
-            ]
-            way = ends[1] - ends[0]
-            drawing.add(
-                f"rod {n + 1}",
-                rod(mixed(color, "#000000", 0.45)),
-                position=drawing.panel.inside(ends[0]),
-                direction=way,
-                scale=joint.length / unit,
-            )
+        for name, link in zip(names, () if system.shapes else system.links):
+            axes, edges = principal_box(link)
+            solid = box(np.maximum(edges / unit, THIN), color)
+            drawing.add(f"{name}/box", solid, quaternion=quaternions(axes[None])[0])
+        if not system.shapes:
+            colors = ["#333333" if body == GROUND else drawing.color for body, _ in ends]
+            sizes = [[2.0 * THIN if body == GROUND else 1.6 * THIN] for body, _ in ends]
+            drawing.balls("joints", inside(joints), sizes, colors)
+            carried = [k for k, (body, _) in enumerate(ends) if body != GROUND]
+            centres = poses[:, [ends[k][0] for k in carried]][..., :3, 3]
+            arms = np.stack([centres, joints[:, carried]], axis=2)
+            drawing.sticks("arms", inside(arms), 0.6 * THIN, color)
+        rods = [k for k, one in enumerate(system.joints) if isinstance(one, RigidRod)]
+        if rods:
+            both = joints.reshape(len(poses), -1, 2, 3)[:, rods]
+            drawing.sticks("rods", inside(both), THIN, mixed(color, "#000000", 0.45))
         if self.trail is not None:
-            drawing.trail("trail", drawing.panel.inside(poses[:, self.trail, :3, 3]))
+            drawing.trail("trail", inside(system.poses(motion["g"])[:, self.trail, :3, 3]))
 
 
 def _shape(drawing: Drawing, node: str, one: LinkShape, size: Array, color: str) -> None:
     """A shape of a link, of this size in units of the picture."""
     color = one.color or color
     if one.kind == "box":
-        return edged_box(drawing, node, size, color)
+        drawing.add(f"{node}/box", box(size, color))
+        return
     shape = mesh_file(one.file, color) if one.file else ball(0.5, color)
     if one.kind == "cylinder":
         shape = turned([(0.0, -0.5), (0.5, -0.5), (0.5, 0.5), (0.0, 0.5)], color, 32)
@@ -129,27 +121,30 @@ def _shape(drawing: Drawing, node: str, one: LinkShape, size: Array, color: str)
 
 
 def _read(motion: Motion) -> tuple[Linkage, Array]:
+    """The linkage, and the poses of its bodies and of the ground, (n, bodies + 1, 4, 4)."""
     system = motion.system
     if motion.bodies is not None:
         raise InvalidInput(
             "Links shows one linkage; choose one of the ensemble, as in Scene(run, body=0)"
         )
     assert isinstance(system, Linkage)
-    return system, system.poses(motion["g"])
+    poses = system.poses(motion["g"])
+    return system, np.concatenate([poses, np.tile(np.eye(4), (len(poses), 1, 1, 1))], axis=1)
 
 
-def _points(system: Linkage) -> list[tuple[int | None, Array]]:
-    """Where the joints are: numbers of bodies, None for the ground, and points in their axes."""
+def _ends(system: Linkage) -> list[tuple[int, Array]]:
+    """The ends of the joints, two of each: the number of a body, GROUND for none, and the point in its
+    axes.
+    """
     return [
-        (number, np.array(at, dtype=float))
+        (GROUND if body is None else body, np.array(at, dtype=float))
         for joint in system.joints
-        for number, at in ((joint.first, joint.at_first), (joint.second, joint.at_second))
+        for body, at in ((joint.first, joint.at_first), (joint.second, joint.at_second))
     ]
 
 
-def _placed(poses: Array, number: int | None, at: object) -> Array:
-    """A point of a body, or of the ground, in space, (n, 3)."""
-    point = np.array(at, dtype=float)
-    if number is None:
-        return np.broadcast_to(point, (len(poses), 3))
-    return poses[:, number, :3, :3] @ point + poses[:, number, :3, 3]
+def _placed(poses: Array, points: list[tuple[int, Array]]) -> Array:
+    """Points of bodies in space, (n, k, 3)."""
+    g = poses[:, [body for body, _ in points]]
+    at = np.array([point for _, point in points])[..., None]
+    return (g[..., :3, :3] @ at)[..., 0] + g[..., :3, 3]

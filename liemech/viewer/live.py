@@ -8,54 +8,21 @@ import json
 import secrets
 import threading
 import webbrowser
-from dataclasses import dataclass, field
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput, MissingExtra
 from ..systems.system import State
-from .drawing import RANK, Drawing
+from .drawing import SHARED, Drawing
 from .motion import Motion
-from .shapes import Shape, number
+from .page import page
+from .shapes import number
 
 if TYPE_CHECKING:
     from .scene import Scene
 
 RATE = 60.0
 """Pictures a second, at most: of states that come faster the last one is shown."""
-
-
-@dataclass(frozen=True)
-class Pen(Drawing):
-    """Draws a single state into a scene that stands: no shapes, only where they are now."""
-
-    nodes: dict[str, dict[str, Any]] = field(default_factory=dict)
-    trails: dict[str, list[list[float]]] = field(default_factory=dict)
-
-    def add(
-        self, path: str, shape: Shape | None = None, label: str = "", **channels: ArrayLike
-    ) -> None:
-        """Where a node is."""
-        now = {}
-        for channel, values in channels.items():
-            rows = np.asarray(values, dtype=float)
-            now[channel] = (rows if rows.ndim == RANK[channel] else rows[0]).ravel().tolist()
-        self.nodes[f"{self.panel.path}/{self.name}/{path}"] = now
-
-    def once(self, path: str, shape: Shape, label: str = "", **channels: ArrayLike) -> None:
-        """Nothing to do: all runs share what is there already."""
-
-    def trail(
-        self,
-        path: str,
-        points: NDArray[np.float64],
-        color: str | None = None,
-        fading: bool = True,
-    ) -> None:
-        """The newest point."""
-        self.trails[f"{self.panel.path}/{self.name}/{path}"] = points[-1:].tolist()
 
 
 class Live:
@@ -85,8 +52,7 @@ class Live:
         self._scene, self._panels = scene, {panel.path: panel for panel in scene.panels()}
         self._states: dict[int, tuple[float, State]] = {}
         self._pages: set[Any] = set()
-        self._waiting, self._closed, self._seen = False, False, threading.Event()
-        self._lock = threading.Lock()
+        self._closed, self._seen = False, threading.Event()
         self._refused: Exception | None = None
         self._shown: dict[int, tuple[float, State]] | None = None
         sockets = bind_sockets(0, "127.0.0.1")
@@ -122,12 +88,7 @@ class Live:
             raise InvalidInput(
                 f"Live.display: a state before this one could not be shown: {refused}"
             ) from refused
-        with self._lock:
-            self._states[run] = float(t), state
-            if self._waiting:
-                return
-            self._waiting = True
-        self._loop.call_soon_threadsafe(self._flush)
+        self._states = self._states | {run: (float(t), state)}
 
     def wait(self, timeout: float = 30.0) -> bool:
         """Wait until a page is open; False if none is after `timeout` seconds."""
@@ -168,8 +129,7 @@ class Live:
             def open(self, *args: str, **kwargs: str) -> None:
                 live._pages.add(self)
                 live._seen.set()
-                if live._states:
-                    live._flush()
+                live._shown = None
 
             def on_message(self, message: str | bytes) -> None:
                 """Pages have nothing to say."""
@@ -179,10 +139,8 @@ class Live:
 
         class Document(tornado.web.RequestHandler):
             def get(self) -> None:
-                from .page import page
-
                 self.set_header("Cache-Control", "no-store")
-                self.write(page(live._scene, False, f"ws://{live._address}/stream"))
+                self.write(page(live._scene, socket=f"ws://{live._address}/stream"))
 
         prefix = self._address.partition("/")[2]
         application = tornado.web.Application(log_function=lambda handler: None)
@@ -191,56 +149,51 @@ class Live:
         application.add_handlers(r"127\.0\.0\.1", routes)
         server = tornado.httpserver.HTTPServer(application)
         server.add_sockets(sockets)
+        self._send()
         try:
             self._loop.run_forever()
         finally:
             server.stop()
-            for page in list(self._pages):
-                page.close()
+            for reader in list(self._pages):
+                reader.close()
             self._loop.run_until_complete(asyncio.sleep(0.05))  # for the goodbyes
             self._loop.run_until_complete(server.close_all_connections())
             self._loop.close()
 
-    def _flush(self) -> None:
-        """Send the last states to all pages; those that come meanwhile wait for the next picture."""
-        with self._lock:
-            self._waiting = False
-        if not self._pages:
+    def _send(self) -> None:
+        """Send the last states to all pages if they, or a page, are new; again for the next picture."""
+        self._loop.call_later(1.0 / RATE, self._send)
+        states = self._states
+        if not self._pages or not states or states is self._shown:
             return
+        self._shown = states
         try:
-            message = self._update()
+            message = self._update(states)
         # of a content of the user's, or of numbers that are not finite: the next `display` tells
         except Exception as refused:
             self._refused = refused
             return
-        for page in list(self._pages):
-            page.write_message(message)
-        with self._lock:
-            self._waiting = True
-        self._loop.call_later(1.0 / RATE, self._next)
+        for reader in list(self._pages):
+            reader.write_message(message)
 
-    def _next(self) -> None:
-        with self._lock:
-            self._waiting = False
-        if self._shown != self._states:
-            self._flush()
-
-    def _update(self) -> str:
+    def _update(self, states: dict[int, tuple[float, State]]) -> str:
         """The last states as they are drawn, in JSON."""
-        with self._lock:
-            states = self._shown = dict(self._states)
         nodes: dict[str, Any] = {}
         trails: dict[str, Any] = {}
         colors: dict[str, int] = {}
         for run, (t, state) in states.items():
-            one = self._scene.shown[run]
+            one, name = self._scene.shown[run], f"run {run + 1}"
             motion = Motion.moment(one.motion.system, t, state, one.motion.sites)
-            for panel, content in self._scene.places(run):
-                pen = Pen(self._panels[panel], f"run {run + 1}", one.color, run)
-                content.draw(motion, pen)
-                nodes |= {path: channels for path, channels in pen.nodes.items() if channels}
-                trails |= pen.trails
-                colors |= dict.fromkeys(pen.trails, number(one.color))
+            for path, content in self._scene.places(run):
+                panel = self._panels[path]
+                shared = {p: node for p, node in panel.nodes.items() if f"/{SHARED}/" in p}
+                now = replace(panel, nodes=dict(shared), tips={})
+                content.draw(motion, Drawing(now, name, one.color, run))
+                for p, (point, color) in now.tips.items():
+                    trails[p], colors[p] = [point.tolist()], number(color)
+                for p, node in now.nodes.items():
+                    if p not in shared and node.still:
+                        nodes[p] = {c: rows.ravel().tolist() for c, rows in node.still.items()}
         latest = max(t for t, _ in states.values())
         return json.dumps(
             {"t": latest, "nodes": nodes, "trails": trails, "colors": colors}, allow_nan=False

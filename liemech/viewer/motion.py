@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..errors import InvalidInput, InvalidType
 from ..formulas import check_finite, real_array
@@ -120,9 +120,6 @@ class Motion:
                 "in viewer.Scene(run, body=0)"
             )
         chosen, note = shown_sites(run.system, sites)
-        some = chosen
-        if isinstance(run, Motion) and run.sites is not None:
-            chosen, some, note = run.sites, np.arange(len(run.sites)), run.note
         numbers = 0
         if chosen is not None:
             if bodies is not None:
@@ -133,10 +130,8 @@ class Motion:
             numbers = len(chosen) * (7 if "g" in states else 3)
 
         def shown(kept: NDArray[np.intp]) -> dict[str, Any]:
-            if some is None:
-                return {name: rows[kept] for name, rows in states.items()}
-            by_sites = {name: by_site(run.system, name, rows) for name, rows in states.items()}
-            return {name: rows[np.ix_(kept, some)] for name, rows in by_sites.items()}
+            some = kept if chosen is None else np.ix_(kept, chosen)
+            return {name: by_site(run.system, name, rows)[some] for name, rows in states.items()}
 
         kept, notes = shown_samples(len(t), frames, numbers), [note] if note else []
         left_out = len(t) / len(kept)
@@ -146,7 +141,7 @@ class Motion:
         ):
             kept = np.arange(len(kept))
             notes.append(f"the first {len(kept):,} of {len(t):,} samples, to t = {t[kept[-1]]:.6g}")
-        elif left_out > 1.0:
+        elif left_out >= 2.0:  # fewer are not missed
             notes.append(f"{len(kept):,} of {len(t):,} samples")
         found = shown(kept)
         angle = turn(run.system, *({n: x[k] for n, x in found.items()} for k in (FIRST, LATER)))
@@ -159,9 +154,7 @@ class Motion:
     def moment(
         cls, system: System, t: float, state: State, sites: NDArray[np.intp] | None = None
     ) -> Motion:
-        """A single state, as a motion of one sample; not checked, for it comes from `system.state`
-        or from a step.  sites : the numbers of those that are shown.
-        """
+        """A single state, as a motion of one sample.  sites : the numbers of those that are shown."""
         states = {
             name: np.asarray(x, dtype=float)[None]
             for name, x in state.parts.items()
@@ -169,10 +162,7 @@ class Motion:
         }
         if sites is not None:
             states = {name: by_site(system, name, x)[:, sites] for name, x in states.items()}
-        motion = object.__new__(cls)
-        values = {"system": system, "t": np.array([t]), "states": states}
-        motion.__dict__.update(values, bodies=state.bodies, sites=sites)
-        return motion
+        return cls(system, np.array([t]), states, state.bodies, sites)
 
     def __len__(self) -> int:
         return len(self.t)
@@ -180,9 +170,3 @@ class Motion:
     def __getitem__(self, part: str) -> NDArray[np.float64]:
         """The rows of one part of the state."""
         return self.states[part]
-
-
-def times(t: ArrayLike) -> NDArray[np.float64]:
-    """Playing time from the first sample: it rises whichever way the motion runs."""
-    array = np.asarray(t, dtype=float)
-    return np.abs(array - array[0])

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import MissingExtra
-from .drawing import MANY, RANK, Node, commands
+from .drawing import MANY, Node, commands
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -26,8 +26,12 @@ HEIGHT = 460
 """Of the frame in a notebook, in pixels."""
 
 
-def page(scene: Scene, compressed: bool, socket: str = "") -> str:
-    """The whole page.  socket : where a live one listens."""
+def page(scene: Scene, *, compressed: bool = False, socket: str = "") -> str:
+    """The page: everything in one text, which fetches nothing.
+
+    compressed : less than half as large; browsers since 2023 open it.  socket : where a live one
+    listens.
+    """
     content = encoded(described(scene) | ({"socket": socket} if socket else {}))
     connect = f"connect-src {socket}" if socket else "connect-src 'none'"
     parts = {  # the large ones last: every other one is looked for in a short text
@@ -51,7 +55,6 @@ def described(scene: Scene) -> dict[str, Any]:
     """The scene as data: its panels, the commands that build it, the tracks along which it moves."""
     panels = scene.panels()
     nodes = [node for panel in panels for node in panel.nodes.values()]
-    named = [one for one in scene.shown if one.name]
     return {
         "start": scene.start,
         "sign": -1 if any(one.motion.t[-1] < one.motion.t[0] for one in scene.shown) else 1,
@@ -60,7 +63,7 @@ def described(scene: Scene) -> dict[str, Any]:
         "view": scene.view,
         "joined": [scene.interpolate and one.motion.joined for one in scene.shown],
         "title": scene.title,
-        "legend": [{"name": one.name, "color": one.color} for one in named] + scene.legend(),
+        "legend": scene.legend(),
         "notes": scene.notes(),
         "unit": scene.unit,
         "axes": any(content.of_space for one in scene.shown for content in one.contents),
@@ -75,27 +78,16 @@ def described(scene: Scene) -> dict[str, Any]:
 def tracks(node: Node) -> list[dict[str, Any]]:
     """The channels of a node that move."""
     found = []
-    often = node.shape is not None and node.shape.many is not None
-    still = {c: rows[None] for c, rows in node.still.items() if often and c in MANY}
+    still = {channel: rows[None] for channel, rows in node.still.items() if channel in MANY}
     for channel, rows in (still | node.moving).items():
         track: dict[str, Any] = {"path": node.path, "channel": channel, "clock": node.clock}
-        if channel == "reveal" and node.shape is not None:
-            track |= {"each": node.shape.per_segment, "first": node.shape.per_start}
-            track["fading"] = node.fading
-        elif channel in MANY:
-            largest = float(np.abs(rows).max()) or 1.0
-            track |= {
-                "values": np.round(rows / largest * 32767.0).astype(np.int16).ravel(),
-                "unit": largest / 32767.0,
-            }
-            track |= {"width": int(rows[0].size)}
+        if channel == "reveal" and node.shape is not None:  # how many are there at the start
+            track |= {"first": node.shape.known["count"] + 1 - len(rows), "fading": node.fading}
         else:
-            track |= {
-                "values": rows.astype(np.float32).ravel(),
-                "width": 3 if RANK[channel] and channel != "quaternion" else 4,
-            }
-            if channel == "scale":
-                track["width"] = 1
+            track |= {"values": rows.astype(np.float32).ravel(), "width": int(rows[0].size)}
+        if channel in MANY and len(rows) > 1:  # two bytes each are enough for a screen
+            unit = (float(np.abs(rows).max()) or 1.0) / 32767.0
+            track |= {"values": np.round(rows / unit).astype(np.int16).ravel(), "unit": unit}
         found.append(track)
     return found
 
@@ -105,11 +97,8 @@ def encoded(content: Any) -> str:
 
     def array(value: Any) -> Any:
         if isinstance(value, np.ndarray):
-            name = f"{ {'f': 'Float', 'u': 'Uint', 'i': 'Int'}[value.dtype.kind] }{8 * value.dtype.itemsize}Array"
-            return {
-                "$": name,
-                "b": base64.b64encode(np.ascontiguousarray(value).data).decode("ascii"),
-            }
+            data = base64.b64encode(np.ascontiguousarray(value).data).decode("ascii")
+            return {"$": f"{value.dtype.name.title()}Array", "b": data}
         raise TypeError(f"{type(value).__name__} does not go into a page")
 
     return json.dumps(content, default=array, allow_nan=False, separators=(",", ":")).replace(
@@ -165,18 +154,15 @@ def packed_code() -> str:
 
 
 def opened(scene: Scene) -> Path:
-    """The page in the browser, from a temporary file."""
-    with tempfile.NamedTemporaryFile(
-        "w", prefix="liemech-", suffix=".html", delete=False, encoding="utf-8"
-    ) as file:
-        file.write(page(scene, False))
-    webbrowser.open(Path(file.name).as_uri())
-    return Path(file.name)
+    """Open the page in the browser.  Returns the temporary file that holds it."""
+    file = scene.save(Path(tempfile.mkdtemp(prefix="liemech-")) / "scene.html")
+    webbrowser.open(file.as_uri())
+    return file
 
 
 def frame(scene: Scene) -> str:
-    """The page in a frame of its own, which can reach nothing of the page around it."""
-    content = html.escape(page(scene, True), quote=True)
+    """The page in a frame, for notebooks, which can reach nothing of the page around it."""
+    content = html.escape(page(scene, compressed=True), quote=True)
     return (
         f'<iframe sandbox="allow-scripts" style="width:100%;height:{HEIGHT}px;border:0" srcdoc="{content}" '
         f'title="{html.escape(scene.title or "liemech", quote=True)}"></iframe>'

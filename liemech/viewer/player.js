@@ -36,22 +36,20 @@ function startPlayer() {
 
   for (const command of scene.commands) viewer.handle_command(command);
   const panels = scene.panels.map((panel) => ({ ...panel, object: node(panel.path).object, rect: [0, 0, 1, 1] }));
-  const dots = [];
   viewer.scene.traverse((object) => {
     const normal = object.geometry && object.geometry.attributes.normal;
     if (normal && unknown(normal.array)) object.geometry.computeVertexNormals();
+    const { type } = object.geometry || {};
+    if (type === "LatheGeometry") object.geometry.rotateX(Math.PI / 2); // about the third axis
+    if (type === "BoxGeometry" && object.type === "Mesh") { // with its edges
+      const color = object.material.color.clone().multiplyScalar(0.55);
+      object.add(new THREE.LineSegments(new THREE.EdgesGeometry(object.geometry), new THREE.LineBasicMaterial({ color })));
+      object.children[0].scale.setScalar(1.002);
+    }
     if (object.isInstancedMesh) {
       object.frustumCulled = false;
       if (object.userData.sides) paintSides(object);
       object.instanceMatrix = new THREE.InstancedBufferAttribute(new Float32Array(16 * object.count), 16);
-    }
-    if (object.isPoints) {
-      dots.push({ material: object.material, size: object.material.size });
-      object.frustumCulled = false; // they move without their bounds
-      object.material.onBeforeCompile = (shader) => {
-        const place = "#include <clipping_planes_fragment>";
-        shader.fragmentShader = shader.fragmentShader.replace(place, place + "\nif (length(gl_PointCoord - 0.5) > 0.5) discard;");
-      };
     }
   });
 
@@ -137,12 +135,12 @@ function startPlayer() {
     const TIMES = 24, MOST = 200;
     for (const panel of panels) panel.extent = [];
     for (let n = 0; n <= TIMES; n++) {
-      for (const track of tracks) move(track, scene.duration * n / TIMES);
+      for (const track of moving) move(track, scene.duration * n / TIMES);
       viewer.scene.updateMatrixWorld();
       for (const { object: root, extent } of panels) root.traverse((object) => {
         if (!object.geometry || !object.geometry.attributes.position) return;
-        const { cloud, sizes } = object.userData, p = cloud || object.geometry.attributes.position.array;
-        const every = 3 * Math.ceil(p.length / 3 / MOST), room = cloud ? Math.max(...sizes.slice(0, 3000)) / 2 : 0;
+        const { cloud, room = 0 } = object.userData, p = cloud || object.geometry.attributes.position.array;
+        const every = 3 * Math.ceil(p.length / 3 / MOST);
         for (let k = 0; k < p.length; k += every) for (const r of room ? [-room, room] : [0]) {
           extent.push(new THREE.Vector3(p[k] + r, p[k + 1] + r, p[k + 2] + r).applyMatrix4(object.matrixWorld));
         }
@@ -170,8 +168,6 @@ function startPlayer() {
     camera.fov = 2 * Math.atan(Math.tan(FIELD / 2) / Math.min(1, camera.aspect)) * 180 / Math.PI;
     const [left, top, size] = panel.part || [0, 0, 1];
     camera.setViewOffset(w, h, left * w, top * h, size * w, size * h);
-    // three.js measures dots by the height of the whole page, not by the field of view
-    for (const dot of dots) dot.material.size = dot.size * Math.min(w, h) / (pane.clientHeight * Math.tan(FIELD / 2) * size);
   }
 
   function drawAxes() { // the directions of the scene's axes on the screen
@@ -180,7 +176,7 @@ function startPlayer() {
       return [name, v.x.toFixed(3), (-v.y).toFixed(3)];
     });
     $("axes").innerHTML = ends.map(([name, x, y]) => `<line x2="${26 * x}" y2="${26 * y}"/>` +
-      (Math.hypot(x, y) > 0.15 ? `<text x="${35 * x}" y="${35 * y}">${name}</text>` : "")).join("");
+      (Math.hypot(x, y) > 0.4 ? `<text x="${35 * x}" y="${35 * y}">${name}</text>` : "")).join("");
   }
 
   const right = new THREE.Vector3(), up = new THREE.Vector3();
@@ -222,21 +218,20 @@ function startPlayer() {
     quaternion: (object, v) => object.quaternion.fromArray(v),
     direction: (object, v) => object.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), new THREE.Vector3().fromArray(v).normalize()),
     scale: (object, v) => object.scale.setScalar(v[0]),
-    cloud: (object, v) => {
-      if (object.isInstancedMesh) return hold(object, "cloud", v);
-      const position = object.geometry.attributes.position;
-      position.array.set(v);
-      position.needsUpdate = true;
+    tones: (object, v) => { // of the points of a surface
+      const rows = new Float32Array(3 * v.length);
+      v.forEach((tone, k) => toned(tone, object.userData.colors).toArray(rows, 3 * k));
+      object.geometry.setAttribute("color", new THREE.BufferAttribute(rows, 3));
     },
-    vectors: (object, v) => hold(object, "vectors", v),
-    turns: (object, v) => hold(object, "turns", v),
   };
 
   // what is there many times, and moves: its places, and its arrows or turns
   const moved = new Set();
-  const hold = (object, name, v) => { object.userData[name] = v; moved.add(object); };
+  for (const name of ["cloud", "vectors", "turns"]) setters[name] = (object, v) => { object.userData[name] = v; moved.add(object); };
+  const inner = [...Object.keys(setters).slice(4), "reveal"]; // what belongs to the object, not to its place
   const p = new THREE.Vector3(), q = new THREE.Quaternion(), s = new THREE.Vector3(), d = new THREE.Vector3();
   const third = new THREE.Vector3(0, 0, 1), matrix = new THREE.Matrix4(), paint = new THREE.Color(), hue = new THREE.Color();
+  const toned = (tone, colors) => paint.fromArray(colors[1]).lerp(hue.fromArray(colors[tone < 0 ? 0 : 2]), Math.abs(tone));
   function place(object) {
     const { count, sizes, cloud, vectors, turns, colors, axis, tints } = object.userData;
     const each = sizes.length > 3 ? 3 : 0;
@@ -250,10 +245,8 @@ function startPlayer() {
         s.multiplyScalar(length);
       }
       object.setMatrixAt(k, matrix.compose(p, q, s));
-      if (colors) {
-        const along = d.x * axis[0] + d.y * axis[1] + d.z * axis[2], end = colors[along < 0 ? 0 : 2], f = Math.abs(along);
-        object.setColorAt(k, paint.fromArray(colors[1]).lerp(hue.fromArray(end), f));
-      } else if (tints) object.setColorAt(k, paint.fromArray(tints, 3 * k));
+      if (colors) object.setColorAt(k, toned(d.x * axis[0] + d.y * axis[1] + d.z * axis[2], colors));
+      else if (tints) object.setColorAt(k, paint.fromArray(tints, 3 * k));
     }
     object.instanceMatrix.needsUpdate = true;
     if (object.instanceColor) object.instanceColor.needsUpdate = true;
@@ -261,17 +254,20 @@ function startPlayer() {
   const placeAll = () => { moved.forEach(place); moved.clear(); };
 
   const tracks = scene.tracks.map((track) => {
-    const found = node(track.path), thing = found.children["<object>"];
-    const object = ["cloud", "vectors", "turns", "reveal"].includes(track.channel) ? thing.object : found.object;
+    const found = node(track.path), object = (inner.includes(track.channel) ? found.children["<object>"] : found).object;
     return { ...track, object, times: scene.clocks[track.clock], now: new Array(track.width || 0) };
   });
 
-  for (const track of tracks.filter((track) => track.fading && track.object.isMesh)) { // what is long past is pale
+  const moving = tracks.filter(({ values, width }) => !values || values.length > width);
+  tracks.forEach((track) => move(track, 0));
+  placeAll();
+
+  for (const track of tracks.filter((track) => track.fading)) { // what is long past is pale
     track.head = { value: 0 };
     track.object.material.onBeforeCompile = (shader) => {
-      Object.assign(shader.uniforms, { head: track.head, tail: { value: 0.35 * track.times.length }, sides: { value: track.each / 6 } });
-      shader.vertexShader = "varying float fresh; uniform float head, tail, sides;\n" + shader.vertexShader.replace("#include <project_vertex>",
-        "#include <project_vertex>\nfresh = clamp(1.0 - (head - floor(float(gl_VertexID) / sides)) / tail, 0.3, 1.0);\n" +
+      Object.assign(shader.uniforms, { head: track.head, tail: { value: 0.35 * track.times.length } });
+      shader.vertexShader = "varying float fresh; uniform float head, tail;\n" + shader.vertexShader.replace("#include <project_vertex>",
+        "#include <project_vertex>\nfresh = clamp(1.0 - (head - float(gl_InstanceID)) / tail, 0.3, 1.0);\n" +
         "gl_Position.z += 4e-4 * (1.0 - fresh) * gl_Position.w;"); // the newer lap is in front
       shader.fragmentShader = "varying float fresh;\n" + shader.fragmentShader.replace("#include <dithering_fragment>",
         "#include <dithering_fragment>\ngl_FragColor.rgb = mix(vec3(1.0), gl_FragColor.rgb, fresh);");
@@ -291,7 +287,7 @@ function startPlayer() {
     const { times, values, width, now, object, channel, unit = 1 } = track;
     const i = values && values.length === width ? 0 : behind(times, t); // it may stand still
     if (channel === "reveal") {
-      object.geometry.setDrawRange(0, track.first + track.each * i);
+      object.count = track.first + i;
       if (track.head) track.head.value = i;
       return;
     }
@@ -331,7 +327,7 @@ function startPlayer() {
     get drawn() { return drawn; },
     seek(t) {
       this.time = Math.max(0, Math.min(scene.duration, t));
-      for (const track of tracks) move(track, this.time);
+      for (const track of moving) move(track, this.time);
       placeAll();
       $("time").value = this.time;
       $("label").textContent = clock((scene.start + scene.sign * this.time).toFixed(digits));
@@ -430,8 +426,8 @@ function startPlayer() {
       for (const [path, channels] of Object.entries(update.nodes)) {
         const found = node(path);
         for (const [channel, value] of Object.entries(channels)) {
-          const inner = ["cloud", "vectors", "turns"].includes(channel);
-          setters[channel](inner ? found.children["<object>"].object : found.object, Array.isArray(value) ? value : [value]);
+          const { object } = inner.includes(channel) ? found.children["<object>"] : found;
+          setters[channel](object, Array.isArray(value) ? value : [value]);
         }
       }
       placeAll();
@@ -446,18 +442,14 @@ function startPlayer() {
     };
 
     function newTrail(path, color) { // the last points of a moving one, each in the place of the oldest
-      const geometry = new THREE.BufferGeometry(), position = new THREE.BufferAttribute(new Float32Array(3 * MOST), 3);
-      geometry.setAttribute("position", position);
-      const material = new THREE.PointsMaterial({ color });
-      dots.push({ material, size: 0.02 });
-      const object = new THREE.Points(geometry, material);
+      const object = new THREE.InstancedMesh(new THREE.SphereGeometry(0.012, 8, 6), new THREE.MeshBasicMaterial({ color }), MOST);
       object.frustumCulled = false;
       node(path).object.add(object);
       let count = 0;
       return (points) => {
-        for (const p of points) position.array.set(p, 3 * (count++ % MOST));
-        position.needsUpdate = true;
-        geometry.setDrawRange(0, Math.min(count, MOST));
+        for (const point of points) object.setMatrixAt(count++ % MOST, matrix.makeTranslation(...point));
+        object.count = Math.min(count, MOST);
+        object.instanceMatrix.needsUpdate = true;
       };
     }
   }

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
+from ..formulas import check_finite, real_array
 from ..models.constrained_pendulums import ChainPendulum, FourBarLinkage
 from ..models.kepler import Kepler
 from ..models.n_body import NBody
@@ -20,13 +21,13 @@ from ..systems.system import System
 from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, dots, mixed, rod, shares
+from .shapes import ball, mixed
 
 Array = NDArray[np.float64]
 
 SUN = "#C87F00"
-MOST_BALLS, FEW = 96, 12
-"""More points are drawn as dots, and of more members no trails."""
+MOST_RODS, FEW = 96, 12
+"""Of more points no rods are drawn, and of more members no trails."""
 
 
 @dataclass(frozen=True)
@@ -38,16 +39,15 @@ class Points(Content):
     two or three degrees of freedom are a point, one is a point in the plane of q and p.
     rods : are the points joined, the first to the origin, each to the next?  Left out: those of
     pendulums and linkages are.
-    trail : the curve behind the last point, of bodies that attract each other behind each.
+    The last point has a trail, of bodies that attract each other each.
     Of an ensemble every member is shown, coloured by the order of their energies.
     """
 
-    panel: ClassVar[str] = "points"
-    title: ClassVar[str] = "position"
+    panel = "points"
+    title = "position"
 
     places: Callable[[Array, Array], Array] | None = None
     rods: bool | None = None
-    trail: bool = True
 
     def needs(self, system: System) -> tuple[str, ...]:
         """Position; of one degree of freedom that does not hang, momentum too."""
@@ -66,8 +66,17 @@ class Points(Content):
 
     def reach(self, motion: Motion) -> Array:
         """The points at all times, the origin, and the pivots of a linkage."""
-        pivots = _upright(rods(motion.system)[0]) if self.places is None else np.zeros((0, 3))
-        return np.concatenate([self._points(motion).reshape(-1, 3), np.zeros((1, 3)), pivots])
+        points = self._points(motion)
+        pivots = self._joined(motion.system, points.shape[2])[0]
+        return np.concatenate([points.reshape(-1, 3), np.zeros((1, 3)), pivots])
+
+    def _joined(self, system: System, count: int) -> tuple[Array, list[tuple[int, int]]]:
+        """The pivots, in space, and which points rods join: numbers of pivots follow those of points."""
+        if self.rods is not None:
+            row = [(k - 1 if k else count, k) for k in range(count)]
+            return np.zeros((1, 3)), row if self.rods else []
+        pivots, pairs = rods(system) if self.places is None else (np.zeros((0, 3)), [])
+        return _upright(pivots), pairs
 
     def note(self, motion: Motion) -> str:
         """Balls are to be seen."""
@@ -78,62 +87,46 @@ class Points(Content):
         """Balls, rods, the trails of the last points, and marks in the pivots."""
         inside, system = drawing.panel.inside, motion.system
         points = inside(self._points(motion))
-        members, count = points.shape[1:3]
-        colors, sizes = self._colors(motion, drawing, members, count), np.full(count, 0.05)
+        n, members, count = points.shape[:3]
+        colors = self._colors(motion, drawing, members, count)
+        sizes = np.full(count, 0.1 if members * count <= MOST_RODS else 0.05)
         if isinstance(system, NBody) and self.places is None:
             masses = np.array(system.masses)
-            sizes = np.maximum(0.07 * np.cbrt(masses / masses.max()), 0.02)
-        pivots, pairs = rods(system) if self.places is None else (np.zeros((0, 3)), [])
-        if self.rods is not None:
-            pivots, pairs = (
-                np.zeros((1, 3)),
-                [(k - 1 if k else count, k) for k in range(count)] if self.rods else [],
-            )
-        fixed = inside(_upright(pivots))
-        if members * count > MOST_BALLS:  # as dots
-            tints = np.array(shares([color for row in colors for color in row]))
-            cloud = points.reshape(len(points), -1, 3)
-            drawing.add("points", dots(cloud[0], drawing.color, 0.04, tints), cloud=cloud)
-            members = 0
-        for m in range(members):
-            at, name = points[:, m], f"member {m + 1}/" if members > 1 else ""
-            ends = np.concatenate([at, np.broadcast_to(fixed, (len(at), *fixed.shape))], axis=1)
-            for k in range(count):
-                body = ball(sizes[k], mixed(colors[m][k], "#000000", 0.15))
-                drawing.add(f"{name}point {k + 1}", body, position=at[:, k])
-            for k, (a, b) in enumerate(pairs, start=1):
-                start, way = ends[:, a], ends[:, b] - ends[:, a]
-                length = np.linalg.norm(way, axis=1)
-                direction = np.where(length[:, None] > 0.0, way, np.array([0.0, 0.0, 1.0]))
-                stick = rod(mixed(colors[m][0], "#ffffff", 0.3), 0.012)
-                place = {"position": start, "direction": direction, "scale": length}
-                drawing.add(f"{name}rod {k}", stick, **place)
-            moving = range(count) if isinstance(system, NBody) else [count - 1][:count]
-            for k in moving if self.trail and members <= FEW else ():
-                last = "trail" if k == count - 1 else f"trail {k + 1}"
-                drawing.trail(f"{name}{last}", at[:, k], colors[m][k])
+            sizes = np.maximum(0.14 * np.cbrt(masses / masses.max()), 0.04)
+        dark = [mixed(color, "#000000", 0.15) for color in colors]
+        every = np.tile(sizes, members)[:, None]
+        drawing.balls("points", points.reshape(n, -1, 3), every, dark)
+        pivots, pairs = self._joined(system, count)
+        fixed = inside(pivots)
+        if pairs and members * count <= MOST_RODS:
+            held = np.broadcast_to(fixed, (n, members, *fixed.shape))
+            ends = np.concatenate([points, held], axis=2)[:, :, pairs]
+            pale = [mixed(colors[m * count], "#ffffff", 0.3) for m in range(members) for _ in pairs]
+            drawing.sticks("rods", ends.reshape(n, -1, 2, 3), 0.024, pale)
+        for m in range(members if members <= FEW else 0):
+            for k in range(count if isinstance(system, NBody) else min(count, 1)):
+                path = f"trail {m + 1}.{k + 1}"
+                drawing.trail(path, points[:, m, -1 - k], colors[(m + 1) * count - 1 - k])
         if isinstance(system, Kepler):
             drawing.once("sun", ball(0.07, SUN), position=inside(np.zeros(3)))
         elif self.places is None:
-            for k, pivot in enumerate(fixed):
-                mark = "pivot" if len(fixed) == 1 else f"pivot {k + 1}"
-                drawing.once(mark, ball(0.03, "#333333"), position=pivot)
+            for k, pivot in enumerate(fixed, start=1):
+                drawing.once(f"pivot {k}", ball(0.03, "#333333"), position=pivot)
 
-    def _colors(
-        self, motion: Motion, drawing: Drawing, members: int, count: int
-    ) -> list[list[str]]:
-        """Of each point of each member: many bodies have colours of their own, with a sun among
-        them, members the order of their energies.
+    def _colors(self, motion: Motion, drawing: Drawing, members: int, count: int) -> list[str]:
+        """Of all points: many bodies have colours of their own, with a sun among them, members the order
+        of their energies.
         """
         if members > 1:
             energy: Any = motion.system.constants({n: x[0] for n, x in motion.states.items()})
             rank = np.argsort(np.argsort(energy["energy"], kind="stable")) / (members - 1)
-            return [[mixed(COLORS[0], COLORS[1], share)] * count for share in rank.tolist()]
-        if isinstance(motion.system, NBody) and self.places is None:
-            masses = np.sort(np.array(motion.system.masses))
-            sun = int(np.argmax(motion.system.masses)) if masses[-1] > 20.0 * masses[-2] else -1
-            return [[SUN if k == sun else COLORS[k % len(COLORS)] for k in range(count)]]
-        return [[drawing.color] * count]
+            return [mixed(*COLORS[:2], share) for share in rank.tolist() for _ in range(count)]
+        if not isinstance(motion.system, NBody) or self.places is not None:
+            return [drawing.color] * count
+        colors, masses = [COLORS[k % len(COLORS)] for k in range(count)], motion.system.masses
+        if max(masses) > 20.0 * sorted(masses)[-2]:
+            colors[int(np.argmax(masses))] = SUN
+        return colors
 
     def _points(self, motion: Motion) -> Array:
         """The points in space, (n, members, m, 3); those of a plane stand upright in it."""
@@ -153,11 +146,10 @@ def _upright(points: Array) -> Array:
 
 def _given(points: Any, n: int) -> Array:
     """The values of a user's function, checked."""
-    array = np.asarray(points, dtype=float)
+    array = real_array(points, "Points: places")
+    check_finite(array, "Points: places")
     if array.ndim != 3 or array.shape[0] != n or array.shape[2] not in (2, 3):
         raise InvalidInput(
             f"Points: places gave shape {array.shape}; wanted are ({n}, m, 2) or ({n}, m, 3)"
         )
-    if not np.isfinite(array).all():
-        raise InvalidInput("Points: places gave numbers that are not finite")
     return array

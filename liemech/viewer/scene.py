@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,24 +18,20 @@ from ..formulas import real_array
 from ..models.curves import ASIDE
 from ..plots import COLORS
 from ..plots.style import time_unit
-from .choice import KNOWN, suited
-from .content import Content, chosen, require
+from .choice import contents_of
+from .content import Content
 from .drawing import Drawing, Panel
-from .motion import Motion, times
+from .live import Live
+from .motion import Motion
+from .page import frame, opened, page
 from .shapes import rgb
-
-if TYPE_CHECKING:
-    from .live import Live
+from .snapshot import file_that_ends, snapshot, write_film
 
 FRAMES = 900
 """Samples of a run that a scene keeps: fifteen seconds at sixty pictures a second."""
 
 ENSEMBLE_FRAMES, ENSEMBLE_DOTS = 300, 60_000
 """Of an ensemble fewer, so that frames times bodies stays below the second number."""
-
-
-BALL = np.concatenate([np.eye(3), -np.eye(3)])
-"""The extent of contents that give none: the ball of radius 1 about the origin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +53,8 @@ class Scene:
         Scene(run, show=("body", "momentum")).save("body.html")
 
     run : what `integrate` returns, or a `Motion(system, t, states)`.
-    show : names, "body", "momentum", "spatial momentum", "vertical", "nose", "path", "points",
-    "links", "spins", "sites", or contents with options, such as Momentum(levels=0).  Left out: what suits the
+    show : names, "body", "momentum", "spatial momentum", "vertical", "points",
+    "links", "spins", "sites", "rod", "field", or contents with options, such as Momentum(levels=0).  Left out: what suits the
     system.  Nothing else is computed or written.
     name, color : of the run in the legend, "#rrggbb".  body : the one to show of an ensemble.
     sites : the numbers of those to show of many; left out, all, or of more than 12,000 every third
@@ -129,12 +125,7 @@ class Scene:
             frames = min(frames, ENSEMBLE_FRAMES, max(2, ENSEMBLE_DOTS // bodies))
         motion = Motion.of(run, frames, body, self.interpolate, sites)
         have = frozenset(motion.states)
-        contents = (
-            suited(motion.system, have, motion.bodies is not None)
-            if show is None
-            else chosen(show, KNOWN)
-        )
-        require(contents, motion.system, have)
+        contents = contents_of(motion.system, have, motion.bodies is not None, show)
         color = color or COLORS[len(self.shown) % len(COLORS)]
         rgb(color)
         backwards = motion.t[-1] < motion.t[0]
@@ -156,14 +147,12 @@ class Scene:
     @property
     def duration(self) -> float:
         """The time from the first sample to the last, in s."""
-        return float(max(self._sign() * (one.motion.t[-1] - self.start) for one in self._some()))
+        return float(max(clock[-1] for clock in self.clocks()))
 
     @property
     def unit(self) -> str:
         """Of the times: what was given, or that of the first system."""
-        if self._unit is not None:
-            return self._unit
-        return time_unit(self._some()[0].motion.system)
+        return time_unit(self._some()[0].motion.system) if self._unit is None else self._unit
 
     @property
     def seconds(self) -> float:
@@ -175,7 +164,7 @@ class Scene:
 
     def clocks(self) -> list[np.ndarray]:
         """The times of each run, counted from the start of the scene."""
-        return [abs(one.motion.t[0] - self.start) + times(one.motion.t) for one in self._some()]
+        return [self._sign() * (one.motion.t - self.start) for one in self._some()]
 
     # ---------------------------------------------------------------- what it is made of
 
@@ -188,9 +177,11 @@ class Scene:
         return found.pop() if len(found) == 1 else ASIDE
 
     def legend(self) -> list[dict[str, Any]]:
-        """The meanings of the colours, each said once."""
-        found: list[dict[str, Any]] = []
-        for one in self._some():
+        """The colours of the runs that have names, and other meanings of colours, each said once."""
+        found: list[dict[str, Any]] = [
+            {"name": one.name, "color": one.color} for one in self._some() if one.name
+        ]
+        for one in self.shown:
             for content in one.contents:
                 found += [entry for entry in content.legend(one.motion) if entry not in found]
         return found
@@ -201,52 +192,39 @@ class Scene:
         """
         found: list[str] = []
         for one in self._some():
-            scale = [content.note(one.motion) for content in one.contents]
-            for text in (one.note, one.motion.note and f"shown: {one.motion.note}", *scale):
-                said = f"{one.name}: {text}" if one.name and text not in scale else text
-                found += [said] if text and said not in found else []
-        return found
+            own = [one.note, one.motion.note and f"shown: {one.motion.note}"]
+            found += [f"{one.name}: {text}" if one.name and text else text for text in own]
+            found += [content.note(one.motion) for content in one.contents]
+        return [text for text in dict.fromkeys(found) if text]
 
     def _some(self) -> list[Shown]:
         if not self.shown:
             raise InvalidInput("this scene is empty; put a run into it, scene.add(run)")
         return self.shown
 
-    def _members(self) -> list[tuple[str, int, list[tuple[int, Content]]]]:
-        """Each panel: its path, the run it belongs to, -1 for one that runs share, and the contents
-        in it with their runs.
-        """
-        found: dict[tuple[str, int, Any], list[tuple[int, Content]]] = {}
+    def _pictures(self) -> list[tuple[str, list[tuple[int, Content]]]]:
+        """Each panel: its path, and the contents in it with the numbers of their runs."""
+        found: dict[Any, list[tuple[int, Content]]] = {}
         for run, one in enumerate(self._some()):
-            system = one.motion.system
             for content in one.contents:
-                own = run if content.own(system) else -1
-                found.setdefault(
-                    (content.panel, own, system if content.alike else None), []
-                ).append((run, content))
-        ordered = sorted(found.items(), key=lambda item: item[0][1] < 0)  # those shared come last
-        return [
-            (f"panel {n}", own, members)
-            for n, ((_, own, _), members) in enumerate(ordered, start=1)
-        ]
+                system = one.motion.system
+                place = run if content.own(system) else len(self.shown)  # those shared come last
+                key = place, content.panel, system if content.alike else None
+                found.setdefault(key, []).append((run, content))
+        ordered = sorted(found.items(), key=lambda item: item[0][0])
+        return [(f"panel {n}", members) for n, (_, members) in enumerate(ordered, start=1)]
 
     def places(self, run: int) -> list[tuple[str, Content]]:
         """The contents of a run, each with the path of its panel."""
-        return [
-            (path, content)
-            for path, _, members in self._members()
-            for k, content in members
-            if k == run
-        ]
+        return [(path, c) for path, members in self._pictures() for k, c in members if k == run]
 
     def panels(self) -> list[Panel]:
         """The pictures side by side, drawn."""
         panels = []
-        for path, _, members in self._members():
+        for path, members in self._pictures():
             runs = {run for run, _ in members}
-            panel = _framed(
-                path, [(self.shown[run], c) for run, c in members], len(runs) == 1 < len(self.shown)
-            )
+            named = len(runs) == 1 < len(self.shown)
+            panel = _framed(path, [(self.shown[run], c) for run, c in members], named)
             for run, content in members:
                 one = self.shown[run]
                 content.draw(one.motion, Drawing(panel, f"run {run + 1}", one.color, run))
@@ -255,74 +233,19 @@ class Scene:
 
     # ---------------------------------------------------------------- where it goes
 
-    def html(self, *, compressed: bool = False) -> str:
-        """The page: everything in one text, which fetches nothing.
-
-        compressed : less than half as large; browsers since 2023 open it.
-        """
-        from .page import page
-
-        return page(self, compressed)
+    html, show, _repr_html_ = page, opened, frame
+    snapshot, write_film = snapshot, write_film
 
     def save(self, path: str | PathLike[str], *, compressed: bool = False) -> Path:
         """Write the page to a file, which opens from disk, in a notebook and from every web host.
         Returns its path.
         """
-        file = Path(path)
-        if file.suffix.lower() not in (".html", ".htm"):
-            raise InvalidInput(
-                f"Scene.save writes a page, so the file ends in .html; got {str(path)!r}"
-            )
+        file = file_that_ends(path, ".html", ".htm")
         file.write_text(self.html(compressed=compressed), encoding="utf-8")
         return file
 
-    def show(self) -> Path:
-        """Open the page in the browser.  Returns the temporary file that holds it."""
-        from .page import opened
-
-        return opened(self)
-
-    def _repr_html_(self) -> str:
-        """The page in a frame, for notebooks."""
-        from .page import frame
-
-        return frame(self)
-
-    def snapshot(
-        self,
-        path: str | PathLike[str],
-        t: float | None = None,
-        *,
-        size: tuple[int, int] = (1000, 560),
-    ) -> Path:
-        """Draw the scene at a time, by default the last, into a PNG file; needs Chromium.
-        size : width and height in pixels.
-        """
-        from .snapshot import snapshot
-
-        return snapshot(self, path, t, size)
-
-    def write_film(
-        self,
-        path: str | PathLike[str],
-        *,
-        size: tuple[int, int] = (640, 360),
-        fps: int = 20,
-        seconds: float | None = None,
-    ) -> Path:
-        """Write the scene as a film, each picture at its exact time: a .gif, for which Pillow is
-        needed, or an .mp4 or .webm, for which the extra `film` is; needs Chromium.
-        """
-        from .snapshot import write_film
-
-        return write_film(self, path, size, fps, seconds)
-
-    write_gif = write_film
-
     def live(self, *, open: bool = True) -> Live:
         """Show the scene in a browser on this machine, and let `display` move it, state by state."""
-        from .live import Live
-
         return Live(self, open)
 
     def __repr__(self) -> str:
@@ -338,10 +261,7 @@ def _framed(path: str, members: Sequence[tuple[Shown, Content]], named: bool) ->
     """An empty panel that is large enough for its contents."""
     first, content = members[0]
     title = f"{content.title}: {first.name}" if named and first.name else content.title
-    corners = [c.reach(one.motion) for one, c in members]
-    if all(found is None for found in corners):
-        return Panel(path, title, np.zeros(3), 1.0)
-    points = np.concatenate([BALL if found is None else found for found in corners])
+    points = np.concatenate([c.reach(one.motion) for one, c in members])
     low, high = points.min(axis=0), points.max(axis=0)
     centre = low + 0.5 * (high - low)
     unit = float(np.linalg.norm(points - centre, axis=1).max())

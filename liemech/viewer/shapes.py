@@ -6,10 +6,10 @@ costs nothing. Lengths are in units of a panel, whose content fits a ball of rad
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
-from ..models.curves import frames
 
 FORMATS = (".stl", ".obj", ".dae")
 """Mesh files that meshcat's page can read."""
@@ -30,22 +29,18 @@ Array = NDArray[np.float64]
 class Shape:
     """Something to draw: its kind in three.js, what makes its geometry, its material.
 
-    per_segment : of a trail, how many entries of the geometry belong to one segment; 0 for shapes
-    that do not grow.
-    per_start : how many are there before the first segment.
-    many : of a shape that is there many times, as one object: how often, "count", the "sizes" of all
-    or of each, and what the page should know to draw them.
+    known : what else the page should know to draw it; of a shape that is there many times, as one
+    object, how often, "count".
     """
 
     kind: str
     geometry: Callable[[], dict[str, Any]]
     material: dict[str, Any]
-    per_segment: int = 0
-    per_start: int = 0
-    many: dict[str, Any] | None = None
+    known: dict[str, Any] = field(default_factory=dict)
 
     def three(self, name: str) -> dict[str, Any]:
         """The object as three.js writes it down; `name` makes its identifiers unique."""
+        instances = {"count": self.known.get("count"), "instanceMatrix": {"array": [0.0] * 16}}
         return {
             "metadata": {"version": 4.5, "type": "Object"},
             "geometries": [{"uuid": f"{name} geometry", **self.geometry()}],
@@ -55,15 +50,8 @@ class Shape:
                 "type": self.kind,
                 "geometry": f"{name} geometry",
                 "material": f"{name} material",
-                **(
-                    {
-                        "count": self.many["count"],
-                        "userData": self.many,
-                        "instanceMatrix": {"array": [0.0] * 16},
-                    }
-                    if self.many
-                    else {}
-                ),
+                "userData": self.known,
+                **(instances if self.kind == "InstancedMesh" else {}),
             },
         }
 
@@ -72,7 +60,7 @@ class Shape:
 
 
 def box(size: Array, color: str, opacity: float = 1.0) -> Shape:
-    """A box with edges along the axes."""
+    """A box along the axes; the page draws its edges darker."""
     width, height, depth = map(float, size)
     return Shape(
         "Mesh",
@@ -81,63 +69,43 @@ def box(size: Array, color: str, opacity: float = 1.0) -> Shape:
     )
 
 
-def box_edges(size: Array, color: str) -> Shape:
-    """The twelve edges of a box."""
-    corners = (
-        0.5
-        * np.asarray(size)
-        * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    )
-    pairs = [(a, b) for a in range(8) for b in range(a + 1, 8) if bin(a ^ b).count("1") == 1]
-    return segments(corners[np.array(pairs)], color)
+def ball(radius: float, color: str, opacity: float = 1.0, rows: int = 0) -> Shape:
+    """A sphere; what is behind a transparent one shows through.  rows : of its faces, from pole to
+    pole.
+    """
+    rows = rows or (32 if radius > 0.3 else 12)
+    sphere = {"type": "SphereGeometry", "radius": float(radius)}
+    faces = {"widthSegments": 2 * rows, "heightSegments": rows}
+    return Shape("Mesh", lambda: sphere | faces, solid(color, opacity))
 
 
-def ball(radius: float, color: str, opacity: float = 1.0) -> Shape:
-    """A sphere; what is behind a transparent one shows through."""
-    fine = (
-        {"widthSegments": 48, "heightSegments": 32}
-        if radius > 0.3
-        else {"widthSegments": 20, "heightSegments": 12}
-    )
-    return Shape(
-        "Mesh",
-        lambda: {"type": "SphereGeometry", "radius": float(radius), **fine},
-        solid(color, opacity),
-    )
+def colored_ball(rows: int, colors: Sequence[str]) -> Shape:
+    """A sphere of radius 1 on whose points the channel `tones` mixes three colours: at latitudes from
+    90 degrees to -90, rows + 1 of them, and at longitudes from -180 to 180, 2 rows + 1.  Its pole is
+    the second axis.
+    """
+    sphere = ball(1.0, "#ffffff", rows=rows)
+    colored = sphere.material | {"vertexColors": True}
+    return replace(sphere, material=colored, known={"colors": shares(colors)})
 
 
-def turned(profile: list[tuple[float, float]], color: str, sides: int = 20) -> Shape:
+def turned(profile: Sequence[tuple[float, float]], color: str, sides: int = 20) -> Shape:
     """A solid of revolution about the third axis.  profile : (radius, height) from one end to the
     other, the inside on the left.
     """
-
-    def geometry() -> dict[str, Any]:
-        points = np.array(profile, dtype=float)
-        angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
-        circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        bands, triangles = [], []
-        for n, (a, b) in enumerate(pairwise(points)):  # edges stay sharp: no band shares a vertex
-            bands += [np.column_stack([r * circle, np.full(sides + 1, z)]) for r, z in (a, b)]
-            first = 2 * n * (sides + 1) + np.arange(sides)
-            second = first + sides + 1
-            triangles += [
-                np.column_stack([first, first + 1, second]),
-                np.column_stack([second, first + 1, second + 1]),
-            ]
-        return _mesh(np.concatenate(bands), np.concatenate(triangles))
-
-    return Shape("Mesh", geometry, solid(color))
+    corners = [{"x": r, "y": z} for r, z in profile for _ in range(2)]  # twice: edges stay sharp
+    lathe = {"type": "LatheGeometry", "points": corners, "segments": sides}
+    return Shape("Mesh", lambda: lathe, solid(color))
 
 
-def arrow(color: str, radius: float = 0.018) -> Shape:
+def arrow(color: str) -> Shape:
     """An arrow of length 1 along the third axis, from the origin."""
-    neck, wide = 1.0 - 6.5 * radius, 2.7 * radius
-    return turned([(0.0, 0.0), (radius, 0.0), (radius, neck), (wide, neck), (0.0, 1.0)], color)
+    return turned([(0.0, 0.0), (0.018, 0.0), (0.018, 0.88), (0.05, 0.88), (0.0, 1.0)], color)
 
 
-def rod(color: str, radius: float = 0.015) -> Shape:
+def rod(color: str, radius: float = 0.015, sides: int = 12) -> Shape:
     """A rod of length 1 along the third axis, from the origin."""
-    return turned([(0.0, 0.0), (radius, 0.0), (radius, 1.0), (0.0, 1.0)], color, sides=12)
+    return turned([(0.0, 0.0), (radius, 0.0), (radius, 1.0), (0.0, 1.0)], color, sides)
 
 
 def needle(radius: float, sides: int) -> Shape:
@@ -155,13 +123,21 @@ def often(shape: Shape, count: int, sizes: ArrayLike = ((1.0,),), **known: Any) 
     sizes : (1, 1) a factor for all, (count, 1) one for each, (count, 3) three along its axes.
     known : what the page draws by: "colors" and "axis", the scale for how far arrows point along
     an axis; "tints" (count, 3); "box", the edges of a periodic one; "sides", colours of a ball's
-    octants, two in turn, or of the sides of a cube on which its axes come out, and of the others.
+    octants, two in turn, or of the sides of a cube on which its axes come out, and of the others;
+    "room", how far they reach from their places.
     """
     rows = np.asarray(sizes, dtype=np.float32)
-    array = np.broadcast_to(rows, (len(rows), 3))
-    return replace(
-        shape, kind="InstancedMesh", many={"count": count, "sizes": array.ravel(), **known}
-    )
+    array = np.broadcast_to(rows, (len(rows), 3)).ravel()
+    known = {"count": count, "sizes": array, "room": 0.5 * float(rows.max()), **known}
+    return replace(shape, kind="InstancedMesh", known=known)
+
+
+def colored(shape: Shape, colors: str | Sequence[str]) -> Shape:
+    """A shape that is there many times in another colour, or each in its own."""
+    if isinstance(colors, str):
+        return replace(shape, material=shape.material | {"color": number(colors)})
+    tints = np.array(shares(colors), dtype=np.float32)
+    return replace(shape, known=shape.known | {"tints": tints})
 
 
 def mesh_file(path: str | PathLike[str], color: str) -> Shape:
@@ -186,105 +162,44 @@ def mesh_file(path: str | PathLike[str], color: str) -> Shape:
     )
 
 
-# ------------------------------------------------------------------ curves and points
+# ------------------------------------------------------------------ lines
 
 
-def tube(points: Array, color: str, radius: float = 0.009, sides: int = 5) -> Shape:
-    """A curve (n, 3), thick enough to be seen: lines are one pixel wide in WebGL.  Its segments are
-    in the order of the points.
-    """
-
-    def geometry() -> dict[str, Any]:
-        normal, binormal = frames(points)
-        angle = np.arange(sides) * (2.0 * np.pi / sides)
-        rings = points[:, None] + radius * (
-            np.cos(angle)[:, None] * normal[:, None] + np.sin(angle)[:, None] * binormal[:, None]
-        )
-        k = np.arange(sides)
-        here, beside = np.stack([k, np.roll(k, -1)])
-        one = np.stack(
-            [here, beside, here + sides, here + sides, beside, beside + sides], axis=-1
-        ).ravel()
-        index = sides * np.arange(len(points) - 1)[:, None] + one
-        return _mesh(rings.reshape(-1, 3), index.reshape(-1, 3))
-
-    return Shape(
-        "Mesh",
-        geometry,
-        {"type": "MeshBasicMaterial", "color": number(color), "side": 2},
-        per_segment=6 * sides,
-    )
-
-
-def segments(pairs: Array, color: str, opacity: float = 1.0) -> Shape:
+def segments(pairs: Array, color: str) -> Shape:
     """Straight lines one pixel wide, from (m, 2, 3)."""
+    look = {"type": "LineBasicMaterial", "color": number(color)}
 
     def geometry() -> dict[str, Any]:
-        return {
-            "type": "BufferGeometry",
-            "data": {"attributes": {"position": _attribute(pairs.reshape(-1, 3))}},
-        }
+        array = pairs.astype(np.float32).ravel()
+        position = {"itemSize": 3, "type": "Float32Array", "array": array, "normalized": False}
+        return {"type": "BufferGeometry", "data": {"attributes": {"position": position}}}
 
-    return Shape(
-        "LineSegments",
-        geometry,
-        {"type": "LineBasicMaterial", "color": number(color), **_seen_through(opacity)},
-    )
+    return Shape("LineSegments", geometry, look)
 
 
-def chained(curves: Array) -> Array:
-    """The segments (m, 2, 3) of curves (c, n, 3)."""
-    return np.stack([curves[:, :-1], curves[:, 1:]], axis=2).reshape(-1, 2, 3)
-
-
-def dots(points: Array, color: str, size: float = 0.03, colors: Array | None = None) -> Shape:
-    """Round dots at (n, 3).  colors : (n, 3) red, green, blue for each of them."""
-
-    def geometry() -> dict[str, Any]:
-        attributes = {"position": _attribute(points)}
-        if colors is not None:
-            attributes["color"] = _attribute(colors)
-        return {"type": "BufferGeometry", "data": {"attributes": attributes}}
-
-    look = (
-        {"vertexColors": True, "color": 0xFFFFFF}
-        if colors is not None
-        else {"color": number(color)}
-    )
-    material = {"type": "PointsMaterial", "size": size, "sizeAttenuation": True, **look}
-    return Shape("Points", geometry, material, per_segment=1, per_start=1)
-
-
-# ------------------------------------------------------------------ materials and buffers
+# ------------------------------------------------------------------ materials
 
 
 def solid(color: str, opacity: float = 1.0) -> dict[str, Any]:
     """Lambert's law, front sides only: in software drawing several times faster than the
     alternatives, and no less clear.
     """
-    return {
-        "type": "MeshLambertMaterial",
-        "color": number(color),
-        "side": 0,
-        **_seen_through(opacity),
-    }
+    look = {"type": "MeshLambertMaterial", "color": number(color), "side": 0}
+    return look if opacity >= 1.0 else look | {"transparent": True, "opacity": opacity}
 
 
-def _seen_through(opacity: float) -> dict[str, Any]:
-    return {} if opacity >= 1.0 else {"transparent": True, "opacity": opacity}
+def plain(color: str) -> dict[str, Any]:
+    """The colour itself, whatever the light."""
+    return {"type": "MeshBasicMaterial", "color": number(color)}
 
 
 @lru_cache(maxsize=256)
 def rgb(color: str) -> tuple[int, int, int]:
     """The parts of a colour "#rrggbb", 0 to 255."""
-    try:
-        if len(color) != 7 or color[0] != "#":
-            raise ValueError
-        return int(color[1:3], 16), int(color[3:5], 16), int(color[5:7], 16)
-    except (ValueError, TypeError):
-        raise InvalidInput(
-            f'color must be written "#rrggbb", such as "#0072B2"; got {color!r}'
-        ) from None
+    if not re.fullmatch("#[0-9a-fA-F]{6}", str(color)):
+        raise InvalidInput(f'color must be written "#rrggbb", such as "#0072B2"; got {color!r}')
+    red, green, blue = bytes.fromhex(color[1:])
+    return red, green, blue
 
 
 def shares(colors: Sequence[str]) -> list[list[float]]:
@@ -294,8 +209,7 @@ def shares(colors: Sequence[str]) -> list[list[float]]:
 
 def number(color: str) -> int:
     """A colour as three.js counts it."""
-    red, green, blue = rgb(color)
-    return red << 16 | green << 8 | blue
+    return int.from_bytes(rgb(color), "big")
 
 
 def mixed(color: str, other: str, share: float) -> str:
@@ -303,24 +217,3 @@ def mixed(color: str, other: str, share: float) -> str:
     return "#" + "".join(
         f"{round(a + share * (b - a)):02x}" for a, b in zip(rgb(color), rgb(other), strict=True)
     )
-
-
-def _attribute(rows: Array) -> dict[str, Any]:
-    return {
-        "itemSize": rows.shape[-1],
-        "type": "Float32Array",
-        "array": rows.astype(np.float32).ravel(),
-        "normalized": False,
-    }
-
-
-def _mesh(vertices: Array, triangles: NDArray[np.intp]) -> dict[str, Any]:
-    small = len(vertices) < 65536
-    index = triangles.astype(np.uint16 if small else np.uint32).ravel()
-    return {
-        "type": "BufferGeometry",
-        "data": {
-            "attributes": {"position": _attribute(vertices)},
-            "index": {"type": "Uint16Array" if small else "Uint32Array", "array": index},
-        },
-    }

@@ -5,23 +5,21 @@ are, they are one object of the page.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InvalidInput
 from ..formulas import real_array
-from ..models.curves import FRONT
-from ..models.even_boxes import edges_of_inertia
 from ..models.poses import flies, is_pose, rotated
 from ..models.sites import (
     atoms_of,
     attitudes_of,
     base_of,
     box_of,
+    edges_of_sites,
     fixed_places,
-    inertia_of_sites,
     is_place,
     is_spin,
     lattice_of,
@@ -30,11 +28,11 @@ from ..models.sites import (
 )
 from ..plots import COLORS, DIRECTIONS
 from ..systems.system import System
+from .body import axes_legend, boxes
 from .content import Content, refuse
 from .drawing import Drawing
 from .motion import Motion
-from .shapes import ball, box, box_edges, needle, often, shares
-from .vectors import AXES
+from .shapes import box, needle, often, shares
 
 Array = NDArray[np.float64]
 
@@ -45,7 +43,7 @@ SEEN = 0.06
 large."""
 FEW = 12
 """So many masses or less have colours and trails of their own."""
-GREY, OXYGEN, HYDROGEN = "#aab4c2", "#D55E00", "#c9ced8"
+OXYGEN, HYDROGEN = "#D55E00", "#c9ced8"
 
 
 @dataclass(frozen=True)
@@ -56,20 +54,12 @@ class OnSites(Content):
     a cubic lattice know it, and what flies is where it is.
     """
 
-    panel: ClassVar[str] = "sites"
+    panel = "sites"
     positions: ArrayLike | None = field(default=None, compare=False)
 
     def own(self, system: System) -> bool:
         """Yes: lattices would stand in each other's way."""
         return True
-
-    def eye(self, motion: Motion) -> tuple[float, float]:
-        """From above on what is flat, from the front on what stands upright or in a row."""
-        extent, lattice = np.ptp(self._extent(motion), axis=0), lattice_of(motion.system)
-        if self.positions is None and lattice is not None and lattice.periodic == (True,):
-            return -84.0, 32.0
-        thin = extent < 0.2 * (extent.max() or 1.0)
-        return FRONT if thin[1] else (-84.0, 68.0) if thin[2] else (-62.0, 22.0)
 
     def reach(self, motion: Motion) -> Array:
         """Two corners of the box in which they are, with room for what is drawn there."""
@@ -77,13 +67,19 @@ class OnSites(Content):
         return self._extent(motion) + [[-room], [room]]
 
     def _fixed(self, motion: Motion) -> Array:
-        """The places of the shown sites that do not move."""
+        """The places of the shown sites that do not move, (m, 3)."""
         return fixed_places(motion.system, self.positions)[motion.sites]
+
+    def _places(self, motion: Motion) -> Array:
+        """Where the shown sites are, (n, m, 3)."""
+        return self._fixed(motion)[None]
 
     def _extent(self, motion: Motion) -> Array:
         """Two corners of the box in which their places are."""
-        places = self._fixed(motion)
-        return np.array([places.min(axis=0), places.max(axis=0)])
+        box, places = box_of(motion.system), self._places(motion)
+        if box is not None:
+            return np.array([0.0 * box, box])
+        return np.array([places.min(axis=(0, 1)), places.max(axis=(0, 1))])
 
     def _size(self, motion: Motion) -> Array:
         """How large they are drawn."""
@@ -98,7 +94,7 @@ class Spins(OnSites):
     axis : blue points against it, orange along it, and ink across it.
     """
 
-    title: ClassVar[str] = "spins"
+    title = "spins"
 
     axis: ArrayLike = field(default=(0.0, 0.0, 1.0), compare=False)
 
@@ -114,12 +110,10 @@ class Spins(OnSites):
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
         """The scale of colours."""
-        given = np.asarray(self.axis, dtype=float).tolist()
-        unit = np.eye(3).tolist()
-        axis = "xyz"[unit.index(given)] if given in unit else "({:g}, {:g}, {:g})".format(*given)
-        return [
-            {"name": "spins along", "colors": DIRECTIONS, "ends": [f"\u2212{axis}", f"+{axis}"]}
-        ]
+        given = tuple(np.asarray(self.axis, dtype=float).tolist())
+        axis = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}.get(given, given)
+        ends = [f"\u2212{axis}", f"+{axis}"]
+        return [{"name": "spins along", "colors": DIRECTIONS, "ends": ends}]
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """One arrow, as often as there are sites."""
@@ -152,14 +146,13 @@ class Sites(OnSites):
     and larger; left out, those of a term that knows them, as `SPC` does.
     sizes : diameters of balls and edges of boxes, (1, 1) for all, (sites, 1) or (sites, 3).  Left out,
     boxes are to scale where masses are known, unless they would be dots.
-    trail : the paths; left out, those of a dozen masses or less.
+    A dozen masses or less have colours and paths of their own.
     """
 
-    title: ClassVar[str] = "in space"
+    title = "in space"
 
     atoms: ArrayLike | None = field(default=None, compare=False)
     sizes: ArrayLike | None = field(default=None, compare=False)
-    trail: bool | None = None
 
     def needs(self, system: System) -> tuple[str, ...]:
         """Places and attitudes."""
@@ -172,46 +165,38 @@ class Sites(OnSites):
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
         """The axes of the bodies."""
-        if self._atoms(motion.system) is not None:
-            return []
-        if is_place(base_of(motion.system)):
-            return [{"name": "places to scale, sizes not", "color": "transparent"}]
-        return [{"name": f"axis {k}", "color": color} for k, color in enumerate(AXES, start=1)]
+        boxes = self._atoms(motion.system) is None and is_pose(base_of(motion.system))
+        return axes_legend() if boxes else []
+
+    def note(self, motion: Motion) -> str:
+        """Masses are to be seen."""
+        return "places to scale, sizes not" if is_place(base_of(motion.system)) else ""
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
         """One body, as often as there are sites, the paths of a few, and the box."""
         system, unit, edges = motion.system, drawing.panel.unit, box_of(motion.system)
         places, sizes, atoms = self._places(motion), self._size(motion), self._atoms(system)
-        count, shape, masses = places.shape[1], ball(0.5, "#ffffff"), is_place(base_of(system))
-        colors = [drawing.color] * count
-        if masses and count <= FEW:
-            colors = [COLORS[k % len(COLORS)] for k in range(count)]
-        where, channels = places if edges is None else np.mod(places, edges), dict[str, Any]()
-        if not masses:
-            q = attitudes_of(system, motion["g"])
-            if atoms is None:
-                shape, channels["turns"] = box(np.ones(3), "#ffffff"), q
-            else:  # a ball for each
-                turned = [rotated(q.reshape(-1, 4), atom).reshape(where.shape) for atom in atoms]
-                where = np.concatenate([where + arm for arm in turned], axis=1)
-                sizes = np.repeat([1.5, *[1.0] * (len(atoms) - 1)], count)[:, None] * spacing(atoms)
-                colors = [OXYGEN] * count + [HYDROGEN] * (len(colors) * (len(atoms) - 1))
+        count, masses = places.shape[1], is_place(base_of(system))
+        few = masses and count <= FEW
+        colors = [COLORS[k % len(COLORS)] if few else drawing.color for k in range(count)]
+        where = places if edges is None else np.mod(places, edges)
         known: dict[str, Any] = {} if edges is None else {"box": (edges / unit).tolist()}
-        if "turns" in channels:
-            known["sides"] = shares([*AXES, GREY])
+        q = np.zeros(4) if masses else attitudes_of(system, motion["g"])
+        if atoms is not None:  # a ball for each
+            turned = [rotated(q.reshape(-1, 4), atom).reshape(where.shape) for atom in atoms]
+            where = np.concatenate([where + arm for arm in turned], axis=1)
+            sizes = np.repeat([1.5, *[1.0] * (len(atoms) - 1)], count)[:, None] * spacing(atoms)
+            colors = [OXYGEN] * count + [HYDROGEN] * (count * (len(atoms) - 1))
+        where = drawing.panel.inside(where)
+        if masses or atoms is not None:
+            drawing.balls("sites", where, sizes / unit, colors, **known)
         else:
-            known["tints"] = np.array(shares(colors), dtype=np.float32)
-        drawing.add(
-            "sites",
-            often(shape, where.shape[1], sizes / unit, **known),
-            cloud=drawing.panel.inside(where),
-            **channels,
-        )
+            drawing.add("sites", boxes(count, sizes / unit, **known), cloud=where, turns=q)
         if edges is not None:
             middle = drawing.panel.inside(0.5 * edges)
-            drawing.once("box", box_edges(edges / unit, "#5f6672"), position=middle)
-        elif self.trail or (self.trail is None and masses and count <= FEW):
-            for k in range(count):
+            drawing.once("box", box(edges / unit, "#aab2c0", 0.0), position=middle)
+        else:
+            for k in range(count if few else 0):
                 drawing.trail(f"trail {k + 1}", drawing.panel.inside(places[:, k]), colors[k])
 
     def _atoms(self, system: System) -> Array | None:
@@ -224,28 +209,19 @@ class Sites(OnSites):
         moves = flies(group) or (is_place(group) and group.dim > 1)
         return places_of(motion.system, motion["g"], None if moves else self._fixed(motion))
 
-    def _extent(self, motion: Motion) -> Array:
-        box, places = box_of(motion.system), self._places(motion)
-        if box is not None:
-            return np.array([0.0 * box, box])
-        return np.array([places.min(axis=(0, 1)), places.max(axis=(0, 1))])
-
     def _size(self, motion: Motion) -> Array:
         """Diameters of balls, edges of boxes, (1, 1), (m, 1) or (m, 3)."""
         if self.sizes is not None:
             given = real_array(self.sizes, "Sites: sizes")
             return given if len(given) == 1 else given[motion.sites]
-        start, inertia = self._places(motion)[0], inertia_of_sites(motion.system)
+        start, (edges, scaled) = self._places(motion)[0], edges_of_sites(motion.system)
         whole = np.ptp(self._extent(motion), axis=0).max() or 1.0
         fitting = LONG * (spacing(start) if len(start) > 1 else whole)
-        if inertia is None:
+        if edges is None:
             return np.array([[0.6 * fitting]])
-        inertia = inertia[motion.sites]
+        edges = edges[motion.sites]
+        if scaled and edges.max() > 0.02 * whole:
+            return edges
         if is_place(base_of(motion.system)):
-            share = np.cbrt(inertia[:, :1] / inertia[:, 0].max())
-            return min(fitting, SEEN * whole) * np.maximum(share, 0.3)
-        mass = inertia[:, 3:4] if inertia.shape[1] > 3 else np.zeros((1, 1))
-        edges = np.array([edges_of_inertia(J, 1.0) for J in inertia[:, :3]])
-        if mass.min() > 0.0 and (edges / np.sqrt(mass)).max() > 0.02 * whole:
-            return edges / np.sqrt(mass)
+            return min(fitting, SEEN * whole) * np.maximum(edges / edges.max(), 0.3)
         return fitting * edges / np.linalg.norm(edges, axis=1).max()

@@ -22,22 +22,40 @@ MOST_PICTURES = 2000
 
 
 def snapshot(
-    scene: Scene, path: str | PathLike[str], t: float | None, size: tuple[int, int]
+    scene: Scene,
+    path: str | PathLike[str],
+    t: float | None = None,
+    *,
+    size: tuple[int, int] = (1000, 560),
 ) -> Path:
-    """The scene at a time, in a PNG file."""
-    file = _file(path, ".png")
+    """Draw the scene at a time, by default the last, into a PNG file; needs Chromium.
+    size : width and height in pixels.
+    """
+    file, since = file_that_ends(path, ".png"), scene.duration
+    if t is not None:
+        since = abs(t - scene.start)
+        if since > scene.duration * (1.0 + 1e-9):
+            raise InvalidInput(
+                f"snapshot: t = {t:g} is outside the scene, "
+                f"{scene.duration:g} s from t = {scene.start:g}"
+            )
     with _stage(scene, size) as page:
-        file.write_bytes(_at(page, scene.duration if t is None else _since(scene, t)))
+        file.write_bytes(_at(page, since))
     return file
 
 
 def write_film(
-    scene: Scene, path: str | PathLike[str], size: tuple[int, int], fps: int, seconds: float | None
+    scene: Scene,
+    path: str | PathLike[str],
+    *,
+    size: tuple[int, int] = (640, 360),
+    fps: int = 20,
+    seconds: float | None = None,
 ) -> Path:
-    """The scene as a film, GIF, MP4 or WebM: `fps` pictures for each second of its `seconds`, which
-    are those of the scene by default.
+    """Write the scene as a film, `fps` pictures for each of its seconds, each at its exact time: a
+    .gif, for which Pillow is needed, or an .mp4 or .webm, for which the extra `film` is; needs Chromium.
     """
-    file = _file(path, ".gif", ".mp4", ".webm")
+    file = file_that_ends(path, ".gif", ".mp4", ".webm")
     gif = file.suffix.lower() == ".gif"
     try:
         import PIL.Image as pillow
@@ -66,6 +84,9 @@ def write_film(
     # one palette for all pictures, from some of them side by side
     some = pillow.fromarray(np.hstack([np.asarray(shot) for shot in shots[:: 1 + len(shots) // 6]]))
     palette = some.quantize(255, method=pillow.Quantize.MAXCOVERAGE)
+    colors = np.array(palette.getpalette()).reshape(-1, 3)
+    colors[colors.min(axis=1) > 244] = 255  # white is white
+    palette.putpalette(colors.ravel().tolist())
     first, *others = (shot.quantize(palette=palette, dither=pillow.Dither.NONE) for shot in shots)
     first.save(file, save_all=True, append_images=others, duration=round(1000 / fps), loop=0)
     return file
@@ -90,17 +111,8 @@ def _at(page: Page, t: float) -> bytes:
     return page.picture()
 
 
-def _since(scene: Scene, t: float) -> float:
-    since = abs(t - scene.start)
-    if since > scene.duration * (1.0 + 1e-9):
-        raise InvalidInput(
-            f"snapshot: t = {t:g} is outside the scene, "
-            f"{scene.duration:g} s from t = {scene.start:g}"
-        )
-    return since
-
-
-def _file(path: str | PathLike[str], *endings: str) -> Path:
+def file_that_ends(path: str | PathLike[str], *endings: str) -> Path:
+    """The path of a file, whose ending is one of these."""
     file = Path(path)
     if file.suffix.lower() not in endings:
         raise InvalidInput(f"the file must end in {' or '.join(endings)}; got {str(path)!r}")

@@ -57,5 +57,9 @@ def shown_samples(n: int, frames: int, numbers: int) -> Numbers:
     """Which of n samples are shown, the first and the last among them, evenly chosen: at most
     `frames`, and so many that they hold no more than `MOST_NUMBERS`, each of them `numbers`.
     """
-    most = max(2, min(n, frames, MOST_NUMBERS // max(numbers, 1)))
-    return np.unique(np.linspace(0, n - 1, most).round().astype(np.intp))
+    return evenly(n, max(2, min(frames, MOST_NUMBERS // max(numbers, 1))))
+
+
+def evenly(n: int, most: int) -> Numbers:
+    """The numbers from 0 to n - 1, or so many of them, the first and the last included."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.intp))

@@ -5,23 +5,24 @@ top, momentum in space.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InvalidInput
-from ..models.heavy_top import HeavyTop, ReducedHeavyTop
+from ..models.heavy_top import ReducedHeavyTop
 from ..models.poses import attitude, configurations, is_pose, rotated, turns
 from ..models.rigid_body import RigidBody
 from ..plots import COLORS, energy_levels, separatrix
 from ..plots.contours import contours
 from ..systems.lie_poisson import LiePoissonSystem
 from ..systems.system import System
-from .content import Content, refuse
-from .drawing import Drawing
+from .content import UNITS, Content, refuse
+from .drawing import SHARED, Drawing, neighbours
 from .motion import Motion
-from .shapes import arrow, ball, chained, dots, rgb, rod, segments, tube
+from .shapes import arrow, ball, mixed, rod, segments
+from .thinning import evenly
 
 Array = NDArray[np.float64]
 
@@ -46,17 +47,17 @@ class Momentum(Content):
 
     trail : the curve behind the arrow.  sphere : the orbit, |mu| = const.  levels : how many
     energies are drawn on it beside that of the separatrix; 0 for none, and no separatrix.  Of an
-    ensemble every momentum is a dot, coloured by the order of the energies.
+    ensemble every momentum is a small ball, coloured by the order of the energies.
     The motion follows a curve of constant energy.  No sphere is drawn where there is not one orbit:
     for a body in a field, and for an ensemble whose momenta differ in length.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.7.
     """
 
-    panel: ClassVar[str] = "momentum"
-    alike: ClassVar[bool] = True
-    title: ClassVar[str] = "momentum, seen from the body"
-    of_space: ClassVar[bool] = False
+    panel = "momentum"
+    alike = True
+    title = "momentum, seen from the body"
+    of_space = False
 
     trail: bool = True
     sphere: bool = True
@@ -68,9 +69,7 @@ class Momentum(Content):
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The body momentum."""
-        if "mu" not in system.coordinates or not turns(configurations(system)):
-            raise refuse(self, system, "an angular momentum in the body, which moves on a sphere")
-        return ("mu",)
+        return _turning(self, system)
 
     def reach(self, motion: Motion) -> Array:
         """A ball as large as the largest momentum."""
@@ -78,19 +77,19 @@ class Momentum(Content):
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
         """The curves on the sphere, and of an ensemble the energies."""
-        lines = {"constant energy": LEVEL, "separatrix": SEPARATRIX}
+        lines = {"constant energy": LEVEL}
+        if isinstance(motion.system, RigidBody):
+            lines["separatrix"] = SEPARATRIX
         drawn = self.sphere and self.levels and _one_orbit(motion)
         found: list[dict[str, Any]] = [
-            {"name": name, "color": color, "line": True}
-            for name, color in lines.items()
-            if drawn and (color == LEVEL or isinstance(motion.system, RigidBody))
+            {"name": name, "color": color, "line": True} for name, color in lines.items() if drawn
         ]
         if motion.bodies is not None:
             found.append({"name": "energy", "colors": (COLORS[0], OTHER), "ends": ["low", "high"]})
         return found
 
     def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """The arrow or the dots, the trail, and once for all runs the orbit."""
+        """The arrow or the balls, the trail, and once for all runs the orbit."""
         mu = drawing.panel.inside(motion["mu"])
         if motion.bodies is None:
             _moving_vector(drawing, mu, "mu", self.trail)
@@ -98,11 +97,11 @@ class Momentum(Content):
             _cloud(drawing, mu, motion)
         if not self.sphere:
             return
-        _axes(drawing, "\u03bc")
+        triad(drawing.shared, "axis", "\u03bc", 0.007, 1.22)
         if _one_orbit(motion):
             radius = float(np.linalg.norm(mu[0], axis=-1).max())
             drawing.once(f"sphere {radius:.3f}", ball(radius, SPHERE, SOLID))
-            if self.levels and f"{drawing.panel.path}/levels" not in drawing.panel.nodes:
+            if self.levels and f"{drawing.panel.path}/{SHARED}/levels" not in drawing.panel.nodes:
                 _levels(drawing, motion.system, radius, self.levels)
 
 
@@ -116,9 +115,7 @@ class SpatialMomentum(Content):
 
     def needs(self, system: System) -> tuple[str, ...]:
         """Body momentum and attitude."""
-        if "mu" not in system.coordinates or not turns(configurations(system)):
-            raise refuse(self, system, "an angular momentum")
-        return "mu", "g"
+        return *_turning(self, system), "g"
 
     def own(self, system: System) -> bool:
         """Yes: it stands where the body is."""
@@ -143,12 +140,9 @@ class Vertical(Content):
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 1.4.
     """
 
-    panel: ClassVar[str] = "vertical"
-    title: ClassVar[str] = "vertical, seen from the body"
-    of_space: ClassVar[bool] = False
-
-    trail: bool = True
-    sphere: bool = True
+    panel = "vertical"
+    title = "vertical, seen from the body"
+    of_space = False
 
     def needs(self, system: System) -> tuple[str, ...]:
         """The attitude; of a top on se(3)* the momentum, of which Gamma is a part."""
@@ -163,39 +157,21 @@ class Vertical(Content):
         if isinstance(motion.system, ReducedHeavyTop):
             gamma = motion["mu"][:, 3:]
         else:
-            x, y, z, w = attitude(motion.system, motion["g"]).T
-            gamma = rotated(np.stack([-x, -y, -z, w], axis=-1), np.array([0.0, 0.0, 1.0]))
-        _moving_vector(drawing, gamma, "vertical", self.trail)
-        if self.sphere:
-            drawing.once("sphere", ball(1.0, SPHERE, SOLID))
-            _axes(drawing, "\u0393")
-
-
-@dataclass(frozen=True)
-class Nose(Content):
-    """The path that the nose of a top draws, where its axis through the centre of mass meets the
-    unit sphere.
-
-    Source: Goldstein, Classical Mechanics, 3rd ed., section 5.7.
-    """
-
-    def needs(self, system: System) -> tuple[str, ...]:
-        """The attitude."""
-        if not isinstance(system, (HeavyTop, ReducedHeavyTop)):
-            raise refuse(self, system, "the nose of a top")
-        return ("g",)
-
-    def own(self, system: System) -> bool:
-        """Yes: it belongs to the body."""
-        return True
-
-    def draw(self, motion: Motion, drawing: Drawing) -> None:
-        """The trail."""
-        path = rotated(attitude(motion.system, motion["g"]), axis_of(motion.system))
-        drawing.trail("nose", drawing.panel.inside(path))
+            back = attitude(motion.system, motion["g"]) * [-1.0, -1.0, -1.0, 1.0]
+            gamma = rotated(back, np.array([0.0, 0.0, 1.0]))
+        _moving_vector(drawing, gamma, "vertical", trail=True)
+        drawing.once("sphere", ball(1.0, SPHERE, SOLID))
+        triad(drawing.shared, "axis", "\u0393", 0.007, 1.22)
 
 
 # ------------------------------------------------------------------ pieces
+
+
+def _turning(content: Content, system: System) -> tuple[str, ...]:
+    """The momentum, of a system that has one in space."""
+    if "mu" not in system.coordinates or not turns(configurations(system)):
+        raise refuse(content, system, "an angular momentum, which moves on a sphere")
+    return ("mu",)
 
 
 def axis_of(top: Any) -> Array:
@@ -209,8 +185,7 @@ def axis_of(top: Any) -> Array:
 
 def _ball(vectors: Array) -> Array:
     """The corners of what a ball about the origin needs: as large as the longest vector."""
-    largest = np.linalg.norm(vectors, axis=-1).max() or 1.0
-    return largest * np.concatenate([np.eye(3), -np.eye(3)])
+    return (np.linalg.norm(vectors, axis=-1).max() or 1.0) * UNITS
 
 
 def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
@@ -218,47 +193,34 @@ def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:
     length = np.linalg.norm(v, axis=1)
     if length.max() <= 0.0:  # a body at rest has no arrow
         return
-    direction = np.where(
-        length[:, None] > 0.0,
-        v / np.where(length > 0.0, length, 1.0)[:, None],
-        np.array([0.0, 0.0, 1.0]),
+    unit = np.divide(
+        v, length[:, None], out=np.tile([0.0, 0.0, 1.0], (len(v), 1)), where=length[:, None] > 0.0
     )
-    drawing.add(
-        name,
-        arrow(drawing.color),
-        direction=direction,
-        scale=length,
-        position=drawing.panel.inside(np.zeros(3)),
-    )
+    origin = drawing.panel.inside(np.zeros(3))
+    drawing.add(name, arrow(drawing.color), direction=unit, scale=length, position=origin)
     if trail:  # with its tip, for the arrow is inside
         drawing.add(f"{name} tip", ball(0.035, drawing.color), position=LIFT * v)
         drawing.trail(f"{name} trail", LIFT * v, fading=False)
 
 
 def _cloud(drawing: Drawing, v: Array, motion: Motion) -> None:
-    """A dot for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the
+    """A small ball for each body of an ensemble, (n, m, 3), coloured in the order of their energies at the
     start.
     """
-    some = np.linspace(0, v.shape[1] - 1, min(v.shape[1], MOST_POINTS)).round().astype(int)
+    some = evenly(v.shape[1], MOST_POINTS)
     if isinstance(motion.system, LiePoissonSystem):
         energy: Any = motion.system.energy(motion["mu"][0, some])
         some = some[np.argsort(energy, kind="stable")]
-    shown = v[:, some]
-    first, last = np.array(rgb(drawing.color)) / 255.0, np.array(rgb(OTHER)) / 255.0
-    share = np.linspace(0.0, 1.0, len(some))[:, None]
-    drawing.add(
-        "mu",
-        dots(LIFT * shown[0], drawing.color, 0.045, first + share * (last - first)),
-        cloud=LIFT * shown,
-    )
+    colors = [mixed(drawing.color, OTHER, share) for share in np.linspace(0.0, 1.0, len(some))]
+    drawing.balls("mu", LIFT * v[:, some], [[0.04]], colors)
 
 
-def _axes(drawing: Drawing, symbol: str) -> None:
-    """The axes of the body, which stick out of the sphere, with their names."""
+def triad(pen: Drawing, path: str, symbol: str, radius: float, length: float) -> None:
+    """The axes of the body with their names, if they have any."""
     for k, color in enumerate(AXES):
-        name = symbol + "\u2081\u2082\u2083"[k]
-        stick = rod(color, 0.007)
-        drawing.once(f"axis {k + 1}", stick, name, direction=np.eye(3)[k], scale=1.22)
+        name = symbol and symbol + "\u2081\u2082\u2083"[k]
+        stick = rod(color, radius)
+        pen.add(f"{path} {k + 1}", stick, name, direction=np.eye(3)[k], scale=length)
 
 
 def _one_orbit(motion: Motion) -> bool:
@@ -270,16 +232,14 @@ def _one_orbit(motion: Motion) -> bool:
 
 def _levels(drawing: Drawing, system: Any, radius: float, count: int) -> None:
     """Curves of constant energy and, of a rigid body, the separatrix."""
-    lift = LIFT * radius
-    if not isinstance(system, RigidBody):
-        found = contours(lambda mu: system.energy(mu * drawing.panel.unit), radius, count + 2)
-        if len(found):
-            drawing.once("levels", segments(LIFT * found, LEVEL))
-        return
-    inertia = np.array(system.inertia)
-    curves = energy_levels(inertia, count, samples=181)
-    if not len(curves):  # every direction of a spherical body is a fixed point
-        return
-    drawing.once("levels", segments(lift * chained(curves), LEVEL))
-    for k, circle in enumerate(separatrix(inertia, samples=121)):
-        drawing.once(f"separatrix {k + 1}", tube(lift * circle, SEPARATRIX, 0.005, 3))
+    circles: Any = []
+    if isinstance(system, RigidBody):
+        inertia = np.array(system.inertia)
+        curves = radius * neighbours(energy_levels(inertia, count, samples=181)).reshape(-1, 2, 3)
+        circles = radius * separatrix(inertia, samples=121)
+    else:
+        curves = contours(lambda mu: system.energy(mu * drawing.panel.unit), radius, count + 2)
+    if len(curves):  # of a spherical body every direction is a fixed point
+        drawing.once("levels", segments(LIFT * curves, LEVEL))
+        for k, circle in enumerate(circles, start=1):
+            drawing.shared.curve(f"separatrix {k}", LIFT * circle, SEPARATRIX, 0.01)

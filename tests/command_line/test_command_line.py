@@ -358,7 +358,7 @@ def test_saved_runs_come_back(folder: Path, capsys: pytest.CaptureFixture[str]) 
     run = lm.Trajectory.load(folder / "top.npz")
     assert run.system == scene.system and (run.g == scene.run(("mu", "g"), 1, False).g).all()
     pytest.importorskip("meshcat")
-    assert main(["view", "top.npz", "--out", "page.html", "--show", "nose"]) == 0
+    assert main(["view", "top.npz", "--out", "page.html", "--show", "vertical"]) == 0
     assert capsys.readouterr().out == "page.html\n" and (folder / "page.html").exists()
 
 

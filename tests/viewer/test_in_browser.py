@@ -86,19 +86,16 @@ def test_what_is_seen_is_the_trajectory(tab: Tab) -> None:
 
 def test_the_trail_ends_at_the_arrow(tab: Tab) -> None:
     some = np.linspace(0, 600, 13).astype(int)
-    each = tab.evaluate("player.tracks.find(t => t.channel === 'reveal').each")
     path = "panel 2/run 1/mu trail"
-    counts = tab.read(path, run().t[some], "inner.geometry.drawRange.count")
-    assert (counts == each * some).all()  # as many segments as there are steps up to then
-    # the last ring that is drawn is a thin circle about the tip of the arrow
-    ring = """(() => {
-        const g = inner.geometry, p = g.attributes.position, v = new MeshCat.THREE.Vector3(), sum = new MeshCat.THREE.Vector3();
-        const last = Math.max(...g.index.array.slice(g.drawRange.count - %d, g.drawRange.count));
-        for (let k = 0; k < %d; k++) sum.add(v.fromBufferAttribute(p, last - k));
-        return sum.divideScalar(%d).toArray(); })()"""
-    sides = each // 6
-    centre = tab.read(path, run().t[some[1:]], ring % (each, sides, sides))
-    assert np.abs(centre / 1.003 - run().mu[some[1:]] / np.linalg.norm(run().mu[0])).max() < 1e-5
+    counts = tab.read(path, run().t[some], "inner.count")
+    assert (counts == some).all()  # as many segments as there are steps up to then
+    # and the last one ends at the tip of the arrow
+    end = """(() => {
+        const matrix = new MeshCat.THREE.Matrix4();
+        inner.getMatrixAt(inner.count - 1, matrix);
+        return new MeshCat.THREE.Vector3(0, 0, 1).applyMatrix4(matrix).toArray(); })()"""
+    tip = tab.read(path, run().t[some[1:]], end)
+    assert np.abs(tip / 1.003 - run().mu[some[1:]] / np.linalg.norm(run().mu[0])).max() < 1e-5
 
 
 def test_between_two_samples_it_turns_evenly(tab: Tab) -> None:
@@ -226,7 +223,13 @@ def test_only_what_is_shown_exists(browser: Chromium, tmp_path: Path) -> None:
     with Tab.of(browser, page) as tab:
         tab.wait(READY)
         assert tab.has("panel 1/run 1/mu")
-        others = "run 1/body", "run 1/mu trail", "levels", "separatrix 1", "sphere 1.000"
+        others = (
+            "run 1/body",
+            "run 1/mu trail",
+            "shared/levels",
+            "shared/separatrix 1",
+            "shared/sphere 1.000",
+        )
         for absent in ("panel 2", *(f"panel 1/{name}" for name in others)):
             assert not tab.has(absent), absent
         assert tab.evaluate("player.tracks.length") == 1
@@ -306,7 +309,7 @@ def test_an_ensemble_is_a_cloud_on_one_sphere(browser: Chromium, tmp_path: Path)
         points = tab.read(
             "panel 1/run 1/mu",
             many.t[[0, 10, 20]],
-            "Array.from(inner.geometry.attributes.position.array)",
+            "Array.from(inner.userData.cloud)",
         )
         by_energy = np.argsort(BODY.energy(momenta))
         assert (

@@ -16,7 +16,6 @@ import liemech as lm
 from liemech.command_line.scenes import SCENES
 from liemech.errors import InvalidInput
 from liemech.models.even_boxes import principal_box
-from liemech.models.poses import rotated
 from liemech.viewer import Links, Motion, Scene
 
 library: Any = lm
@@ -39,14 +38,12 @@ def test_joints_of_two_bodies_are_in_one_place() -> None:
     (panel,) = Scene(rods()).panels()
     nodes = {path.partition("run 1/")[2]: node for path, node in panel.nodes.items()}
 
-    def seen(body: int, joint: int) -> np.ndarray:
-        node, at = nodes[f"link {body}"], nodes[f"link {body}/joint {joint}"].still["position"]
-        return node.moving["position"] + rotated(node.moving["quaternion"], at)
-
-    # a rod holds the one above it first; its own lower end belongs to the joint of the next one
-    assert np.abs(seen(1, 2) - seen(2, 1)).max() < 1e-14
-    assert np.abs(seen(2, 2) - seen(3, 1)).max() < 1e-14
-    assert np.abs(seen(1, 1) - panel.nodes["panel 1/support 1"].still["position"]).max() < 1e-14
+    ends = nodes["joints"].moving["cloud"]  # of each joint two
+    assert ends.shape == (4, 6, 3) and np.abs(ends[:, ::2] - ends[:, 1::2]).max() < 1e-14
+    support = panel.inside(np.zeros(3))
+    assert np.abs(ends[:, 0] - support).max() < 1e-14
+    arms = nodes["arms"].moving  # from the centres of mass
+    assert arms["cloud"] + arms["vectors"] == pytest.approx(ends[:, 1:], abs=1e-14)
     inside = np.concatenate(
         [node.moving["position"] for node in nodes.values() if "position" in node.moving]
     )
@@ -89,7 +86,7 @@ def test_a_linkage_with_shapes_shows_these(tmp_path: Path) -> None:
     assert box["depth"] * panel.unit == pytest.approx(0.6)
     assert nodes["link 1/shape 1"].still["position"] * panel.unit == pytest.approx(at[:3, 3])
     mesh = nodes["link 2/shape 2/mesh"].shape
-    assert mesh.many["sizes"] * panel.unit == pytest.approx([0.1, 0.1, 0.2])
+    assert mesh.known["sizes"] * panel.unit == pytest.approx([0.1, 0.1, 0.2])
     place = nodes["ground"].still["position"] + nodes["ground/shape 3"].still["position"]
     assert place == pytest.approx(panel.inside(at[:3, 3]))
     assert "link 3/shape 4/ball" in nodes and not any("even" in path for path in nodes)
@@ -100,13 +97,13 @@ def test_rods_of_a_four_bar_linkage_keep_their_length_and_stand_on_their_support
     scene = SCENES["four-bar"]()
     run = lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=20, compiled=False)
     (panel,) = Scene(run).panels()
-    rods = [node for path, node in panel.nodes.items() if "/rod " in path]
-    # equal lengths, which never change
-    assert len(rods) == 5 and all("scale" in rod.still for rod in rods)
-    assert np.ptp([float(rod.still["scale"]) for rod in rods]) < 1e-14
+    rods = panel.nodes["panel 1/run 1/rods"]
+    lengths = np.linalg.norm(rods.moving["vectors"], axis=-1)
+    assert lengths.shape == (21, 5) and np.ptp(lengths) < 1e-12  # equal, and never change
+    starts = rods.moving["cloud"]
     for k in range(3):
-        pivot = panel.nodes[f"panel 1/pivot {k + 1}"].still["position"]
-        assert (rods[k].still["position"] == pivot).all()
+        pivot = panel.nodes[f"panel 1/shared/pivot {k + 1}"].still["position"]
+        assert (starts[:, k] == pivot).all()
 
 
 @pytest.mark.parametrize("name", ["sleigh", "rolling-ball"])
@@ -115,7 +112,9 @@ def test_bodies_under_conditions_have_pictures(name: str) -> None:
     run = lm.integrate(scene.system, scene.method, scene.start, h=scene.h, steps=4, compiled=False)
     (panel,) = Scene(run).panels()
     own = {"sleigh": "body/blade", "rolling-ball": "body/ellipsoid"}[name]
-    assert {f"panel 1/run 1/{own}", "panel 1/run 1/path", "panel 1/ground"} <= set(panel.nodes)
+    assert {f"panel 1/run 1/{own}", "panel 1/run 1/path", "panel 1/shared/ground"} <= set(
+        panel.nodes
+    )
 
 
 def test_the_path_of_a_linkage_is_that_of_its_bodies() -> None:

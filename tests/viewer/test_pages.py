@@ -22,13 +22,12 @@ import liemech.viewer.page as page_module
 from liemech.command_line.main import main
 from liemech.command_line.scenes import SCENES
 from liemech.errors import InvalidInput, InvalidType, MissingExtra
-from liemech.models.curves import frames
 from liemech.models.even_boxes import box_of_inertia
 from liemech.models.poses import quaternions, rotated
 from liemech.plots.contours import contours, sphere
 from liemech.viewer import Body, Momentum, Motion, Points, Scene, animate
+from liemech.viewer.drawing import Drawing, Panel
 from liemech.viewer.page import described
-from liemech.viewer.shapes import tube
 
 needs_meshcat = pytest.mark.skipif(
     importlib.util.find_spec("meshcat") is None, reason="needs meshcat's page (the extra viewer)"
@@ -154,9 +153,13 @@ def test_only_what_is_shown_is_there() -> None:
         "run 1/mu",
         "run 1/mu trail",
         "run 1/spatial momentum",
-        "levels",
-        "separatrix 1",
+        "shared/levels",
+        "shared/separatrix 1",
     } <= full
+
+
+STANDING = "run 1/mu trail", "shared/separatrix 1", "shared/separatrix 2"
+"""Curves are sent once, and drawn from there."""
 
 
 def test_channels_that_stand_still_are_sent_once() -> None:
@@ -167,6 +170,7 @@ def test_channels_that_stand_still_are_sent_once() -> None:
         ("run 1/mu", "direction"),
         ("run 1/mu tip", "position"),
         ("run 1/mu trail", "reveal"),
+        *((name, channel) for name in STANDING for channel in ("cloud", "vectors")),
     }
 
 
@@ -203,7 +207,7 @@ def test_several_runs_share_the_sphere_and_stand_side_by_side() -> None:
     ]
     names = [path.partition("/")[2] for path in panels[-1].nodes]
     assert {"run 1/mu", "run 2/mu"} <= set(names) and sum(
-        name.startswith("sphere") for name in names
+        name.startswith("shared/sphere") for name in names
     ) == 1
     assert scene.duration == RUN.t[-1]
     assert described(scene)["legend"][:2] == [
@@ -255,10 +259,10 @@ def test_trails_are_curves_or_points() -> None:
         panel = Scene(Motion(BODY, t, {"mu": mu}), show="momentum").panels()[0]
         found = panel.nodes["panel 1/run 1/mu trail"].shape
         assert found is not None
-        return found.kind
+        return str(found.geometry()["type"])
 
-    assert shape(0.1) == "Mesh"
-    assert shape(1.0) == "Points"  # a curve through corners of 57 degrees would be invented
+    assert shape(0.1) == "LatheGeometry"
+    assert shape(1.0) == "SphereGeometry"  # a curve through corners of 57 degrees would be invented
 
 
 SYSTEMS = (
@@ -297,14 +301,14 @@ def test_every_system_has_a_picture(name: str) -> None:
         "OrbitingBody": (
             orbiting,
             orbiting.circular_orbit(5.0),
-            {"run 1/body/box", "run 1/path", "centre"},
+            {"run 1/body/box", "run 1/path", "shared/centre"},
         ),
-        "Kepler": (kepler, kepler.pericentre(0.5), {"run 1/point 1", "sun"}),
-        "Pendulum": (pendulum, pendulum.state([1.0], [0.0]), {"run 1/rod 1", "pivot"}),
+        "Kepler": (kepler, kepler.pericentre(0.5), {"run 1/points", "shared/sun"}),
+        "Pendulum": (pendulum, pendulum.state([1.0], [0.0]), {"run 1/rods", "shared/pivot 1"}),
         "DoublePendulum": (
             double,
             double.state([1.0, 2.0], [0.0, 0.0]),
-            {"run 1/rod 2", "run 1/trail"},
+            {"run 1/rods", "run 1/trail 1.1"},
         ),
         "Quaternions": (
             free,
@@ -332,7 +336,8 @@ def test_points_of_ones_own() -> None:
         compiled=False,
     )
     scene = Scene(run, show=Points(places=lambda q, p: np.stack([q, p], axis=1)))
-    assert {"run 1/point 1", "run 1/point 2"} <= paths(scene)
+    (panel,) = scene.panels()
+    assert panel.nodes["panel 1/run 1/points"].moving["cloud"].shape == (21, 2, 3)
     with pytest.raises(InvalidInput, match=r"places gave shape \(21, 2\)"):
         Scene(run, show=Points(places=lambda q, p: q)).panels()
 
@@ -372,10 +377,10 @@ def test_bad_input_is_named() -> None:
             lambda: Scene(RUN, show="momentums"),
             "'momentums' is not known; there are body, momentum",
         ),
-        (lambda: Scene(spin), "there is no picture of"),
+        (lambda: Scene(spin), "there is no moving picture of"),
         (lambda: Motion(BODY, t, {"g": np.full((4, 3, 3), 1j)}), "g must be real numbers"),
         (lambda: Scene(RUN, show=()), "show is empty"),
-        (lambda: Scene(RUN, show="nose"), "Nose shows the nose of a top"),
+        (lambda: Scene(RUN, show="links"), "Links shows bodies that joints hold together"),
         (lambda: Scene(RUN, color="blue"), "#rrggbb"),
         (lambda: Scene(RUN, seconds=0.0), "seconds"),
         (lambda: Scene(RUN, frames=1), "frames"),
@@ -389,7 +394,7 @@ def test_bad_input_is_named() -> None:
             "Body needs g",
         ),
         (lambda: Scene().html(), "this scene is empty"),
-        (lambda: Scene(RUN).save("body.txt"), "ends in .html"),
+        (lambda: Scene(RUN).save("body.txt"), "must end in .html or .htm"),
         (lambda: Momentum(levels=-1), "levels"),
         (lambda: Body(size=0.0), "size"),
         (lambda: Scene(RUN, show=Body(mesh="ship.step")).panels(), ".stl, .obj, .dae"),
@@ -428,7 +433,7 @@ def test_one_of_an_ensemble() -> None:
     turned = Rotation.from_quat(bodies.moving["turns"][-1, 1]).as_matrix()
     assert turned == pytest.approx(many.g[-1, 1])
     gaps = np.linalg.norm(np.diff(bodies.still["cloud"], axis=0), axis=1)
-    assert gaps.min() > np.linalg.norm(bodies.shape.many["sizes"])  # none stands in another's way
+    assert gaps.min() > np.linalg.norm(bodies.shape.known["sizes"])  # none stands in another's way
     one = Scene(many, body=1)
     assert (one.shown[0].motion["mu"] == many.mu[:, 1]).all() and "run 1/body" in paths(one)
 
@@ -455,20 +460,21 @@ def test_quaternions_are_those_of_the_rotations(rng: np.random.Generator) -> Non
     assert np.abs(rotated(q, v) - np.einsum("nij,nj->ni", R, v)).max() < 1e-14
 
 
-def test_a_tube_lies_about_its_curve() -> None:
+def test_a_trail_is_made_of_the_steps_between_its_points() -> None:
     s = np.linspace(0.0, 5.0, 80)
     curve = np.stack([np.cos(s), np.sin(s), 0.1 * s**2], axis=-1)
     curve[10] = curve[9]  # a point that is repeated
-    normal, binormal = frames(curve)
-    assert np.abs((normal * binormal).sum(axis=1)).max() < 1e-14
-    assert np.abs(np.linalg.norm(normal, axis=1) - 1.0).max() < 1e-14
-    shape = tube(curve, "#000000", 0.01, 5)
-    data = shape.geometry()["data"]
-    rings = data["attributes"]["position"]["array"].reshape(80, 5, 3)
-    assert np.abs(np.linalg.norm(rings - curve[:, None], axis=2) - 0.01).max() < 1e-6
-    index = data["index"]["array"].reshape(79, shape.per_segment)
-    for segment in (0, 40, 78):  # the triangles of a segment touch its two rings and no other
-        assert set(index[segment] // 5) == {segment, segment + 1}
+    panel = Panel("panel 1", "", np.zeros(3), 1.0)
+    Drawing(panel, "run 1", "#000000", 0).trail("trail", curve)
+    (node,) = panel.nodes.values()
+    assert (node.still["cloud"] == curve[:-1]).all()
+    assert node.still["cloud"] + node.still["vectors"] == pytest.approx(curve[1:], rel=1e-15)
+    assert node.shape is not None
+    thick = node.shape.known["sizes"].reshape(79, 3)[:, 0]
+    length = np.linalg.norm(node.still["vectors"], axis=1)
+    assert (thick * length)[length > 0.0] == pytest.approx(0.018)  # everywhere
+    (reveal,) = (track for track in page_module.tracks(node) if track["channel"] == "reveal")
+    assert reveal["first"] == 0 and reveal["fading"]
 
 
 @lm.record
@@ -494,7 +500,7 @@ def test_every_energy_has_its_curves_on_the_sphere() -> None:
     run = lm.integrate(
         gyrostat, lm.RKMK(order=4), gyrostat.state([0.3, 1.0, 0.2]), h=0.1, steps=5, compiled=False
     )
-    assert "levels" in paths(Scene(run))
+    assert "shared/levels" in paths(Scene(run))
     # all directions have the same energy
     assert not len(contours(lm.RigidBody([2.0, 2.0, 2.0]).energy, 1.0, 5))
 
@@ -504,11 +510,11 @@ def test_momenta_of_different_length_have_no_common_sphere() -> None:
     many = lm.integrate(
         BODY, lm.RKMK(order=4), BODY.state(mu=momenta), h=0.1, steps=3, compiled=False
     )
-    assert paths(Scene(many)) == {"run 1/mu", "axis 1", "axis 2", "axis 3"}
+    assert paths(Scene(many)) == {"run 1/mu", *(f"shared/axis {k}" for k in (1, 2, 3))}
     alike = lm.integrate(
         BODY, lm.RKMK(order=4), BODY.state(mu=np.eye(3)), h=0.1, steps=3, compiled=False
     )
-    assert {"sphere 1.000", "levels"} <= paths(Scene(alike))
+    assert {"shared/sphere 1.000", "shared/levels"} <= paths(Scene(alike))
 
 
 # ------------------------------------------------------------------ long runs

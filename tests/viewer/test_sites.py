@@ -219,8 +219,8 @@ def test_runs_of_every_kind_of_site_have_a_picture() -> None:
     run = lm.integrate(pulled, lm.LieVerlet(), start, h=0.01, steps=5, compiled=False)
     (panel,) = run.view().panels()
     node = panel.nodes["panel 1/run 1/sites"]
-    assert node.shape is not None and node.shape.many is not None
-    sizes = node.shape.many["sizes"].reshape(3, 3)[:, 0]
+    assert node.shape is not None and "sizes" in node.shape.known
+    sizes = node.shape.known["sizes"].reshape(3, 3)[:, 0]
     assert sizes[1:] / sizes[2] == pytest.approx([2.0 / 3.0, 1.0])  # as the cube roots
     found = node.moving["cloud"] * panel.unit + panel.centre
     assert np.abs(found[..., :2] - run.g).max() < 1e-12 and not found[..., 2].any()

@@ -44,7 +44,7 @@ def test_a_snapshot_is_the_moment_that_was_asked_for(browser: Chromium, tmp_path
 
 @pytest.mark.slow
 def test_a_gif_moves(browser: Chromium, tmp_path: Path) -> None:
-    file = Scene(run(), show="momentum").write_gif(
+    file = Scene(run(), show="momentum").write_film(
         tmp_path / "body.gif", size=(240, 160), fps=5, seconds=1.0
     )
     with Image.open(file) as movie:
@@ -66,7 +66,7 @@ def test_what_cannot_be_drawn_is_said(tmp_path: Path, monkeypatch: pytest.Monkey
     with pytest.raises(InvalidInput, match=r"must end in \.png"):
         scene.snapshot(tmp_path / "a.jpg")
     with pytest.raises(InvalidInput, match="pictures; wanted are 2 to"):
-        scene.write_gif(tmp_path / "a.gif", fps=1000)
+        scene.write_film(tmp_path / "a.gif", fps=1000)
     monkeypatch.setattr(chromium, "find", lambda: None)
     with pytest.raises(MissingProgram, match="apt-get install chromium"):
         scene.snapshot(tmp_path / "a.png")
