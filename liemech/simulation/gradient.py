@@ -62,6 +62,9 @@ LONGEST = 2**15
 FEW, SEVERAL, MANY = 3, 5, 12
 """Directions along which a number carries derivatives, at most; and of many directions."""
 
+LONG = 32
+"""Numbers of a state up to which they are several."""
+
 OVERHEAD = 600
 """Steps of one direction that take as long as what there is to do for a block beside its steps."""
 
@@ -109,11 +112,13 @@ class Directions:
     """The parameters by which all bodies are differentiated.
 
     plan : with fixed steps.  of_state : directions of the state.  count : those of parameters of which each
-    block has all.  side : along how many directions a number carries derivatives; 0 to choose.
+    block has all.  numbers : of a state.  side : along how many directions a number carries derivatives; 0 to
+    choose.
     """
 
     def __init__(
-        self, plan: Any, bodies: int | None, names: tuple[str, ...], t0: float, of_state: int, side: int
+        self, plan: Any, bodies: int | None, names: tuple[str, ...], t0: float, of_state: int,
+        numbers: int, side: int = 0,
     ) -> None:  # fmt: skip
         way: Steps = plan._steps
         self.own = isinstance(way.system, OfBodies)
@@ -153,7 +158,7 @@ class Directions:
             shape = (len(moves[0]),) if shape is None else shape
             self.parameters.append(Parameter(name, self.count, shape, by_system[-1] is None))
             self.count += len(moves[0])
-        self.side = side = side or side_by_side(of_state + self.count)
+        self.side = side = side or side_by_side(of_state + self.count, numbers)
         self.tables = [*{id(p.varied): p.varied for p in self.parameters if p.varied}.values()]
         one = self._dressed(several[0])
         for table in self.tables:
@@ -379,10 +384,13 @@ class Met:
 # ------------------------------------------------------------------ the way backwards
 
 
-def side_by_side(count: int) -> int:
+def side_by_side(count: int, numbers: int) -> int:
     """Along how many of so many directions a number carries derivatives: they share its value, and the more
-    there are, the fewer of them the processor has at hand.
+    there are, the fewer of them the processor has at hand.  numbers : of a state; with many of them
+    the code of a step is long, and would be longer.
     """
+    if numbers > LONG:
+        return 1
     sides = range(1, 1 + (FEW if count <= MANY else SEVERAL))
     return min(sides, key=lambda n: (-(-count // n) * (1.0 + 0.6 * n + 0.05 * n * n), -n))
 
@@ -398,8 +406,8 @@ class Prepared:
         self.count = sum(
             len(of(np.asarray(one.parts[n])[None])[0]) for n, of in self.frames.items()
         )
-        self.given = plan, bodies, names, t0, self.count
-        self.directions = Directions(*self.given, 0)
+        self.given = plan, bodies, names, t0, self.count, layout_of(one).width
+        self.directions = Directions(*self.given)
         self.blocks: Blocks | None = None
 
     def blocks_of(self, way: Steps, forward: Forward, work: int) -> Blocks:
