@@ -94,6 +94,12 @@ class Layout:
         return own + tuple([level for part in self.parts for level in part.levels])
 
     @functools.cached_property
+    def directions(self) -> int:
+        """Along how many directions its numbers carry derivatives, at most."""
+        own = self.parts[1].width if self.kind == "pair" and self.detail[0] is Dual else 0
+        return max([own, *[part.directions for part in self.parts]])
+
+    @functools.cached_property
     def long(self) -> bool:
         """Are there numbers of two doubles in it?"""
         return (self.kind == "pair" and self.detail[0] is DoubleDouble) or any(
