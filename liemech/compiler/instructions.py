@@ -16,6 +16,11 @@ from ..errors import NotCompilable
 LIMIT = 80_000
 """Instructions of a kernel that LLVM compiles in about ten seconds: more are refused."""
 
+WITH_SLOPES = 2
+"""How many times as many there may be where numbers carry a derivative along one direction, in tangent
+maps and gradients: steps of such numbers have about three times as many instructions as plain ones.
+"""
+
 SIDE_BY_SIDE = 9000
 """Instructions up to which each number of an ensemble takes two registers: one works while the
 other waits for a result.
@@ -63,9 +68,10 @@ class Builder(ir.IRBuilder):
             raise Growing
         if self.emitted + self.finished > self.limit:
             self.finished = _reachable(self.within) - self.emitted
-        if self.emitted + self.finished > self.limit or self.made > EFFORT * LIMIT:
+        most = max(self.limit, LIMIT)
+        if self.emitted + self.finished > self.limit or self.made > EFFORT * most:
             tries = f"{self.made} instructions, all tries counted,"
-            size = tries if self.made > EFFORT * LIMIT else f"more than {self.limit} instructions"
+            size = tries if self.made > EFFORT * most else f"more than {self.limit} instructions"
             raise TooLong(
                 f"the native code would be too long: {size} take more than about ten seconds to "
                 "make. Take fewer stages or a lower order, a smaller group, closed forms for what "

@@ -18,6 +18,7 @@ from llvmlite import ir
 
 from ..formulas.compensated import Compensated
 from ..formulas.complex_numbers import Complex
+from ..formulas.dual import at_rest
 from ..formulas.pytree import PAIRS, build, is_any_number, layout_of, leaves, paired
 from ..formulas.taken_back import back
 from ..formulas.vectors import Mat, Vec
@@ -337,7 +338,8 @@ def leveled(items: list[Any]) -> list[Any]:
         parts = [v.parts if isinstance(v, PAIRS) and v.form == form else (v, 0) for v in items]
         # a slope on one way at least; what is remembered on one way only stays 0 on the other
         if form[0] is not Compensated and not all(type(second) is int for _, second in parts):
-            parts = [(first, 0.0 if type(second) is int else second) for first, second in parts]
+            still = at_rest(next(second for _, second in parts if type(second) is not int))
+            parts = [(first, still if type(second) is int else second) for first, second in parts]
         return [
             paired(form, p)
             for p in zip(*map(leveled, map(list, zip(*parts, strict=True))), strict=True)

@@ -374,6 +374,13 @@ def _layout(kind: Kind) -> Any:
     return kind[1] if isinstance(kind, tuple) else kind
 
 
+def _directions(kinds: tuple[Kind, ...]) -> int:
+    """Along how many directions numbers of a driver carry derivatives, at most."""
+    layouts = [x for x in map(_layout, kinds) if isinstance(x, Layout)]
+    carried = [x.detail for x in layouts if x.kind == "static" and isinstance(x.detail, Layout)]
+    return max([x.directions for x in [*layouts, *carried]], default=0)
+
+
 def _key(entry: Callable[..., Any], kinds: tuple[Kind, ...], lanes: int) -> str | None:
     """Where a kernel lies on disk: for what it is made, by which compiler and Python, for which
     processor.
@@ -440,12 +447,13 @@ def _translated(
     """
     with _importing:
         from . import llvm
-        from .instructions import LIMIT, SHORT, SIDE_BY_SIDE, TooLong
+        from .instructions import LIMIT, SHORT, SIDE_BY_SIDE, WITH_SLOPES, TooLong
 
     with gc_paused():
         if "planes" in kinds:
             return _translation(entry, kinds, lanes, given, LIMIT)
-        made = _translation(entry, kinds, min(lanes, width()), given, LIMIT)
+        limit = LIMIT * (WITH_SLOPES if _directions(kinds) == 1 else 1)
+        made = _translation(entry, kinds, min(lanes, width()), given, limit)
         if lanes > width() and llvm.size(made[1]) <= SHORT:
             with contextlib.suppress(TooLong):
                 return _translation(entry, kinds, lanes, given, SIDE_BY_SIDE)

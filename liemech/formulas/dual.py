@@ -11,6 +11,7 @@ Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., chapter 3 (forwar
 
 from __future__ import annotations
 
+import functools
 import math
 import operator
 from collections.abc import Callable
@@ -47,6 +48,7 @@ ALONE: ContextVar[tuple[int, ...]] = ContextVar(
 class Dual(ByValue):
     """value + e slope, e^2 = 0.  Comparisons look at the value.
 
+    slope : a number, or a vector of those along several directions, which share the value.
     The integer 0 as a slope means that there is none: nothing is multiplied by it or added to it.
 
     level : tells the e of one derivative from those of others, which are taken inside it and have
@@ -275,7 +277,8 @@ def _by_exponent(base: Any, exponent: Any, value: Any, slope: Any) -> Any:
     if type(slope) is int:
         return slope
     zero = constant(base) == 0.0
-    infinite = zero & (constant(exponent) <= _order(base)) & (constant(slope) != 0.0)
+    moves = constant(size_of(slope) if isinstance(slope, tuple) else slope) != 0.0
+    infinite = zero & (constant(exponent) <= _order(base)) & moves
     raise_if(infinite, _NO_SLOPE)
     # in native code, which does not raise here, no number
     return value * f.log(base + (1.0 * zero - 1.0 * infinite)) * slope
@@ -344,8 +347,17 @@ def is_series(x: Any) -> bool:
 
 
 def size_of(x: Any) -> Any:
-    """|x|, and of a number that carries a derivative that of both: zero only if both are."""
+    """|x|, and of a number that carries a derivative that of both: zero only if both are; of slopes along
+    several directions their sum.
+    """
+    if isinstance(x, tuple):
+        return functools.reduce(operator.add, map(size_of, x))
     return size_of(x.value) + size_of(x.slope) if isinstance(x, Dual) else abs(x)
+
+
+def at_rest(slope: Any) -> Any:
+    """A slope that is zero, along as many directions as another one."""
+    return type(slope)(*[0.0 for _ in slope]) if isinstance(slope, tuple) else 0.0
 
 
 # ------------------------------------------------------------------ elementary functions:

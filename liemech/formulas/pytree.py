@@ -22,7 +22,7 @@ import numpy as np
 from .compensated import Compensated, value_of
 from .complex_numbers import Complex
 from .double_double import DoubleDouble, rounded_number
-from .dual import ALONE, Dual
+from .dual import ALONE, Dual, at_rest
 from .fields import FrozenDict
 from .frozen import frozen
 from .large import Large, from_numbers, size_of
@@ -92,6 +92,12 @@ class Layout:
         """Those of the derivatives that its numbers carry along."""
         own = (self.detail[1],) if self.kind == "pair" and self.detail[0] is Dual else ()
         return own + tuple([level for part in self.parts for level in part.levels])
+
+    @functools.cached_property
+    def directions(self) -> int:
+        """Along how many directions its numbers carry derivatives, at most."""
+        own = self.parts[1].width if self.kind == "pair" and self.detail[0] is Dual else 0
+        return max([own, *[part.directions for part in self.parts]])
 
     @functools.cached_property
     def long(self) -> bool:
@@ -581,16 +587,18 @@ def double_double(value: Any) -> Any:
     )
 
 
-def with_slopes(value: Any, level: float) -> Any:
+def with_slopes(value: Any, level: float, still: Any = 0.0) -> Any:
     """The value in numbers that all carry a derivative of this level; it is zero where there was
     none.
+
+    still : the slope of what rests; along several directions a vector.
     """
-    return _mapped(value, lambda x: x if isinstance(x, Dual) else Dual(x, 0.0, level), (Dual,))
+    return _mapped(value, lambda x: x if isinstance(x, Dual) else Dual(x, still, level), (Dual,))
 
 
 def moving_as(value: Any, x: Any) -> Any:
     """The value in numbers that carry a derivative, if a number x does."""
-    return with_slopes(value, x.level) if isinstance(x, Dual) else value
+    return with_slopes(value, x.level, at_rest(x.slope)) if isinstance(x, Dual) else value
 
 
 def as_others_see(value: Any) -> Any:
@@ -634,7 +642,8 @@ def fitted(value: Any, layout: Layout) -> Any:
     if layout.kind == "pair" and layout.detail == _DOUBLE_DOUBLE:
         return DoubleDouble(value, 0.0) if is_number(value) else value
     if layout.kind == "pair" and layout.detail[0] is Dual and not isinstance(value, Dual):
-        return Dual(fitted(value, layout.parts[0]), fitted(0.0, layout.parts[1]), layout.detail[1])
+        still = build(layout.parts[1], itertools.repeat(0.0))
+        return Dual(fitted(value, layout.parts[0]), still, layout.detail[1])
     if isinstance(value, Record) and len(layout.parts) == len(fields_of(value)):
         return fill(
             type(value),

@@ -8,7 +8,8 @@ import numpy as np
 
 from ...compiler import kernel
 from ...compiler.driver import Rejected, attempt, reason
-from ...errors import failure, is_mistake
+from ...errors import NotCompilable, failure, is_mistake
+from ...formulas import Vec
 from ...formulas.pytree import build, carried_layout, fitted, layout_of, leaves, with_slopes
 from ...integrators.ending_at_jumps import EndingAtJumps
 from ...integrators.method import Method
@@ -30,19 +31,21 @@ WORTH = 2**13
 class Blocks:
     """The code that takes states with derivatives through blocks of steps.
 
-    way : of the steps.  systems, methods : in numbers that carry derivatives.  start : a state of one body.
+    way : of the steps.  systems, methods : in numbers that carry derivatives, along `side` directions each.
+    start : a state of one body.
     """
 
     def __init__(self, way: Steps, systems: Varied, methods: Varied, start: Any) -> None:
         self.way, self.systems, self.methods, self.t0 = way, systems, methods, 0.0
-        dual = dual_of(start)
+        still = Vec(*[0.0] * systems.side)
+        dual = dual_of(start, still=still)
         # without what rounding took, which changes a derivative by as little
         trial: Any = attempt(begun, methods.example, systems.example, dual, way.h_of(0))
         if isinstance(trial, Rejected):
             refused: Any = reason(trial)
             raise refused
         # all that the method carries along may come to depend on the start, zeros of guesses too
-        carry, example = with_slopes(trial[0], LEVEL), trial[1]
+        carry, example = with_slopes(trial[0], LEVEL, still), trial[1]
         given, layout, shown = layout_of(dual), carried_layout(carry), layout_of(example)
         self.width, self.shown = given.width, shown.width
         native = way.compiled is not False and kernel.available() is None
@@ -55,7 +58,7 @@ class Blocks:
         self.beginner = given, given, layout, shown
         if given == shown and not remembers(methods.example):
             numbered = build(given, iter([1.0 + i for i in range(given.width)]))
-            order = leaves(with_slopes(fitted(numbered, layout), LEVEL), layout)
+            order = leaves(with_slopes(fitted(numbered, layout), LEVEL, still), layout)
             self.order = np.array(order, dtype=int) - 1
         else:
             call = begin, *things, *self.beginner, *[COLUMNS] * 4, None
@@ -63,16 +66,27 @@ class Blocks:
                 way.compiled, way.progress, *call, lanes=self.side, silent=True
             )
 
-    def begin(self, t0: float, work: int) -> None:
+    def begin(self, t0: float, work: int, else_shorter: bool) -> bool:
         """For another run, whose step 0 is at t0; formulas count as they are now.  work : steps of all
-        blocks and directions.
+        blocks and directions.  else_shorter : is there a shorter code?  Returns False where that is to be
+        taken, as this one cannot be compiled.
         """
         self.t0 = t0
-        self.lanes.stepping.refresh()
+        stepping = self.lanes.stepping
+        stepping.silent = else_shorter
+        try:
+            stepping.refresh()
+            if work > PLAIN:
+                stepping.compile()
+        except NotCompilable:
+            if not else_shorter:
+                raise
+            return False
+        if else_shorter and stepping.wanted is False and self.way.compiled is not False:
+            return False
         if self.order is None:
             self.beginning.used(self.way.compiled)
-        if work > PLAIN:
-            self.lanes.stepping.compile()
+        return True
 
     def run(
         self, starts: np.ndarray, body: np.ndarray, first: np.ndarray, last: np.ndarray,

@@ -59,6 +59,12 @@ LEAST, MOST = 32, 4096
 LONGEST = 2**15
 """Steps of a block, as long as there are not too many blocks."""
 
+FEW, SEVERAL, MANY = 3, 5, 12
+"""Directions along which a number carries derivatives, at most; and of many directions."""
+
+LONG = 32
+"""Numbers of a state up to which they are several."""
+
 OVERHEAD = 600
 """Steps of one direction that take as long as what there is to do for a block beside its steps."""
 
@@ -105,10 +111,15 @@ class Parameter:
 class Directions:
     """The parameters by which all bodies are differentiated.
 
-    plan : with fixed steps.  count : directions of parameters of which each block has all.
+    plan : with fixed steps.  of_state : directions of the state.  count : those of parameters of which each
+    block has all.  numbers : of a state.  side : along how many directions a number carries derivatives; 0 to
+    choose.
     """
 
-    def __init__(self, plan: Any, bodies: int | None, names: tuple[str, ...], t0: float) -> None:
+    def __init__(
+        self, plan: Any, bodies: int | None, names: tuple[str, ...], t0: float, of_state: int,
+        numbers: int, side: int = 0,
+    ) -> None:  # fmt: skip
         way: Steps = plan._steps
         self.own = isinstance(way.system, OfBodies)
         self.own_methods = own_methods = isinstance(way.method, OfBodies)
@@ -147,13 +158,15 @@ class Directions:
             shape = (len(moves[0]),) if shape is None else shape
             self.parameters.append(Parameter(name, self.count, shape, by_system[-1] is None))
             self.count += len(moves[0])
+        self.side = side = side or side_by_side(of_state + self.count, numbers)
         self.tables = [*{id(p.varied): p.varied for p in self.parameters if p.varied}.values()]
         one = self._dressed(several[0])
         for table in self.tables:
             table.find(one)
         moved = [place for table in self.tables for place in table.places["moved"].tolist()]
         dressed = [self._dressed(system) for system in several]
-        self.systems = Varied(dressed, self._slopes(dressed, by_system, self._dressed), moved)
+        slopes = self._slopes(dressed, by_system, self._dressed)
+        self.systems = Varied(dressed, slopes, moved, side)
         self.raw = methods
         self.of_things = [[table.of(thing) for thing in several] for table in self.tables]
         wrapped = (
@@ -163,7 +176,7 @@ class Directions:
         )
         slopes = self._slopes(methods, by_method, lambda method: method)
         more = layout_of(wrapped[0]).width - slopes.shape[2]
-        self.methods = Varied(wrapped, np.pad(slopes, ((0, 0), (0, 0), (0, more))))
+        self.methods = Varied(wrapped, np.pad(slopes, ((0, 0), (0, 0), (0, more))), (), side)
 
     def _dressed(self, system: Any) -> Any:
         """A system with the tables as they carry derivatives."""
@@ -371,27 +384,50 @@ class Met:
 # ------------------------------------------------------------------ the way backwards
 
 
+def side_by_side(count: int, numbers: int) -> int:
+    """Along how many of so many directions a number carries derivatives: they share its value, and the more
+    there are, the fewer of them the processor has at hand.  numbers : of a state; with many of them
+    the code of a step is long, and would be longer.
+    """
+    if numbers > LONG:
+        return 1
+    sides = range(1, 1 + (FEW if count <= MANY else SEVERAL))
+    return min(sides, key=lambda n: (-(-count // n) * (1.0 + 0.6 * n + 0.05 * n * n), -n))
+
+
 class Prepared:
     """Layouts and native code that gradients of one system by the same names share.
 
-    frames : of each part of a state the directions in which it moves.
+    frames : of each part of a state the directions in which it moves.  count : of all parts.
     """
 
     def __init__(self, plan: Any, bodies: int | None, one: Any, names: Any, t0: float) -> None:
-        self.system, self.directions = plan.system, Directions(plan, bodies, names, t0)
-        self.frames = frames_of(plan._steps.one, one)
+        self.system, self.frames = plan.system, frames_of(plan._steps.one, one)
+        self.count = sum(
+            len(of(np.asarray(one.parts[n])[None])[0]) for n, of in self.frames.items()
+        )
+        self.given = plan, bodies, names, t0, self.count, layout_of(one).width
+        self.directions = Directions(*self.given)
         self.blocks: Blocks | None = None
 
     def blocks_of(self, way: Steps, forward: Forward, work: int) -> Blocks:
         """The code for the blocks of a run.  work : steps of all blocks and directions."""
-        directions = self.directions
         if self.blocks is None:
-            given = dataclasses.replace(
-                way, system=directions.systems.example, method=directions.raw[0], shapes={}
-            )
-            self.blocks = Blocks(given, directions.systems, directions.methods, forward.example)
-        self.blocks.begin(forward.t0, work)
+            self.blocks = self._blocks(way, forward)
+        side = self.directions.side
+        if not self.blocks.begin(forward.t0, work, side > 1):
+            # too long to be compiled: direction by direction it is shorter
+            self.directions = Directions(*self.given, 1)
+            self.blocks = self._blocks(way, forward)
+            self.blocks.begin(forward.t0, work, False)
         return self.blocks
+
+    def _blocks(self, way: Steps, forward: Forward) -> Blocks:
+        directions = self.directions
+        given = dataclasses.replace(
+            way, system=directions.systems.example, method=directions.raw[0], shapes={}
+        )
+        return Blocks(given, directions.systems, directions.methods, forward.example)
 
 
 def prepared(
@@ -416,12 +452,15 @@ class Backward:
 
     def __init__(self, forward: Forward, known: Prepared, at_end: np.ndarray, along: Any) -> None:
         self.forward, self.along = forward, along
-        directions = self.directions = known.directions
         way = forward.plan._steps
         bodies, count = at_end.shape
         self.bodies, self.count = bodies, count
-        self.lanes_of_block = bodies * (count + directions.count)
-        self.blocks = known.blocks_of(way, forward, int(forward.edges[-1]) * bodies * count)
+        work = int(forward.edges[-1]) * bodies * count
+        self.blocks = known.blocks_of(way, forward, work)
+        directions = self.directions = known.directions
+        self.side = directions.side
+        self.groups = -(-(count + directions.count) // self.side)
+        self.lanes_of_block = bodies * self.groups
         self.slope = at_end
         self.growth = np.broadcast_to(np.eye(count), (bodies, count, count))
         self.found = np.zeros((bodies, directions.count))
@@ -448,16 +487,18 @@ class Backward:
         many, bodies, count = end - begin, self.bodies, self.count
         basis = forward.basis(slice(begin, end + 1))
         parts = components(basis[1:])
-        each = count + directions.count
-        k, i, d = (x.ravel() for x in np.indices((many, bodies, each)))
-        moves = np.zeros((many, bodies, each, basis.shape[-1]))
+        each, side, groups = count + directions.count, self.side, self.groups
+        k, i, group = (x.ravel() for x in np.indices((many, bodies, groups)))
+        d = group[:, None] * side + np.arange(side)
+        moves = np.zeros((many, bodies, groups * side, basis.shape[-1]))
         moves[:, :, :count] = basis[:-1]
-        lanes: list[Any] = [
-            (k, i, np.where(d < count, -1, d - count), moves.reshape(len(k), -1), None)
-        ]
+        moves = moves.reshape(len(k), side, -1).transpose(2, 1, 0)
+        d = np.where((d < count) | (d >= each), -1, d - count)
+        lanes: list[Any] = [(k, i, d, moves, None)]
         for number, table in enumerate(directions.tables):
             lanes.append(self._lanes_of_table(number, table, begin, end))
-        jacobians = self._through(begin, lanes[0], parts, done).reshape(many, bodies, each, count)
+        found = self._through(begin, lanes[0], parts, done)
+        jacobians = found.reshape(many, bodies, groups * side, count)[:, :, :each]
         after = np.empty((many, bodies, count))
         by_sample = None if self.along is None else self.along(slice(begin, end), basis[:-1])
         for n in range(many - 1, -1, -1):
@@ -470,10 +511,12 @@ class Backward:
             self.growth = jacobians[n, :, :count] @ self.growth
         for number, own in enumerate(lanes[1:]):
             found = self._through(begin, own, parts, done)
-            moved = (found * after[own[0], own[1]]).sum(axis=1)
+            moved = (found @ after[own[0], own[1]][..., None])[..., 0]
             into = self.of_tables[number]
             body = own[1] if len(into) > 1 else np.zeros_like(own[1])
-            np.add.at(into, (body, own[4][2], own[4][1]), moved)
+            lane, slot = np.nonzero(own[4][1] >= 0)
+            place = body[lane], own[4][2][lane], own[4][1][lane, slot]
+            np.add.at(into, place, moved[lane, slot])
 
     def _lanes_of_table(self, number: int, table: Any, begin: int, end: int) -> Any:
         """The directions of a table in some blocks."""
@@ -483,10 +526,13 @@ class Backward:
         which = np.repeat(np.arange(len(k)), count)
         after = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
         interval = (met.first[begin + k, i][which] + after) % int(table.table.intervals)
-        which, interval = np.repeat(which, table.width), np.repeat(interval, table.width)
-        component = np.tile(np.arange(table.width), len(which) // table.width)
+        component = np.arange(-(-table.width // self.side) * self.side).reshape(-1, self.side)
+        component[component >= table.width] = -1
+        rows = len(component)
+        component = np.tile(component, (len(which), 1))
+        which, interval = np.repeat(which, rows), np.repeat(interval, rows)
         k, i = k[which], i[which]
-        return k, i, np.full(len(k), -1), None, (number, component, interval)
+        return k, i, np.full(component.shape, -1), None, (number, component, interval)
 
     def _counting(self, number: int, block: np.ndarray, body: np.ndarray) -> Any:
         """The first and the last interval of a table that may count in blocks."""
@@ -521,31 +567,35 @@ class Backward:
             )
 
     def _through(self, begin: int, lanes: Any, parts: np.ndarray, done: float) -> np.ndarray:
-        """Take directions through their blocks: the components of what becomes of them, (..., N)."""
+        """Take directions through their blocks: the components of what becomes of them, (lanes, side, N)."""
         k, i, d, moves, table = lanes
         forward, directions = self.forward, self.directions
-        found = np.empty((len(k), self.count))
+        side = self.side
+        found = np.empty((len(k), side, self.count))
         for at in range(0, len(k), PIECE):
             some = slice(at, at + PIECE)
             block, body = k[some], i[some]
             values = forward.numbers[begin + block, body]
-            starts = np.empty((2 * values.shape[1], len(values)))
-            starts[0::2], starts[1::2] = values.T, 0.0 if moves is None else moves[some].T
+            starts = np.zeros((values.shape[1], 1 + side, len(values)))
+            starts[:, 0] = values.T
+            if moves is not None:
+                starts[:, 1:] = moves[..., some]
             systems = directions.systems.columns(body, d[some])
             methods = directions.methods.columns(body, d[some])
             for n, own in enumerate(directions.tables):
                 mine = table is not None and table[0] == n
-                component = table[1][some] if mine else np.full(len(body), -1)
-                interval = table[2][some] if mine else component
+                component = table[1][some] if mine else np.full((len(body), side), -1)
+                interval = table[2][some] if mine else component[:, 0]
                 part = np.stack(self._counting(n, begin + block, body))
                 tables = directions.of_things[n]
                 own.write(directions.systems, systems, component, interval, part, body, tables)
             first, last = forward.edges[begin + block], forward.edges[begin + block + 1]
             out = self.blocks.run(
-                starts, body, first.astype(float), last.astype(float), systems, methods, done
-            )
-            self._same(out[0::2].T, forward.numbers[begin + block + 1, body])
-            found[some] = np.einsum("lw,lwn->ln", out[1::2].T, parts[block, body])
+                starts.reshape(-1, len(values)), body, first.astype(float), last.astype(float),
+                systems, methods, done,
+            ).reshape(starts.shape)  # fmt: skip
+            self._same(out[:, 0].T, forward.numbers[begin + block + 1, body])
+            found[some] = out[:, 1:].transpose(2, 1, 0) @ parts[block, body]
         return found
 
 
@@ -625,10 +675,10 @@ def gradient_of(
     one = member(start, 0)
     known = prepared(plan, start.bodies, one, names, t0, run is None)
     directions, frames = known.directions, known.frames
-    count = sum(len(of(np.asarray(one.parts[name])[None])[0]) for name, of in frames.items())
+    count, side = known.count, directions.side
     intervals = sum(int(table.table.intervals) for table in directions.tables)
-    width = max([table.width for table in directions.tables], default=1)
-    each = many * (count + directions.count)
+    width = max([-(-table.width // side) for table in directions.tables], default=1)
+    each = many * -(-(count + directions.count) // side)
     length = block_length(max(1, steps), each, intervals, width, every or max(1, steps))
     forward: Forward = (
         forwards(plan, start, steps, t0, length, frames)

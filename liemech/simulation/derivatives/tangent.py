@@ -426,10 +426,13 @@ def adaptive_tangent_run(
     )  # fmt: skip
 
 
-def dual_of(thing: Any, slopes: Any = None) -> Any:
-    """A system or a method in numbers that carry a derivative, which is zero if none is given."""
+def dual_of(thing: Any, slopes: Any = None, still: Any = 0.0) -> Any:
+    """A system or a method in numbers that carry a derivative, which is zero if none is given.
+
+    still : that zero; along several directions a vector.
+    """
     layout = layout_of(thing)
-    rates = [0.0] * layout.width if slopes is None else slopes.tolist()
+    rates = [still] * layout.width if slopes is None else slopes.tolist()
     both = zip(leaves(thing, layout), rates, strict=True)
     return build(layout, iter([Dual(x, dx, LEVEL) for x, dx in both]))
 

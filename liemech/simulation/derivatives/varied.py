@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler.kernel import Several
+from ...formulas import Vec
 from ...formulas.dual import Dual
 from ...formulas.pytree import build, exchanged, layout_of, leaves
 from ...formulas.tables import Table
@@ -24,10 +25,13 @@ class Varied:
     things : one for all bodies, or one for each.
     slopes : (things, directions, numbers) how their numbers change; direction -1 is that of none.
     moved : the places of numbers that have a slope beside these.
+    side : along how many directions a number carries derivatives.
     example : one of them, in numbers that carry a derivative where one changes.
     """
 
-    def __init__(self, things: Sequence[Any], slopes: np.ndarray, moved: Any = ()) -> None:
+    def __init__(
+        self, things: Sequence[Any], slopes: np.ndarray, moved: Any = (), side: int = 1
+    ) -> None:
         self.layout = layout_of(things[0])
         self.things = things
         self.values = np.array([leaves(thing, self.layout) for thing in things], dtype=float)
@@ -38,16 +42,17 @@ class Varied:
         self.moves = np.flatnonzero(moves)
         self.tables = [j for j, kind in enumerate(self.layout.kinds) if kind == "table"]
         self.known = [Table.at(x) for x in {*self.values[:, self.tables].ravel().tolist()}]
-        self.example = self._built(self.values[0], np.zeros(len(moves)))
-        # the numbers of a thing in turn: a value, and behind it its slope if it has one
-        self.place = np.arange(len(moves)) + np.cumsum(moves) - moves
-        self.height = len(moves) + len(self.moves)
+        self.side = side
+        self.example = self._built(self.values[0], np.zeros((len(moves), side)))
+        # the numbers of a thing in turn: a value, and behind it its slopes if it has some
+        self.place = np.arange(len(moves)) + side * (np.cumsum(moves) - moves)
+        self.height = len(moves) + side * len(self.moves)
 
     def _built(self, values: np.ndarray, slopes: np.ndarray) -> Any:
         """The thing with these numbers."""
         numbers: list[Any] = values.tolist()
         for j in self.moves.tolist():
-            numbers[j] = Dual(numbers[j], slopes.item(j), LEVEL)
+            numbers[j] = Dual(numbers[j], Vec(*slopes[j].tolist()), LEVEL)
         parts = [
             self._part(numbers[j]) for j in self.tables
         ]  # are alive as long as they are built in
@@ -68,17 +73,18 @@ class Varied:
         return Several((self.example,), np.zeros((self.height, 1)))
 
     def columns(self, body: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """The numbers of bodies in directions, (height, ...)."""
+        """The numbers of bodies, each in `side` directions, (n, side): (height, n)."""
         body = np.minimum(body, len(self.things) - 1)
         found = np.empty((self.height, len(body)))
         found[self.place] = self.values[body].T
-        found[self.place[self.moves] + 1] = self.slopes[body, direction][:, self.moves].T
+        for s, of_one in enumerate(direction.T):
+            found[self.place[self.moves] + 1 + s] = self.slopes[body, of_one][:, self.moves].T
         return found
 
     def thing(self, column: np.ndarray) -> Any:
         """The thing with the numbers of a column."""
-        slopes = np.zeros(len(self.place))
-        slopes[self.moves] = column[self.place[self.moves] + 1]
+        slopes = np.zeros((len(self.place), self.side))
+        slopes[self.moves] = column[self.place[self.moves][:, None] + 1 + np.arange(self.side)]
         return self._built(column[self.place], slopes)
 
 
@@ -150,12 +156,12 @@ class VariedInput:
         self, systems: Varied, columns: np.ndarray, component: np.ndarray, interval: np.ndarray,
         part: np.ndarray, body: np.ndarray, tables: list[Any],
     ) -> None:  # fmt: skip
-        """Write into columns which component is moved, -1 for none, in which interval, and the part of the
-        table that counts: its first and last interval, (2, ...).  tables : of all systems.
+        """Write into columns which components are moved, (n, side), -1 for none, in which interval, and the
+        part of the table that counts: its first and last interval, (2, n).  tables : of all systems.
         """
         rows = {name: systems.place[places] for name, places in self.places.items()}
-        some = np.flatnonzero(component >= 0)
-        columns[rows["moved"][component[some]] + 1, some] = 1.0
+        some, slot = np.nonzero(component >= 0)
+        columns[rows["moved"][component[some, slot]] + 1 + slot, some] = 1.0
         columns[rows["where_moved"]] = interval
         if self.table.outside == "repeat":
             return
