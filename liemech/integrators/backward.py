@@ -14,7 +14,10 @@ the transposed derivative are derivatives along a direction again, as second der
 
     (d xi)^T lambda = D_lambda dH/dmu,      (d f)^T lambda = D_lambda f - ad*_lambda f.
 
-The second one is not symmetric, as left-invariant fields do not commute.  A parameter p of the energy
+The second one is not symmetric, as left-invariant fields do not commute.  A load F(xi, g) has no
+symmetric derivative: (d F)^T lambda is the derivative of the sum of <lambda, F> over all sites, edge by
+edge.  What an equation has determined is the solution of the transposed equation backwards, found
+as it was, by sweeps over all sites.  A parameter p of the energy
 has the derivative d/dp D_lambda H, and -d/dp D_lambda V.  Of a symplectic map with the form
 Omega((dmu, eta), .) = (eta, ad*_eta mu - dmu) on T*G it is  J^T = Omega J^-1 Omega^-1:  one direction
 carried back by the step of length -h of a symmetric method.
@@ -28,21 +31,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..errors import undefined
+from ..errors import NoConvergence, undefined
 from ..formulas import (
+    Mat,
     Record,
     Vec,
+    cross,
     derivative,
     dot,
     gradient,
     identity_matrix,
+    jacobian,
     plain,
     record,
+    sqrt,
     vec,
 )
 from ..formulas.derivatives import tangent
 from ..formulas.pytree import exchanged, inside, with_fields
-from ..retractions import Exponential
+from ..groups.so3 import SO3
+from ..retractions import Cayley, Exponential
+from ..solvers import fixed_point, newton
 from ..systems.canonical import CanonicalState
 from ..systems.driven import DrivenLiePoissonSystem
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -51,10 +60,12 @@ from ..systems.separable_sites import SeparableSite
 from ..systems.sublattices import FieldAtSite, turned
 from ..systems.sums_of_terms import DrivenTerms
 from ..systems.terms import at_time
-from ..systems.terms_at_site import TermsOfSite
+from ..systems.terms_at_site import SlopesOfLoad, TermsOfSite
+from .commutator_free import CommutatorFree
 from .composition import Composition
 from .kick_drift import FieldSplitting
 from .method import Method
+from .midpoint import ImplicitMidpoint
 from .rkmk import RKMK, combination
 from .separable import SeparableSplitting
 from .sublattices import SublatticeSplitting
@@ -148,10 +159,13 @@ def refused(method: Any, site: Any) -> str:
         site, (LiePoissonSystem, DrivenLiePoissonSystem, MechanicalSystem, SeparableSite)
     ):
         return f"of a {type(site).__name__}"
-    if isinstance(site, MechanicalSystem) and (site.load is not None or site.in_space):
-        return "with a load, whose forces have no symmetric derivative"
-    if isinstance(method, RKMK):
-        return "" if method.tableau.explicit else f"by {method!r}, whose tableau is implicit"
+    if isinstance(site, MechanicalSystem) and site.in_space:
+        return "with momenta that are added up in space"
+    if isinstance(method, (RKMK, CommutatorFree)):
+        return ""
+    if isinstance(method, ImplicitMidpoint):
+        alone = isinstance(site, LiePoissonSystem) and isinstance(site.group, SO3)
+        return "" if alone else f"by {method!r} but of rotations"
     if isinstance(method, Composition):
         return refused(method.base, site)
     if isinstance(method, FieldSplitting):
@@ -163,10 +177,13 @@ def refused(method: Any, site: Any) -> str:
     return "" if isinstance(method, SeparableSplitting) else f"by {method!r}"
 
 
-def released(site: Any) -> Any:
-    """A site form with sites that are held free to move: others feel them."""
+def released(site: Any, slopes: Any = None) -> Any:
+    """A site form with sites that are held free to move: others feel them.  slopes : in place of the
+    load, what it needs backwards.
+    """
     terms = inside(site, TermsOfSite)
-    return exchanged(site, TermsOfSite, [with_fields(x, moves=None) for x in terms])
+    found = exchanged(site, TermsOfSite, [with_fields(x, moves=None) for x in terms])
+    return found if slopes is None else with_fields(found, load=slopes)
 
 
 def parts_of(method: Any, site: Any) -> tuple[tuple[Motion, ...], list[tuple[int, float, float]]]:
@@ -186,12 +203,25 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[Motion, ...], list[tuple[int
         tableau, in_a_field = given.tableau, isinstance(method, FieldSplitting)
         free: Any = Drift(given.free) if in_a_field else PointDrift()
         nodes = tableau.nodes if in_a_field else [0.0 for _ in tableau.kicks]
-        rows = []
+        loaded = in_a_field and site.load is not None
+        last, rows = len(tableau.drifts), []
         for i, b in enumerate(tableau.kicks):
-            rows += [(0, nodes[i], b)] if b != 0.0 else []
-            rows += [(1, nodes[i], tableau.drifts[i])] if i < len(tableau.drifts) else []
+            if b != 0.0 and loaded:
+                part = 0.5 * b if 0 < i < last else b
+                rows += [(2, nodes[i], part)] if i > 0 else []
+                rows += [(0, nodes[i], part)] if i < last else []
+            elif b != 0.0:
+                rows += [(0, nodes[i], b)]
+            rows += [(1, nodes[i], tableau.drifts[i])] if i < last else []
+        if loaded:
+            return (LoadedKick(given), free, LoadedKick(given, True)), rows
         return (Kick() if in_a_field else PointKick(), free), rows
-    return (RungeKutta(method, isinstance(site, MechanicalSystem)),), [(0, 0.0, 1.0)]
+    whole: Any = RungeKutta(method, isinstance(site, MechanicalSystem))
+    if isinstance(method, CommutatorFree):
+        whole = Flows(method, isinstance(site, MechanicalSystem))
+    if isinstance(method, ImplicitMidpoint):
+        whole = Mean(method)
+    return (whole,), [(0, 0.0, 1.0)]
 
 
 def fresh(method: Method, system: Any, t: float, state: Any, h: float) -> Any:
@@ -211,9 +241,11 @@ def moving(energy: Any, along: Vec) -> Vec:
 
 @record
 class RungeKutta(Motion):
-    """A step of an explicit Runge-Kutta-Munthe-Kaas method.  Backwards, with k_i for w_k_i,
+    """A step of a Runge-Kutta-Munthe-Kaas method.  Backwards, with k_i for w_k_i,
 
-        k_i = h b_i w_Omega + h sum_(j > i) a_ji w_Omega_j.
+        k_i = h b_i w_Omega + h sum_j a_ji w_Omega_j,
+
+    from the last one to the first, or, of an implicit tableau, by sweeps until they settle.
 
     Source: Sanz-Serna, SIAM Review 58 (2016), section 3; Hairer, Lubich, Wanner, algorithm IV.8.4.
     """
@@ -240,6 +272,8 @@ class RungeKutta(Motion):
     def stages(self) -> tuple[int, ...]:
         """The stages on which the step depends, last ones first."""
         tableau, felt = self.method.tableau, []  # type: Any, list[int]
+        if not tableau.explicit:
+            return tuple(range(len(tableau.b)))
         for i in range(len(tableau.b) - 1, -1, -1):
             if tableau.b[i] != 0.0 or any(
                 j < len(tableau.A) and i < len(tableau.A[j]) and tableau.A[j][i] != 0.0
@@ -256,6 +290,8 @@ class RungeKutta(Motion):
         """The stages once more, and then backwards."""
         method, t, h = self.method, part.t, part.h
         tableau, start = method.tableau.bare, plain(system.essential_part(before))
+        if not tableau.explicit:
+            return self._back_by_sweeps(system, free, part, before, start, w)
         slopes: list[Vec] = []
         found: list[Any] = []
         for row, c in zip(tableau.A, tableau.c):
@@ -284,6 +320,54 @@ class RungeKutta(Motion):
                 w = BodyState(w.mu + there.mu, w.g if there.g is None else w.g + there.g)
         return Back(w, tuple(momenta), tuple(elements))
 
+    def _back_by_sweeps(
+        self, system: Any, free: Any, part: Part, before: Any, start: Any, w: Any
+    ) -> Back:
+        """That of an implicit tableau."""
+        method, t, h = self.method, part.t, part.h
+        tableau = method.tableau.bare
+        slopes = method._slopes(tableau, system, t, start, system.rate(t, start), h)
+        omegas = [combination(row, slopes, h) for row in tableau.A]
+        w, bent = _displaced(
+            method.retraction, system, before, combination(tableau.b, slopes, h), w
+        )
+        found: list[Any] = []
+        for omega, c in zip(omegas, tableau.c):
+            place = start if omega is None else system.displaced(method.retraction, start, omega)
+            found = [*found, (place, system.rate(t + c * h, place))]
+        stages = range(len(found))
+
+        def of_stage(i: int, felt: Vec) -> Any:
+            omega, (place, xi) = omegas[i], found[i]
+            now, along, chart = t + tableau.c[i] * h, felt, None  # type: Any, Any, Any
+            if omega is not None:
+                along, chart = self._in_chart(system, omega, xi, felt)
+            there, momenta, elements = _rate(system, free, now, place, along)
+            if omega is not None:
+                there, more = _displaced(method.retraction, system, start, omega, there)
+                chart = chart + more
+            return there, chart, momenta, elements
+
+        def sweep(felt: list[Vec]) -> tuple[list[Vec], float, float]:
+            charts = [of_stage(i, felt[i])[1] for i in stages]
+            new = [
+                _sum((b * h) * bent, combination(tuple([row[i] for row in tableau.A]), charts, h))
+                for i, b in enumerate(tableau.b)
+            ]
+            change = size = 0.0
+            for x, y in zip(new, felt):
+                change, size = change + dot(x - y, x - y), size + dot(x, x)
+            return new, sqrt(change), sqrt(size)
+
+        felt = fixed_point(sweep, [(b * h) * bent for b in tableau.b], method, h)
+        momenta: list[Asked] = []
+        elements: list[Asked] = []
+        for i in stages:
+            there, _, of_momenta, of_elements = of_stage(i, felt[i])
+            momenta, elements = [*momenta, *of_momenta], [*elements, *of_elements]
+            w = BodyState(w.mu + there.mu, w.g if there.g is None else w.g + there.g)
+        return Back(w, tuple(momenta), tuple(elements))
+
     def _in_chart(self, system: Any, omega: Vec, xi: Vec, felt: Vec) -> tuple[Vec, Vec]:
         """The derivatives by the velocity of a stage and by its Omega, of that by its slope."""
         slope = self.method.in_chart
@@ -291,6 +375,11 @@ class RungeKutta(Motion):
             gradient(lambda x: dot(felt, slope(system, omega, x)), xi),
             gradient(lambda x: dot(felt, slope(system, x, xi)), omega),
         )
+
+
+def _sum(x: Vec, more: Any) -> Vec:
+    """x, and more if there is any."""
+    return x if more is None else x + more
 
 
 def _combined(felt: list[Any], row: Any, bent: Vec, h: float) -> list[Any]:
@@ -329,10 +418,30 @@ def _rate(system: Any, free: Any, t: float, place: Any, along: Vec) -> Any:
         mu = derivative(lambda m: free.rate(t, BodyState(m, None)), place.mu, along)
         return BodyState(mu, None), [Asked(t, place.mu, along)], []
     n = system.configurations.dim
-    xi = vec(*along[:n])
-    kick, asked = _force(system, free, t, place.g, vec(*along[n:]))
+    xi, turned = vec(*along[:n]), vec(*along[n:])
+    kick, asked = _force(system, free, t, place.g, turned)
+    if system.load is not None:
+        by_xi, more = _load(system, free, t, place, turned)
+        xi, kick = xi + by_xi, kick + more
     mu = derivative(lambda m: system.velocity(m, t), place.mu, xi)
     return BodyState(mu, kick), [Asked(t, place.mu, xi)], [asked]
+
+
+def _load(system: Any, free: Any, t: float, place: Any, along: Vec) -> tuple[Vec, Vec]:
+    """The derivatives of the sum over all sites of <lambda, F> by the velocity and the element of this
+    one.
+    """
+    group, xi, slopes = system.configurations, system.velocity(place.mu, t), free.load
+    along = moving(system.load, along)
+    if isinstance(slopes, SlopesOfLoad):
+        return slopes.slopes(group, t, xi, place.g, along)
+    still = vec(*[0.0 for _ in along])
+    return (
+        gradient(lambda x: dot(along, slopes.covector(t, x, place.g)), xi),
+        gradient(
+            lambda x: dot(along, slopes.covector(t, xi, group.compose_exp(place.g, x))), still
+        ),
+    )
 
 
 def _force(system: Any, free: Any, t: float, g: Any, along: Vec) -> tuple[Vec, Asked]:
@@ -342,6 +451,140 @@ def _force(system: Any, free: Any, t: float, g: Any, along: Vec) -> tuple[Vec, A
     still = vec(*[0.0 for _ in along])
     force, slope = tangent(lambda x: free.force(group.compose_exp(g, x)), still, along)
     return slope - group.ad_star(along, force), Asked(t, g, -along)
+
+
+# ------------------------------------------------------------------ flows, and midpoints
+
+
+@record
+class Flows(Motion):
+    """A step of a commutator-free method: from stage to stage by flows with frozen velocities, and
+    backwards through the flows to each stage, the last one first, each of which is a displacement.
+
+    Source: Celledoni, Marthinsen, Owren, Future Gener. Comput. Syst. 19 (2003); Griewank and Walther,
+    section 3.2.
+    """
+
+    method: CommutatorFree
+    in_a_field: bool = False
+
+    @property
+    def joins(self) -> bool:
+        """Two steps are no longer one."""
+        return False
+
+    @property
+    def momenta(self) -> int:
+        """Once in every stage."""
+        return self.method.tableau.stages
+
+    @property
+    def elements(self) -> int:
+        """As often, in a field."""
+        return self.momenta if self.in_a_field else 0
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The step."""
+        return fresh(self.method, system, part.t, state, part.h)
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """The flows once more, and then backwards."""
+        data, t, h, exponential = self.method.tableau, part.t, part.h, Exponential()
+        place, places, slopes, flows = before, [], [], []  # type: Any, list[Any], list[Any], list[Any]
+        stages = zip(data.c, data.flows[1:], data.origins[1:], data.main[1:])
+        for c, rows, origin, main in stages:
+            places = [*places, place]
+            slopes = [*slopes, system.rate(t + c * h, system.essential_part(place))]
+            place = places[origin] if main else system.essential_part(places[origin])
+            gone: list[Any] = []
+            for row in rows:
+                omega = combination(row, slopes, h)
+                gone = [*gone, (row, place, omega)]
+                place = system.displaced(exponential, place, omega)
+            flows = [*flows, gone]
+        felt: list[Any] = [None for _ in slopes]
+        at: list[Any] = [*[None for _ in slopes], w]
+        momenta: list[Asked] = []
+        elements: list[Asked] = []
+        for i in range(len(flows) - 1, -1, -1):
+            there = at[i + 1]
+            for row, begin, omega in flows[i][::-1]:
+                there, bent = _displaced(exponential, system, begin, omega, there)
+                felt = _combined(felt, row, bent, h)
+            at = _put(at, data.origins[i + 1], there)
+            start = system.essential_part(places[i])
+            there, of_momenta, of_elements = _rate(system, free, t + data.c[i] * h, start, felt[i])
+            at = _put(at, i, there)
+            momenta, elements = [*momenta, *of_momenta], [*elements, *of_elements]
+        return Back(at[0], tuple(momenta), tuple(elements))
+
+
+def _put(at: list[Any], k: int, more: Any) -> list[Any]:
+    """Derivatives by the states of stages, with more by that of stage k."""
+    old = at[k]
+    new = more if old is None else BodyState(old.mu + more.mu, _both(old.g, more.g))
+    return [new if i == k else x for i, x in enumerate(at)]
+
+
+def _both(x: Any, y: Any) -> Any:
+    return y if x is None else x if y is None else x + y
+
+
+@record
+class Mean(Motion):
+    """A step of a midpoint rule of rotations, mu_1 = Ad*_cay(x) mu by x = x(m, mu), where m is the mean
+    of both.  Backwards, with w_x of the displacement and lambda = w_x - nu x m/2,
+
+        nu = (x x nu)/2 - (dx/dm)^T lambda,   (J^T w)_mu = Ad_cay w_mu + (dx/dmu)^T lambda - nu.
+
+    Source: McLachlan, Modin, Verdier, Phys. Rev. E 89 (2014).
+    """
+
+    method: ImplicitMidpoint
+
+    @property
+    def joins(self) -> bool:
+        """Two steps are no longer one."""
+        return False
+
+    @property
+    def momenta(self) -> int:
+        """Once."""
+        return 1
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The step."""
+        return fresh(self.method, system, part.t, state, part.h)
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """By sweeps over all sites."""
+        mu, h, method = before.mu, part.h, self.method
+        m = 0.5 * (mu + after.mu)
+        place = method.asked(m, mu)
+        xi = system.velocity(place)
+
+        def by_both(along: Vec) -> tuple[Vec, Vec]:
+            bent = moving(system.hamiltonian, method.stretch(m, mu) * along)
+            slope = h * derivative(lambda p: free.velocity(p), place, bent)
+
+            def sensed(m: Vec, mu: Vec) -> float:
+                there = method.asked(m, mu)
+                return (h * method.stretch(m, mu)) * dot(along, xi) + dot(slope, there)
+
+            return gradient(lambda x: sensed(x, mu), m), gradient(lambda x: sensed(m, x), mu)
+
+        x = method.turn(system, h, m, mu)
+        w, bent = _displaced(Cayley(), system, before, x, w)
+
+        def sweep(nu: Vec) -> tuple[Vec, float, float]:
+            new = 0.5 * cross(x, nu) - by_both(bent - 0.5 * cross(nu, m))[0]
+            return new, sqrt(dot(new - nu, new - nu)), sqrt(dot(new, new) + dot(w.mu, w.mu))
+
+        nu = fixed_point(sweep, 0.0 * mu, method, h)
+        along = bent - 0.5 * cross(nu, m)
+        more = by_both(along)[1] - nu
+        asked = moving(system.hamiltonian, (h * method.stretch(m, mu)) * along)
+        return Back(BodyState(w.mu + more, w.g), (Asked(part.t, place, asked),), ())
 
 
 # ------------------------------------------------------------------ kicks and drifts
@@ -367,6 +610,78 @@ class Kick(Motion):
         """Only w_g changes."""
         kick, asked = _force(system, free, part.t, before.g, part.h * w.mu)
         return Back(BodyState(w.mu, w.g + kick), (), (asked,))
+
+
+@record
+class LoadedKick(Motion):
+    """mu + h (f + F) with g at rest: the load F as it is before the kick, or, of one that ends a
+    drift, as it is after it.  There mu_1 = mu + h (f + F(mu_1)) has the transposed equation
+
+        nu = w_mu + h (dF/dmu)^T nu,   (J^T w)_mu = nu,   (J^T w)_g = w_g + h (df + dF)^T nu.
+
+    Source: Marsden and West, Acta Numerica 10 (2001), section 3.2.
+    """
+
+    method: FieldSplitting
+    ends: bool = False
+
+    @property
+    def joins(self) -> bool:
+        """Two loads are no longer one."""
+        return False
+
+    @property
+    def momenta(self) -> int:
+        """Once, for the velocity that the load feels."""
+        return 1
+
+    @property
+    def elements(self) -> int:
+        """Once."""
+        return 1
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The kick."""
+        force, ends = system.force(state.g), self.ends
+        return self.method._kick(system, part.t, state, force, part.h, ends, not ends)
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """Where it is an equation, of one site by Newton's method, else by sweeps."""
+        place = after if self.ends else before
+        nu = self._solved(system, free, part, place, w.mu) if self.ends else w.mu
+        kick, asked = _force(system, free, part.t, place.g, part.h * nu)
+        by_xi, more = _load(system, free, part.t, place, part.h * nu)
+        bent = derivative(lambda m: system.velocity(m, part.t), place.mu, by_xi)
+        mu = nu if self.ends else nu + bent
+        return Back(BodyState(mu, w.g + kick + more), (Asked(part.t, place.mu, by_xi),), (asked,))
+
+    def _solved(self, system: Any, free: Any, part: Part, place: Any, w: Vec) -> Vec:
+        """nu, of all sites."""
+
+        def bent(nu: Vec) -> Vec:
+            by_xi, _ = _load(system, free, part.t, place, part.h * nu)
+            return derivative(lambda m: system.velocity(m, part.t), place.mu, by_xi)
+
+        def equation(nu: Vec) -> tuple[Vec, Mat, float]:
+            return (
+                nu - w - bent(nu),
+                identity_matrix(len(w)) - jacobian(bent, nu),
+                dot(nu, nu) + dot(w, w),
+            )
+
+        def sweep(nu: Vec) -> tuple[Vec, float, float]:
+            new = w + bent(nu)
+            return new, sqrt(dot(new - nu, new - nu)), sqrt(dot(new, new))
+
+        if system.load.coupled or system.body.hamiltonian.coupled:
+            return fixed_point(sweep, w, self.method, part.h)
+        nu, rest, enough, _ = newton(equation, w)
+        if not rest <= enough:
+            raise NoConvergence(
+                f"{self.method!r}: the way back through the load at the end of a kick was not found; "
+                f"try shorter steps than {part.h:g}"
+            )
+        return nu
 
 
 @record

@@ -146,7 +146,10 @@ class FieldSplitting(Remembering):
     def _load_at_the_end(self, system: Any, t: float, state: BodyState, h: float) -> Vec:
         """The k = h F at mu + k, by Newton's method."""
         guess = h * _load(system, t, state.mu, state.g)
-        kick, rest, enough, _ = newton(lambda k: self._excess(system, t, state, h, k), guess)
+        coupled = system.load.coupled or system.body.hamiltonian.coupled
+        kick, rest, enough, _ = newton(
+            lambda k: self._excess(system, t, state, h, k), guess, coupled=coupled
+        )
         if not rest <= enough:
             raise NoConvergence(
                 f"{self!r}: no momentum found that fits the load at "

@@ -71,6 +71,14 @@ class ImplicitMidpoint(Implicit):
         """Implicit midpoint."""
         return "Implicit midpoint"
 
+    def asked(self, m: Vec, mu: Vec) -> Vec:
+        """Of one rotation the momentum whose velocity counts."""
+        return m
+
+    def stretch(self, m: Vec, mu: Vec) -> float:
+        """Of one rotation x over h times that velocity."""
+        return 1.0
+
     def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
         """The displacement x that belongs to a mean m of the rotations: mu_n+1 - mu_n = m x x."""
         return h * system.velocity(among(system.group, m, mu))
@@ -154,6 +162,14 @@ class SphericalMidpoint(ImplicitMidpoint):
     def name(self) -> str:
         """Spherical midpoint."""
         return "Spherical midpoint"
+
+    def asked(self, m: Vec, mu: Vec) -> Vec:
+        """Of one rotation s m."""
+        return _scale(m, mu) * m
+
+    def stretch(self, m: Vec, mu: Vec) -> float:
+        """Of one rotation s."""
+        return _scale(m, mu)
 
     def turn(self, system: Any, h: float, m: Vec, mu: Vec) -> Vec:
         """h s xi(s m), s = |mu|/|m| of each rotation."""

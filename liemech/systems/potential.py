@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from ..errors import undefined
 from ..formulas import Element, Record, Vec, gradient, record, vec
@@ -73,9 +73,12 @@ class Force(Record):
 
     1. A subclass writes `covector`, as a formula.  Its fields are the parameters.
 
+    coupled : is it that of one of many sites, which asks the others?
     Source: Marsden and West, Discrete mechanics and variational integrators, Acta Numerica 10
     (2001), section 3.1 (the Lagrange-d'Alembert principle).
     """
+
+    coupled: ClassVar[bool] = False
 
     def covector(self, t: float, xi: Vec, g: Any) -> Vec:
         """The force in the body at time t and body velocity xi, (dim,): <F, xi> is its power.

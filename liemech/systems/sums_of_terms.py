@@ -44,6 +44,7 @@ from .terms_at_site import (
     OwnOfSites,
     PotentialOfSite,
     RoleAtSite,
+    SlopesOfLoad,
 )
 from .terms_in_arrays import energies, slopes_of
 from .trials_of_terms import plain_term, tried
@@ -356,6 +357,13 @@ class ForceTerms(OfTerms, Force):
         `PerSite` alone the one that it was given.
         """
         return self._of_one_at_a_site() or ForceOfSite(*self._at_a_site())
+
+    def slopes_of_site(self) -> Any:
+        """The site form of the derivatives of <lambda, F>; that of `PerSite` alone is the load itself."""
+        parts = tuple([with_fields(part, first=False) for part in self.parts])
+        return self._of_one_at_a_site() or SlopesOfLoad(
+            *with_fields(self, parts=parts, held=(), pinned=())._at_a_site()
+        )
 
 
 @record

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..formulas import Element, Record, Vec, mat, record, vec, vectors, where
+from ..formulas import Element, Record, Vec, dot, gradient, mat, record, vec, vectors, where
 from ..formulas.fields import OfEach
 from ..formulas.of_each import Each
 from ..formulas.pytree import exchanged, inside, with_fields
@@ -247,6 +247,11 @@ class TermsOfSite(Record):
         """A site of which nothing is known."""
         return site_class(self.names)()
 
+    @property
+    def coupled(self) -> bool:
+        """Is there a term of several sites?"""
+        return not all([role.alone for role in self.roles])  # noqa: C419
+
     def met(
         self, mu: Any, g: Any = None, xi: Any = None, roles: Any = None
     ) -> tuple[Any, Any, Any]:
@@ -335,16 +340,11 @@ class TermsOfSite(Record):
 
 
 @record
-class HamiltonianOfSite(TermsOfSite, Hamiltonian):
+class HamiltonianOfSite(TermsOfSite, Hamiltonian):  # type: ignore[override]
     """The Hamiltonian of a site among others, a function of its momentum and of theirs.
 
     Source: Marsden and Ratiu, Introduction to Mechanics and Symmetry, 2nd ed., section 15.2.
     """
-
-    @property
-    def coupled(self) -> bool:  # type: ignore[override]
-        """Is there a term of several sites?"""
-        return not all([role.alone for role in self.roles])  # noqa: C419
 
     def energy(self, mu: Vec) -> float:
         """The share of this site.  mu : (dim,), its momentum."""
@@ -429,7 +429,7 @@ class PotentialOfSite(TermsOfSite, Potential):
 
 
 @record
-class ForceOfSite(TermsOfSite, Force):
+class ForceOfSite(TermsOfSite, Force):  # type: ignore[override]
     """The load on a site among others, a function of where it is and how it moves, and of theirs.
 
     Source: Marsden and West, Acta Numerica 10 (2001), section 3.1.
@@ -447,3 +447,42 @@ class ForceOfSite(TermsOfSite, Force):
             lambda term, sites: (term.covector(t, *sites), term.covector(t, *sites[::-1])),
         )
         return self.if_it_moves(force)
+
+
+@record
+class SlopesOfLoad(TermsOfSite):
+    """The derivatives of the sum over all sites of <lambda, F> by the velocity and the element of one, for
+    the load F and any lambda of each site.
+
+    Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., section 3.2.
+    """
+
+    def slopes(self, group: LieGroup, t: float, xi: Vec, g: Any, along: Vec) -> tuple[Vec, Vec]:
+        """d/dxi and d/deta with dg = g hat(eta), (dim,) each.  along : lambda of this site."""
+        n = group.dim
+        slope = self.added(
+            vec(*[0.0 for _ in range(2 * n)]),
+            along,
+            g,
+            xi,
+            lambda one, term, sites: _slope(group, t, one.merged, term, one.role, sites),
+            lambda term, sites: (
+                _slope(group, t, True, term, 0, sites),
+                _slope(group, t, True, term, 1, sites),
+            ),
+        )
+        return vec(*slope[:n]), vec(*slope[n:])
+
+
+def _slope(group: LieGroup, t: float, merged: bool, term: Term, k: int, sites: list[Any]) -> Vec:
+    """Those of an edge by site number k of it, of which each has its lambda for its momentum."""
+    n = group.dim
+
+    def power(y: Vec) -> float:
+        g = group.compose_exp(sites[k].g, vec(*y[n:]))
+        there = with_fields(sites[k], xi=sites[k].xi + vec(*y[:n]), g=g)
+        ends = [there if j == k else s for j, s in enumerate(sites)]
+        found = dot(ends[0].mu, term.covector(t, *ends))
+        return found + dot(ends[1].mu, term.covector(t, *ends[::-1])) if merged else found
+
+    return gradient(power, vec(*[0.0 for _ in range(2 * n)]))

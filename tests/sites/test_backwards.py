@@ -210,6 +210,13 @@ METHODS_OF_SPINS = [
     lm.SublatticeSplitting(order=4),
     lm.RKMK(order=6),
     lm.RKMK(order=5, truncation="closed"),
+    lm.CommutatorFree(order=3),
+    lm.CommutatorFree(),
+    lm.CrouchGrossman(order=3),
+    lm.SphericalMidpoint(),
+    lm.Composition(lm.ImplicitMidpoint(), order=4),
+    lm.RKMK(tableau=lm.tableaus.gauss(1)),
+    lm.RKMK(tableau=lm.tableaus.gauss(2), retraction=lm.Cayley()),
 ]
 
 
@@ -250,6 +257,7 @@ METHODS_OF_BODIES = [
     lm.KickDrift(order=4),
     lm.RKMK(order=2),
     lm.KickDrift(lm.RKMK(order=4)),
+    lm.CommutatorFree(order=3),
 ]
 
 
@@ -266,6 +274,93 @@ def test_methods_of_bodies(method: Any) -> None:
     plain = back(plan.replace(compiled=False), start, {2: w}, names)
     assert np.array_equal(natively[0], plain[0])
     assert all(np.array_equal(natively[1][name], plain[1][name]) for name in names)
+
+
+@lm.record
+class Friction(lm.Term):
+    """Friction on the first of two bodies, by how it moves beside the other, rougher where they are far."""
+
+    c: float
+
+    def covector(self, t: float, a: Any, b: Any) -> Any:
+        far = lm.dot(a.g[:3, 3], b.g[:3, 3])
+        return -self.c * a.rough * (a.xi - 0.5 * b.xi) * (1.0 + 0.3 * far)
+
+
+@lm.record
+class Drive(lm.Term):
+    """A drag with the square of the velocity that comes and goes, and a push along an axis of space."""
+
+    c: float
+
+    def covector(self, t: float, a: Any) -> Any:
+        push = lm.vec(0.0, 0.0, 0.0, a.g[0, 0], a.g[0, 1], a.g[0, 2])
+        return push - self.c * lm.formulas.cos(t) * lm.norm(a.xi) * a.xi
+
+
+ROUGH = lm.each([1.0, 2.0, 0.5, 0.7])
+LOADS = {
+    "of each": lm.Terms(Drive(lm.each([0.1, 0.2, 0.3, 0.4])), held=[2]),
+    "pairs alike": lm.Terms(
+        Friction(0.2).over(lm.neighbours.ring(4)), Drive(0.1), rough=ROUGH, held=[1]
+    ),
+    "ordered pairs": lm.Terms(
+        Friction(lm.each([0.1, 0.2, 0.3])).over(edges([(0, 1), (2, 1), (3, 0)], ordered=True)),
+        rough=ROUGH,
+    ),
+    "all pairs": lm.Terms(Friction(0.2).over(lm.neighbours.all_pairs()), rough=ROUGH),
+}
+UNDER_LOADS = [lm.RKMK(order=2), lm.KickDrift(), lm.LieVerlet(), lm.CommutatorFree(order=2)]
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("method", UNDER_LOADS, ids=repr)
+@pytest.mark.parametrize("load", LOADS)
+def test_loads(load: str, method: Any) -> None:
+    """Forces without an energy are gone back through as the forces of the field are."""
+    system, start = bodies(stiffness=(1.0, 2.0, 3.0))
+    loaded = lm.MechanicalSystem(system.body, system.potential, load=LOADS[load])
+    plan = lm.Plan(loaded, method, h=0.02, progress=False, compiled=False)
+    require_transposed(plan, start, 3)
+
+
+@native
+@pytest.mark.slow
+@pytest.mark.parametrize("load", LOADS)
+def test_loads_natively(load: str) -> None:
+    """With the bits of plain Python."""
+    system, start = bodies()
+    loaded = lm.MechanicalSystem(system.body, system.potential, load=LOADS[load])
+    plan = lm.Plan(loaded, lm.KickDrift(), h=0.02, compiled=True, progress=False)
+    require_transposed(plan, start, 12)
+    w = np.random.default_rng(1).normal(size=48)
+    natively = back(plan, start, {2: w}, ("stiffness",))
+    plain = back(plan.replace(compiled=False), start, {2: w}, ("stiffness",))
+    assert np.array_equal(natively[0], plain[0])
+    assert np.array_equal(natively[1]["stiffness"], plain[1]["stiffness"])
+
+
+@native
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "method",
+    [lm.CommutatorFree(), lm.SphericalMidpoint(), lm.RKMK(tableau=lm.tableaus.gauss(2))],
+    ids=repr,
+)
+def test_parameters_by_flows_and_equations(method: Any) -> None:
+    """As differences of runs."""
+    w, J = np.random.default_rng(1).normal(size=15), [1.0, 0.7, 1.3, -0.4, 0.9]
+    ring = lm.neighbours.ring(5)
+
+    def plan_of(J: Any) -> Any:
+        terms = lm.Terms(Exchange(lm.each(J)).over(ring), Zeeman([0.1, 0.2, 0.3]), held=[4])
+        system = lm.LiePoissonSystem(lm.SO3() ** 5, terms)
+        return lm.Plan(system, method, h=0.1, every=20, compiled=True, progress=False)
+
+    start = plan_of(J).system.state(mu=directions(5))
+    found = back(plan_of(J), start, {20: w}, ("J",))[1]["J"]
+    wanted = differences(lambda x: w @ plan_of(x).run(start, steps=20).mu[-1].ravel(), J)
+    assert np.abs(found - wanted).max() < 1e-10
 
 
 @native
@@ -397,15 +492,10 @@ def test_what_has_no_way_back() -> None:
     """Is told by name, with the cure; J^T w is found as before, direction by direction."""
     ring, start = spins(6), spins(6).state(mu=directions(6))
     w = np.arange(18.0)
-    gauss = lm.RKMK(tableau=lm.tableaus.gauss(1))
-    for method, why in (
-        (lm.SphericalMidpoint(), r"no way back.*by SphericalMidpoint\(\).*KickDrift"),
-        (gauss, "no way back.*whose tableau is implicit"),
-    ):
-        plan = lm.Plan(ring, method, h=0.05, compiled=False)
-        with pytest.raises(IncompatibleSystem, match=why):
-            back(plan, start, {1: w})
-    few = lm.Plan(spins(3), gauss, h=0.05, compiled=False)
+    bonds = lm.BondSplitting()
+    with pytest.raises(IncompatibleSystem, match=r"no way back.*by BondSplitting\(.*KickDrift"):
+        back(lm.Plan(ring, bonds, h=0.05, compiled=False), start, {1: w})
+    few = lm.Plan(spins(3), bonds, h=0.05, compiled=False)
     first = spins(3).state(mu=directions(3))
     wanted = w[:9] @ few.tangent(first, steps=1).tangent["start"][-1]
     found = few.tangent(first, steps=1, against=w[:9]).tangent["against"][-1]

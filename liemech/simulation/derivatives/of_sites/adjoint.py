@@ -76,9 +76,9 @@ class BackwardRun:
         plan, why = sites.plan, why_not(sites, start)
         if why:
             raise IncompatibleSystem(
-                f"Plan.tangent: there is no way back through runs of many sites {why}; there is one with RKMK "
-                "with an explicit tableau, KickDrift, LieVerlet, Splitting, compositions of them, and "
-                "SublatticeSplitting"
+                f"Plan.tangent: there is no way back through runs of many sites {why}; there is one with RKMK, "
+                "CommutatorFree, midpoint rules, KickDrift, LieVerlet, Splitting, "
+                "compositions of them, and SublatticeSplitting"
             )
         self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
@@ -130,9 +130,13 @@ class BackwardRun:
             for name, place in self._places_asked
         ]
         self.way = WayBack(
-            motions, site, released(site), layout_of(self.first), carried_layout(blank), momentum,
+            motions, site, self._released(site), layout_of(self.first), carried_layout(blank), momentum,
             element, carried_layout(zeros(next(iter(self.dims.values())))), kept,
         )  # fmt: skip
+
+    def _released(self, site: Any) -> Any:
+        load = getattr(self.plan._one, "load", None)
+        return released(site, load and load.slopes_of_site())
 
     @property
     def _places_asked(self) -> list[tuple[str, Any]]:
@@ -290,7 +294,7 @@ class BackwardRun:
         self.states.array[:width] = rows_of(rows)
         if self.lists is not None:
             site = self.lists.at(unpacked(self.way.state, rows.T)["g"])
-            self.way = with_fields(self.way, system=site, free=released(site))
+            self.way = with_fields(self.way, system=site, free=self._released(site))
         done, failures = np.zeros(1), []  # type: Any, list[Any]
         if self.forward.ready_for(self.count * count):
             calls = self.forward.on_sites(self.count, self.plan.options.workers)
