@@ -189,7 +189,7 @@ class Meeting:
         self,
         formula: Callable[[Any, int], Any],
         start: Any,
-        reach: tuple[float, float],
+        reach: Vec,
         mine: float | None = None,
     ) -> Any:
         """start + formula(b, j) + ... over the sites j of a range, in their order; b is what site j has
