@@ -10,7 +10,7 @@ import dataclasses
 from typing import Any, NoReturn
 
 from ..formulas.pytree import Layout
-from ..formulas.sites import EIGHT, Meeting
+from ..formulas.sites import EIGHT, Meeting, period_of
 
 
 @dataclasses.dataclass(eq=False)
@@ -34,19 +34,25 @@ def of_eight(
     last: int,
     begin: int,
     end: int,
+    count: int,
     turns: int,
 ) -> None:
-    """The pairs of eight sites from i on with those from first to last.  Only sites from begin to end
-    keep what they get.
+    """The pairs of eight sites from i on with those from first to last, of so many sites.  Only sites
+    from begin to end keep what they get.
     """
     a, mine = seen(pairs, i), sums(pairs, i)
     for j in range(first, last, EIGHT):
-        b, theirs = seen(pairs, j), sums(pairs, j)
-        for turn in range(turns):
-            if apart(i, j, turn):
+        b, theirs, period = seen(pairs, j), sums(pairs, j), turns
+        if 2 * (count - j) <= EIGHT:
+            period = period_of(count - j)
+            b, theirs = repeated(b, period), only(theirs, period)
+        for turn in range(period):
+            if apart(i, j, turn, period):
                 of_a, of_b = formula(a, b)
                 mine, theirs = mine + of_a, theirs + of_b
             b, theirs = turned(b), turned(theirs)
+        if period < EIGHT:
+            theirs = folded(theirs, period)
         if i < j < end:
             keep(pairs, j, theirs)
     if begin <= i:
@@ -73,8 +79,23 @@ def turned(value: Any) -> Any:
     _native()
 
 
-def apart(i: int, j: int, turn: int) -> bool:
+def apart(i: int, j: int, turn: int, period: int) -> bool:
     """Is it two sites that meet, which are there?"""
+    _native()
+
+
+def repeated(value: Any, period: int) -> Any:
+    """Numbers of the first sites of eight, again and again."""
+    _native()
+
+
+def only(value: Any, period: int) -> Any:
+    """Numbers of the first sites of eight, and zeros."""
+    _native()
+
+
+def folded(value: Any, period: int) -> Any:
+    """The sums of the numbers of eight places that are whole periods apart, by halves."""
     _native()
 
 

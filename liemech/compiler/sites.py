@@ -156,6 +156,9 @@ class SiteLoops:
             rounds.turned: self.turned,
             rounds.sums: self.sums,
             rounds.keep: self.keep,
+            rounds.repeated: self.again_and_again,
+            rounds.only: self.only,
+            rounds.folded: self.folded,
             Meeting.of: self.of,
             Meeting.at: self.at,
             Meeting.pairs: self.pairs,
@@ -433,7 +436,8 @@ class SiteLoops:
             i = over.passes[-1].index
             own = b.icmp_signed("<=", begin, i)
             from_, to = b.select(own, i, begin), b.select(own, over.sites.count.value, end)
-            given = [e.num([v]) for v in (i, from_, to, begin, end, I64(EIGHT))]
+            count = over.sites.count.value
+            given = [e.num([v]) for v in (i, from_, to, begin, end, count, I64(EIGHT))]
             sums = Rounds(meeting, self._last(first, layout.width), layout)
             t.inline(rounds.of_eight, (sums, formula, *given), {})
             self._close(EIGHT)
@@ -481,33 +485,85 @@ class SiteLoops:
 
     def turned(self, value: Any) -> Any:
         """Numbers of eight sites, each in the place before its own, the first one in the last."""
-        e, b = self.e, self.b
+        return self._of_eight(value, lambda x: self._moved(x, 1))
+
+    def _of_eight(self, value: Any, formula: Callable[[Num], Num]) -> Any:
+        """A value whose numbers of eight sites were exchanged."""
         layout = carried_layout(value)
-
-        def turn(x: Num) -> Num:
-            v, n, width = x.values, len(x.values), e.width
-            places = ir.Constant(ir.VectorType(I32, width), [*range(1, width + 1)])
-            return e.num([b.shuffle_vector(v[r], v[(r + 1) % n], places) for r in range(n)])
-
         numbers = [
-            turn(x) if isinstance(x, Num) and x.varying else x for x in leaves(value, layout)
+            formula(x) if isinstance(x, Num) and x.varying else x for x in leaves(value, layout)
         ]
         return build(layout, iter(numbers))
 
-    def apart(self, i: Any, j: Any, turn: Any) -> Num:
+    def _moved(self, x: Num, by: int, period: int = EIGHT) -> Num:
+        """In each of eight places, or of the first ones, which are then repeated, what is so many places
+        behind it.
+        """
+        v, found = x.values, []
+        for r in range(len(v)):
+            places = [(r * self.e.width + k + by) % period for k in range(self.e.width)]
+            first = places[0] // self.e.width
+            within = [(p - first * self.e.width) % EIGHT for p in places]
+            among = ir.Constant(ir.VectorType(I32, self.e.width), within)
+            found.append(self.b.shuffle_vector(v[first], v[(first + 1) % len(v)], among))
+        return self.e.num(found)
+
+    def _by_period(self, period: Any, found: dict[int, Num]) -> Num:
+        """Numbers of eight sites, one for each period that there may be."""
+        e, b = self.e, self.b
+        (value,) = e.cast(period, "i", False)
+        *others, rest = found.items()
+        chosen = [*rest[1].values]
+        for one, x in others:
+            same = b.icmp_signed("==", value, I64(one))
+            chosen = [b.select(same, p, q) for p, q in zip(x.values, chosen)]
+        return e.num(chosen)
+
+    def again_and_again(self, value: Any, period: Any) -> Any:
+        """Numbers of the first sites of eight, repeated."""
+        return self._of_eight(
+            value, lambda x: self._by_period(period, {p: self._moved(x, 0, p) for p in (1, 2, 4)})
+        )
+
+    def only(self, value: Any, period: Any) -> Any:
+        """Numbers of the first sites of eight, and zeros."""
+        e, b = self.e, self.b
+        (count,) = e.cast(period, "i", False)
+        zero = e.constant(0.0, "f", True).values[0]
+
+        def cut(x: Num) -> Num:
+            type_ = ir.VectorType(I64, e.width)
+            places = [
+                ir.Constant(type_, [*range(r, r + e.width)]) for r in range(0, EIGHT, e.width)
+            ]
+            there = [b.icmp_signed("<", p, e.spread(count, e.width)) for p in places]
+            return e.num([b.select(t, v, zero) for t, v in zip(there, x.values, strict=True)])
+
+        return self._of_eight(value, cut)
+
+    def folded(self, value: Any, period: Any) -> Any:
+        """Sums of the numbers of eight places that are whole periods apart."""
+
+        def sums(x: Num) -> Num:
+            found = {}
+            for p in (4, 2, 1):
+                x = self.e.each(self.b.fadd, x.values, self._moved(x, p).values)
+                found[p] = x
+            return self._by_period(period, found)
+
+        return self._of_eight(value, sums)
+
+    def apart(self, i: Any, j: Any, turn: Any, period: Any) -> Num:
         """Which of eight sites from i on meet another one, of eight from j on that have been turned so
         often?
         """
         e, b, count = self.e, self.b, self.t.state.over.sites.count.value
-        first, second, turns = (e.cast(x, "i", False)[0] for x in (i, j, turn))
+        first, second, turns, whole = (e.cast(x, "i", False)[0] for x in (i, j, turn, period))
         other = b.icmp_signed("!=", b.or_(b.xor(first, second), turns), I64(0))
-        found = []
+        ring, found = e.spread(b.sub(whole, I64(1)), e.width), []
         for r in range(0, EIGHT, e.width):
-            type_ = ir.VectorType(I64, e.width)
-            lanes = ir.Constant(type_, [*range(r, r + e.width)])
-            place = b.and_(
-                b.add(lanes, e.spread(turns, e.width)), ir.Constant(type_, [EIGHT - 1] * e.width)
-            )
+            lanes = ir.Constant(ir.VectorType(I64, e.width), [*range(r, r + e.width)])
+            place = b.and_(b.add(lanes, e.spread(turns, e.width)), ring)
             there = [
                 b.icmp_signed("<", x, e.spread(b.sub(count, y), e.width))
                 for x, y in ((lanes, first), (place, second))

@@ -189,7 +189,7 @@ class Meeting:
         self,
         formula: Callable[[Any, int], Any],
         start: Any,
-        reach: tuple[float, float],
+        reach: Vec,
         mine: float | None = None,
     ) -> Any:
         """start + formula(b, j) + ... over the sites j of a range, in their order; b is what site j has
@@ -216,24 +216,51 @@ class Meeting:
         side: the sums here are in that order (`partners`).
         """
         found = start
-        for j, first in partners(self.site, _visit("pairs").count):
-            ends = (self.site, j) if first else (j, self.site)
-            found = found + formula(self.at(ends[0]), self.at(ends[1]))[0 if first else 1]
+        for chains in chains_of_partners(self.site, _visit("pairs").count):
+            sums = [found, *[start - start for _ in chains[1:]]]
+            for k, chain in enumerate(chains):
+                for j, first in chain:
+                    ends = (self.site, j) if first else (j, self.site)
+                    sums[k] = sums[k] + formula(self.at(ends[0]), self.at(ends[1]))[not first]
+            found = halves(sums)
         return found
 
 
 def partners(i: int, count: int) -> Iterator[tuple[int, bool]]:
-    """All other sites in the order in which site i meets them, and whether it is the first of the two.
+    """All other sites in the order in which site i meets them, and whether it is the first of the two."""
+    return (met for chains in chains_of_partners(i, count) for chain in chains for met in chain)
 
-    Eight sites meet eight others in a ring, which is turned by one place after each meeting.
+
+def chains_of_partners(i: int, count: int) -> Iterator[list[list[tuple[int, bool]]]]:
+    """The same, eight by eight, each as the sums that are made of it, which are then added by halves.
+
+    Eight sites meet eight others in a ring, which is turned by one place after each meeting.  Of one,
+    two or up to four sites that are left over, 1, 2 or 4 places fill the ring again and again: then it
+    is turned as often, and each of these places has several sums.
     """
     group, place = divmod(i, EIGHT)
-    for other in range(0, count, EIGHT):
-        first = other >= group * EIGHT
-        for turn in range(EIGHT):
-            j = other + (place + turn if first else place - turn) % EIGHT
-            if j != i and j < count:
-                yield j, first
+    last, rest = divmod(count, EIGHT)
+    few = period_of(rest) if 0 < 2 * rest <= EIGHT else EIGHT
+    for other in range(-(-count // EIGHT)):
+        first = other >= group
+        period = few if last in (group, other) else EIGHT
+        begins = [place] if first else range(place, place + EIGHT, period)
+        yield [
+            [
+                (j, first)
+                for turn in range(period)
+                for j in [
+                    other * EIGHT + ((begin + turn) % period if first else (begin - turn) % EIGHT)
+                ]
+                if j != i and j < count
+            ]
+            for begin in begins
+        ]
+
+
+def period_of(sites: int) -> int:
+    """The least power of two that is not less than so many sites, up to four."""
+    return 1 if sites == 1 else 2 if sites == 2 else 4
 
 
 def rows_in(table: SiteTable) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Record, record
+from ..formulas import Record, Vec, record, vec
 from ..formulas.pytree import with_fields
 from ..formulas.sites import SiteArray
 from ..groups.lie_group import LieGroup
@@ -28,13 +28,13 @@ class Among(Graph):
 
     graph : as it was given.  of : the species of each end of an edge.  firsts, counts : of these
     species the number of the first site, and how many there are.  every : how many sites there are
-    in all.  (Whole numbers; floats where formulas are not to know them, see `open`.)
+    in all.  (Whole numbers; a vector of floats where formulas are not to know them, see `open`.)
     """
 
     graph: Graph
     of: tuple[int, ...]
-    firsts: tuple[Any, ...]
-    counts: tuple[Any, ...]
+    firsts: Any
+    counts: Any
     every: Any
 
     @classmethod
@@ -90,15 +90,15 @@ class Among(Graph):
             return np.indices((n, m)).reshape(2, -1).T.astype(np.int64) + first
         return self.graph.edges + first
 
-    def range_of(self, role: int) -> tuple[float, float]:
-        """The first of the sites of an end, and the one behind the last."""
-        return float(self.firsts[role]), float(self.firsts[role] + self.counts[role])
+    def range_of(self, role: int) -> Vec:
+        """The first of the sites of an end, and the one behind the last: numbers of the run."""
+        return vec(float(self.firsts[role]), float(self.firsts[role] + self.counts[role]))
 
     def open(self) -> Among:
         """That of any number of sites, for formulas."""
         numbers: dict[str, Any] = {
-            "firsts": tuple(map(float, self.firsts)),
-            "counts": tuple(map(float, self.counts)),
+            "firsts": vec(*map(float, self.firsts)),
+            "counts": vec(*map(float, self.counts)),
         }
         inner = with_fields(self.graph, count=None)
         return with_fields(self, graph=inner, every=float(self.every), **numbers)

@@ -106,7 +106,7 @@ class RoleAtSite(Record):
     counts: SiteArray | None = None
     near: Within | Among | None = None
     of: tuple[int, ...] = ()
-    reach: tuple[float, float] | None = None
+    reach: Vec | None = None
     once: bool = False
 
     @classmethod

@@ -27,7 +27,6 @@ import liemech as lm
 from liemech.compiler import kernel, llvm
 from liemech.formulas import sqrt
 from liemech.integrators.taylor import Taylor
-from liemech.simulation.compiled.control import TAKEN
 from liemech.simulation.compiled.prepared import Steps
 from liemech.simulation.equal import StraightRun
 from liemech.systems.clocked import Clocked
@@ -334,23 +333,29 @@ def measured(name: str, steps: bool) -> dict[str, Any]:
             run.trajectory()
     result: dict[str, Any] = {"cold": sum(spent.values()), **spent, "instructions": sum(counts)}
     if steps:
-        run.limit[:] = 2.0**53
-        table, bodies = run.table.copy(), run.shape.whole(run.count)
-        n, best = 20, 1e9
-        while True:
-            times = []
-            for _ in range(3):
-                run.table[:], run.reached = table, 10
-                before = time.process_time()
-                run._sweep(1, n, n * bodies)
-                times.append(time.process_time() - before)
-            best = min(times) / n / bodies
-            if min(times) > 0.03 or n > 20_000_000:
-                break
-            n *= 4
-        result["ns"] = best * 1e9
-        result["failed"] = bool((run.clocks[TAKEN] < 10 + n).any())
+        result |= a_step(system, method, start, h, run.shape.whole(run.count))
     return result
+
+
+def a_step(system: Any, method: Any, start: Any, h: float, bodies: int) -> dict[str, Any]:
+    """ns a step and body, and whether one has failed."""
+    plan, n = lm.Plan(system, method, h=h, every=10**9, compiled=True, progress=False), 20
+
+    def spent(steps: int) -> float:
+        times = []
+        for _ in range(4):
+            before = time.process_time()
+            plan.run(start, steps=steps)
+            times.append(time.process_time() - before)
+        return min(times)
+
+    try:
+        call = spent(1)
+        while (took := spent(n)) < 0.03 and n < 20_000_000:
+            n *= 4
+    except lm.errors.IntegrationFailure:
+        return {"failed": True}
+    return {"ns": (took - call) / (n - 1) / bodies * 1e9}
 
 
 def goal(name: str) -> float:

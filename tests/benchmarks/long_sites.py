@@ -4,7 +4,7 @@
         [--out long_sites.json]
 
 spins : the sublattice splitting on a cubic lattice of 1000 spins, whose energy and lengths it keeps to
-rounding.  water : 216 rigid molecules, a drop in open space; what is told is the line through the
+rounding.  water : rigid molecules, a drop in open space, 216 by default; what is told is the line through the
 energies of blocks, with its standard error, and that of the modified energy of order 2, which tells a
 drift from a mean of the error that changes with the state of the drop.  A case ends after so many minutes at the latest, and
 says how far it came.
@@ -156,10 +156,11 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=30.0, help="of each case")
     parser.add_argument("--order", type=int, default=2, help="of the steps of water")
     parser.add_argument("--step", type=float, default=1.0, help="of water, in fs")
+    parser.add_argument("--side", type=int, default=6, help="of the drop, in molecules")
     parser.add_argument("--out", type=Path)
     parser.add_argument("--quick", action="store_true", help="1000 steps: does it run?")
     chosen = parser.parse_args()
-    side = 3 if chosen.quick else 6
+    side = 3 if chosen.quick else chosen.side
     chosen.steps = 1000 if chosen.quick else chosen.steps
     kept: dict[str, Any] = {}
     if "spins" in chosen.cases:
