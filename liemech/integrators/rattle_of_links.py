@@ -79,7 +79,7 @@ class Rows(Record):
     Fixed are: inertia and its inverse, weight, `ends` of a joint (first and second body, is there a
     second one, the kind), `alive` (which conditions count), `touch` (of a body a joint of which it is the
     first one, a joint of which it is the second one, each with 1, or 0 if there is none), `tie` (of a joint
-    a later one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
+    another one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
     is none), `own` (the parameters of a joint of each
     kind: the joint itself, or the first of a kind that it is not, so that formulas have numbers),
     `acting` and `on` (the kind of what acts on a body, and its parameters, likewise).
@@ -162,7 +162,7 @@ class Links(System):
     length of the step that tables see, if they jump.  most, freedoms : conditions of a joint, at most, and
     coordinates that loads act along.  full : are inertias matrices?
     bodies, joints : how many.  sides : on which of the two sides of joints the body of a `tie` is,
-    of the first and of the later one, where it is the same for all of them; else -1.
+    of the one and of the other joint, where it is the same for all of them; else -1.
     more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
     couplings : pairs of joints that a body ties together, beside `tie`, with the sides on which it is,
     and the block.  pivots, belows, updates : what elimination does, see `order_of`.  places : in a row.
@@ -423,7 +423,7 @@ class RattleOfLinks(Record):
                     each(sites, tied, system, there, system.most, work)
                     coupled(system, work, there, system.most)
                     bad = factored(system, work, sign, system.most)
-                solved(sites, system, work, system.most)
+                solved(system, work, system.most)
                 each(sites, wrench_of_impulses, system, work)
                 scattered(system, work)
                 if turn == 2:
@@ -496,7 +496,7 @@ class RattleOfLinks(Record):
             each(sites, tied, system, rows.first, n, work)
             coupled(system, work, rows.first, n)
             factored(system, work, 1.0, n)
-            solved(sites, system, work, n)
+            solved(system, work, n)
             each(sites, wrench_of_corrections, system, work)
             scattered(system, work)
             if k == 0.0:
@@ -940,7 +940,7 @@ def save_pushed(system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: 
 
 
 def tied(system: Any, begins: int, n: int, work: Any) -> None:
-    """The two blocks of a joint and a later one that a body ties it to."""
+    """The two blocks of a joint and another one that a body ties it to."""
     rows, layout, square = system.rows, matrix(n, 6), matrix(n, n)
     other, mine, theirs, there = load(below(work, rows.tie), 0, TIE)
     one, two = system.sides
@@ -1181,27 +1181,27 @@ def factored(system: Any, work: Any, sign: float, n: int) -> float:
     """
     square, blocks = matrix(n, n), below(work, system.rows.block)
     diagonals, bad, same = below(work, system.rows.diagonal), -1.0, 1.0
-    for k in range(int(system.joints)):
+    for p in range(int(system.joints)):
+        k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
         before = at(diagonals, k, 0, vector(n))
         inverse, turned, far = inverted(at(blocks, k, 0, square), before, sign)
         same = same * turned
         if not far and bad < 0.0:
             bad = float(k)
         put(blocks, k, 0, inverse, square)
-        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+        for b in range(begin, end):
+            site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
+            put(blocks, site, slot, inverse @ at(blocks, site, slot, square), square)
+        for b in range(begin, end):
             site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
-            factor = at(blocks, site, slot, square) @ inverse
-            put(blocks, site, slot, factor, square)
-            begin, end = whole(system.belows, 7 * b + 5), whole(system.belows, 7 * b + 6)
-            for u in range(begin, end):
+            below_it = at(blocks, site, slot, square)
+            first, last = whole(system.belows, 7 * b + 5), whole(system.belows, 7 * b + 6)
+            for u in range(first, last):
                 site, slot = whole(system.updates, 4 * u), whole(system.updates, 4 * u + 1)
                 above = at(blocks, site, slot, square)
                 site = whole(system.updates, 4 * u + 2)
                 slot = whole(system.updates, 4 * u + 3)
-                put(blocks, site, slot, at(blocks, site, slot, square) - factor @ above, square)
-        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
-            site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
-            put(blocks, site, slot, inverse @ at(blocks, site, slot, square), square)
+                put(blocks, site, slot, at(blocks, site, slot, square) - below_it @ above, square)
     return system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
 
 
@@ -1245,32 +1245,26 @@ def of_three(m: Mat) -> tuple[list[float], list[Vec]]:
     return [a, minor, a * x + b * y + c * z], [*rows, vec(z, b * g - a * h, minor)]
 
 
-def solved(sites: Any, system: Any, work: Any, n: int) -> None:
+def solved(system: Any, work: Any, n: int) -> None:
     """The impulses, from what the conditions miss and the blocks after elimination."""
     rows, square, layout = system.rows, matrix(n, n), vector(n)
     blocks, rest = below(work, rows.block), below(work, rows.rest)
     impulse, count = below(work, rows.impulse), int(system.joints)
-    for k in range(count):
-        x = at(rest, k, 0, layout)
-        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+    for p in range(count):
+        k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
+        x = at(blocks, k, 0, square) @ at(rest, k, 0, layout)
+        put(impulse, k, 0, x, layout)
+        for b in range(begin, end):
             i = whole(system.belows, 7 * b)
             site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
             put(rest, i, 0, at(rest, i, 0, layout) - at(blocks, site, slot, square) @ x, layout)
-    each(sites, scaled, system, work, n)
     for left in range(count):
-        k = count - 1 - left
-        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+        k, begin, end = (whole(system.pivots, 3 * (count - 1 - left) + i) for i in range(3))
+        for b in range(begin, end):
             i = whole(system.belows, 7 * b)
             site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
             shared = at(blocks, site, slot, square) @ at(impulse, i, 0, layout)
             put(impulse, k, 0, at(impulse, k, 0, layout) - shared, layout)
-
-
-def scaled(system: Any, work: Any, n: int) -> None:
-    """D^-1 times what is left of a joint's right side."""
-    rest = load(below(work, system.rows.rest), 0, vector(n))
-    inverse = load(below(work, system.rows.block), 0, matrix(n, n))
-    save(below(work, system.rows.impulse), 0, inverse @ rest, vector(n))
 
 
 def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:
