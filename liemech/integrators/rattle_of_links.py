@@ -57,6 +57,9 @@ NEAR = 2.0**-20
 LINEAR = 2.0**-50
 """A correction below this part, of an iteration that converges linearly, is the last one."""
 
+BENT = 2.0**-10
+"""A change of the derivative of a load by the rate, relative, that leaves the equations as they are."""
+
 AT_LOADS = 50
 """Corrections of the velocities that loads depend on, at the end of a step."""
 
@@ -119,8 +122,8 @@ class Rows(Record):
     impulse: int
     wrench: int
     rate: int
-    effort: int
     gain: int
+    slant: int
     field: int
     push: int
     wanted: int
@@ -143,7 +146,7 @@ class Rows(Record):
             held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
             second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
-            wrench=12, rate=freedoms, effort=freedoms, gain=freedoms * freedoms, field=6,
+            wrench=12, rate=freedoms, gain=freedoms * freedoms, slant=freedoms * freedoms, field=6,
             push=w, wanted=w, given=6 * w, bent=36 if bent else 0, block=0,
         )  # fmt: skip
         places, row = {}, 0
@@ -463,8 +466,10 @@ class RattleOfLinks(Record):
     ) -> None:  # fmt: skip
         """In turn 1 loads as they are at the beginning, which go to the field.  In turn 2 the kick by
         them at the velocity that it leads to, on the constraint: Newton's method for the rates of the
-        joints, and the velocities of bodies under a load of their own, together with the impulses;
-        and then, as without loads, the impulses that take away what leads off the constraint.
+        joints, together with the impulses that take away what leads off the constraint, of which the
+        last correction has those that count; while the loads bend no more than before, with the
+        derivative as it was.  Under loads on bodies it is for their velocities as well, and those
+        impulses are found at the end, as without loads.
         Of a load on all bodies by one formula the derivative has the blocks of single bodies only.
         """
         rows, n = system.rows, system.most + system.freedoms
@@ -492,10 +497,13 @@ class RattleOfLinks(Record):
                 put(below(work, rows.note), 0, 0, -1.0, NUMBER)
                 raise NoConvergence("no velocity found that fits the loads at the end of a step")
             each(sites, loaded_velocity, system, old, work, state)
-            each(sites, excess_of_rates, system, work)
-            each(sites, tied, system, rows.first, n, work)
-            coupled(system, work, rows.first, n)
-            factored(system, work, 1.0, n)
+            if system.pushed or tried == 0 or bends(system, work):
+                each(sites, excess_of_rates, system, work)
+                each(sites, tied, system, rows.first, n, work)
+                coupled(system, work, rows.first, n)
+                factored(system, work, 1.0, n)
+            else:
+                each(sites, excess_again, system, work)
             solved(system, work, n)
             each(sites, wrench_of_corrections, system, work)
             scattered(system, work)
@@ -514,6 +522,9 @@ class RattleOfLinks(Record):
                 small = off <= enough * enough * size
                 noisy = tried > 1 and off >= apart and off <= NOISE * NOISE * size
                 last = last and (small or noisy or off == 0.0)
+            elif last:
+                each(sites, kicked_by_loads, system, old, work, state)
+                break
 
     def load_of_all(
         self, system: Any, t: float, h: float, old: Any, work: Any, state: Layout
@@ -594,7 +605,9 @@ def loaded_velocity(system: Any, old: Any, work: Any, state: Layout) -> None:
     """
     rows, mu = system.rows, plain(load(old, 0, state).mu)
     if system.freedoms > 0:
-        mu = mu + pull_on(system, work)
+        push = pull_on(system, work)
+        save(below(work, rows.free), 0, push, SIX)
+        mu = mu + push
     if system.pushed:
         w, kick = load(below(work, rows.wanted), 0, SIX), load(below(work, rows.push), 0, SIX)
         off = times(system.inertia(work), w) - mu - kick
@@ -602,6 +615,12 @@ def loaded_velocity(system: Any, old: Any, work: Any, state: Layout) -> None:
     else:
         xi = times(system.inverse(work), mu)
     save(below(work, rows.velocity), 0, xi, SIX)
+
+
+def kicked_by_loads(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """The state after the kick by loads at joints with which its velocity was found."""
+    one, push = load(old, 0, state), load(below(work, system.rows.free), 0, SIX)
+    save(old, 0, fitted(BodyState(one.mu + push, one.g), state), state)
 
 
 def corrected_velocity(system: Any, work: Any) -> None:
@@ -1017,7 +1036,7 @@ def efforts_there(system: Any, t: float, h: float, old: Any, work: Any, state: L
     g, k = poses_of(system, old, work, state)
     rates = load(below(work, rows.rate), 0, vector(n))
     kicks, gain = system.of_kind(work, lambda one: kick_of(one, t, h, one.seen(t, g, k), rates))
-    save(below(work, rows.gain), 0, gain, matrix(n, n))
+    save(below(work, rows.slant), 0, gain, matrix(n, n))
     save_push(system, work, kicks)
 
 
@@ -1039,27 +1058,54 @@ def excess_of_rates(system: Any, work: Any) -> None:
     alive = load(below(work, rows.alive), 0, vector(m))
     here: list[Any] = []
     pushed: list[Any] = []
-    xi: list[Any] = []
+    gain: Any = ()
+    if system.freedoms > 0:
+        gain = load(below(work, rows.slant), 0, matrix(system.freedoms, system.freedoms))
+        save(below(work, rows.gain), 0, gain, matrix(system.freedoms, system.freedoms))
     for place, body in ((rows.first, first), (rows.second, second)):
         own = load(below(work, place), 0, matrix(n, 6))
         moved = system.answers_of(work, body, own)
-        kicks: list[Any] = []
-        if system.freedoms > 0:
-            gain = load(below(work, rows.gain), 0, matrix(system.freedoms, system.freedoms))
-            kicks = [
-                -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)])
-                for i in range(system.freedoms)
-            ]
+        kicks = [
+            -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)])
+            for i in range(system.freedoms)
+        ]
         here, pushed = [*here, own], [*pushed, [*moved[:m], *kicks]]
-        xi = [*xi, at(below(work, rows.velocity), body, 0, SIX)]
+    save(below(work, rows.rest), 0, rates_off(system, work, here), vector(n))
+    blank = vec(*[1.0 - x for x in alive], *[1.0 for _ in range(system.freedoms)])
+    save_pushed(system, work, pushed, here, blank, n)
+
+
+def excess_again(system: Any, work: Any) -> None:
+    """How far rates are off, alone."""
+    rows, n = system.rows, system.most + system.freedoms
+    here = [load(below(work, place), 0, matrix(n, 6)) for place in (rows.first, rows.second)]
+    save(below(work, rows.rest), 0, rates_off(system, work, here), vector(n))
+
+
+def rates_off(system: Any, work: Any, here: Any) -> Vec:
+    """The rate off the constraint, and how far rates are from those at which their kick was found."""
+    rows, m = system.rows, system.most
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    xi = [at(below(work, rows.velocity), body, 0, SIX) for body in (first, second)]
     rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
     off: list[Any] = []
     if system.freedoms > 0:
         rates = load(below(work, rows.rate), 0, vector(system.freedoms))
         off = [x - w for x, w in zip(rest[m:], rates)]
-    blank = vec(*[1.0 - x for x in alive], *[1.0 for _ in range(system.freedoms)])
-    save_pushed(system, work, pushed, here, blank, n)
-    save(below(work, rows.rest), 0, vec(*rest[:m], *off), vector(n))
+    return vec(*rest[:m], *off)
+
+
+def bends(system: Any, work: Any) -> bool:
+    """Has the derivative of loads by rates changed by more than a part that Newton's method does not
+    notice?
+    """
+    layout, changed = matrix(system.freedoms, system.freedoms), 0.0
+    new, used = below(work, system.rows.slant), below(work, system.rows.gain)
+    for j in range(int(system.joints)):
+        for a, b in zip(at(new, j, 0, layout), at(used, j, 0, layout)):
+            for x, y in zip(a, b):
+                changed = where(abs(x - y) > BENT * abs(y), 1.0, changed)
+    return changed > 0.0
 
 
 def wrench_of_corrections(system: Any, work: Any) -> None:
