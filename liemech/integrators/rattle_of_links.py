@@ -335,14 +335,13 @@ class RattleOfLinks(Record):
         one from there to the next jump, as in `EndingAtJumps.step`: what it remembers of steps of
         another length is forgotten.
         """
-        work = below(sites, 2 * memory.width)
-        each(sites, copied, sites, here, there, memory)
-        state = memory.parts[0]
-        old = below(sites, there * memory.width)
-        pasts = below(old, state.width)
+        places = sites, here, there, memory
         if self.ending is None:
-            self.substeps_of(system, t, h, sites, old, pasts, work, state)
+            self.substeps_of(system, t, h, *places)
             return
+        each(sites, copied, *places)
+        places, work = (sites, there, there, memory), below(sites, 2 * memory.width)
+        pasts = below(sites, there * memory.width + memory.parts[0].width)
         now, end, lasting, going = t, t + h, h, True
         while going:
             to = system.next_jump(work, now, end, self.ending)
@@ -351,47 +350,55 @@ class RattleOfLinks(Record):
                 each(sites, forgotten, pasts, self.stages, self.most)
             lasting = s
             seen = with_fields(system, window=(begin, s, self.ending.beyond))
-            self.substeps_of(seen, begin, s, sites, old, pasts, work, state)
+            self.substeps_of(seen, begin, s, *places)
             now, going = to, where(h > 0.0, to < end, to > end)
         if lasting != h:
             each(sites, forgotten, pasts, self.stages, self.most)
 
     def substeps_of(
-        self, system: Any, t: float, h: float, sites: Any, old: Any, pasts: Any, work: Any,
-        state: Layout,
-    ) -> None:  # fmt: skip
-        """The substeps of a step."""
+        self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
+    ) -> None:
+        """The substeps of a step; what was before the first of them lies in the other copy."""
+        state, width = memory.parts[0], memory.width
+        work, past = below(sites, 2 * width), below(sites, here * width + state.width)
         for s in range(int(self.substeps)):
             share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
-            self.substep(system, t + node * h, share * h, sites, old, pasts, s, work, state)
+            begun = here * width if s == 0 else there * width
+            self.substep(
+                system, t + node * h, share * h, sites, begun, there * width, past, s, work, state
+            )
 
     def substep(
-        self, system: Any, t: float, h: float, sites: Any, old: Any, pasts: Any, s: int, work: Any,
-        state: Layout,
+        self, system: Any, t: float, h: float, sites: Any, begun: int, there: int, past: Any, s: int,
+        work: Any, state: Layout,
     ) -> None:  # fmt: skip
         """One step of LieRATTLE: in the first turn, at the start of a run, the field alone; in the
         second the displacement, in the third what leads off the constraint.
+
+        begun, there : the rows of the state before it, and of the one to which it leads.
         """
-        ready = below(work, system.rows.note)
+        ready, old, new = below(work, system.rows.note), below(sites, begun), below(sites, there)
         turn = 1 if at(ready, 0, 2, NUMBER) == 1.0 else 0
         put(ready, 0, 2, 0.0, NUMBER)
         while turn < 3:
             if system.loaded and turn > 0:
-                self.loads(system, t, turn, h, sites, old, work, state)
+                before = below(sites, begun if turn == 1 else there)
+                self.loads(system, t, turn, h, sites, before, new, work, state)
             if turn == 1:
-                each(sites, guessed, system, h, old, pasts, s, work, state)
+                each(sites, guessed, system, h, old, past, s, work, state)
             if turn == 1 or (turn > 0 and not system.loaded):
                 self.solve(system, turn, h, sites, old, work, state)
             if turn == 1:
-                each(sites, moved_body, system, self.retraction, h, old, work, state)
+                each(sites, moved_body, system, self.retraction, h, old, new, work, state)
             if turn < 2:
-                each(sites, joints_here, system, old, work, state)
+                seen = below(sites, begun if turn == 0 else there)
+                each(sites, joints_here, system, seen, work, state)
                 scattered(system, work)
                 if system.on_all is not None and system.on_all.potential is not None:
-                    pulled_together(system, old, work, state)
-                each(sites, kicked, system, 0.5 * h * float(turn), old, work, state)
+                    pulled_together(system, seen, work, state)
+                each(sites, kicked, system, 0.5 * h * float(turn), seen, new, work, state)
             turn = turn + 1
-        each(sites, ended, system, old, pasts, s, work, state)
+        each(sites, ended, system, past, new, s, work, state)
         put(ready, 0, 2, 1.0, NUMBER)
 
     def solve(
@@ -461,7 +468,7 @@ class RattleOfLinks(Record):
             raise NoConvergence("no solution grows out of h = 0 up to this step")
 
     def loads(
-        self, system: Any, t: float, turn: int, h: float, sites: Any, old: Any, work: Any,
+        self, system: Any, t: float, turn: int, h: float, sites: Any, old: Any, new: Any, work: Any,
         state: Layout,
     ) -> None:  # fmt: skip
         """In turn 1 loads as they are at the beginning, which go to the field.  In turn 2 the kick by
@@ -488,7 +495,7 @@ class RattleOfLinks(Record):
                 self.load_of_all(system, t, k, old, work, state)
                 each(sites, pushed_there, system, t, k, old, work, state)
             if last:
-                each(sites, loaded_body, system, float(turn), old, work, state)
+                each(sites, loaded_body, system, float(turn), old, new, work, state)
                 if turn == 1:
                     break
                 k, last = 0.0, False
@@ -634,7 +641,7 @@ def corrected_velocity(system: Any, work: Any) -> None:
     save(told, 1, dot(w, times(J, w)), NUMBER)
 
 
-def loaded_body(system: Any, turn: float, old: Any, work: Any, state: Layout) -> None:
+def loaded_body(system: Any, turn: float, old: Any, new: Any, work: Any, state: Layout) -> None:
     """In turn 1 weight, springs and loads; in turn 2 the state after the kick by loads, and its
     velocity.
     """
@@ -646,7 +653,7 @@ def loaded_body(system: Any, turn: float, old: Any, work: Any, state: Layout) ->
         push = push + load(below(work, rows.push), 0, SIX)
     force, mu = load(place, 0, SIX), one.mu + where(turn > 1.0, 1.0, 0.0) * push
     save(place, 0, force + where(turn > 1.0, 0.0, 1.0) * push, SIX)
-    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    save(new, 0, fitted(BodyState(mu, one.g), state), state)
     save(below(work, rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
 
 
@@ -772,16 +779,18 @@ def along_slope(system: Any, part: float, work: Any) -> None:
     save(below(work, system.rows.unknown), 0, part * slope, layout)
 
 
-def moved_body(system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout) -> None:
+def moved_body(
+    system: Any, retraction: Any, h: float, old: Any, new: Any, work: Any, state: Layout
+) -> None:
     """The state after the first kick and the displacement."""
     rows, one = system.rows, load(old, 0, state)
     force, held = load(below(work, rows.force), 0, SIX), load(below(work, rows.held), 0, SIX)
     x = load(below(work, rows.unknown), 0, SIX)
     kicked = BodyState(one.mu + ((0.5 * h) * force - held), one.g)
-    save(old, 0, fitted(system.displaced(retraction, kicked, x), state), state)
+    save(new, 0, fitted(system.displaced(retraction, kicked, x), state), state)
 
 
-def kicked(system: Any, h: float, old: Any, work: Any, state: Layout) -> None:
+def kicked(system: Any, h: float, old: Any, new: Any, work: Any, state: Layout) -> None:
     """The field, the state after a kick h by it, and its velocity."""
     rows, one = system.rows, load(old, 0, state)
     force = weight_of(system, work, one.g) + pull_on(system, work)
@@ -791,7 +800,7 @@ def kicked(system: Any, h: float, old: Any, work: Any, state: Layout) -> None:
         force = force + system.on_body(work, lambda it: it.pull(plain(one.g)))
     mu = one.mu + h * force
     mu = vec(*[where(h == 0.0, a, b) for a, b in zip(one.mu, mu)])  # rests of rounding as well
-    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    save(new, 0, fitted(BodyState(mu, one.g), state), state)
     save(below(work, rows.force), 0, force, SIX)
     save(below(work, rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
 
@@ -813,9 +822,9 @@ def weight_of(system: Any, work: Any, g: Any) -> Vec:
     return vec(0.0, 0.0, 0.0, *[-(weight * plain(g)[2, j]) for j in range(3)])
 
 
-def ended(system: Any, old: Any, pasts: Any, s: int, work: Any, state: Layout) -> None:
+def ended(system: Any, pasts: Any, place: Any, s: int, work: Any, state: Layout) -> None:
     """The momentum without what leads off the constraint, and the past with this step."""
-    rows, one, layout = system.rows, load(old, 0, state), vector(6 + system.most)
+    rows, one, layout = system.rows, load(place, 0, state), vector(6 + system.most)
     mu = one.mu - pull_on(system, work)
     unknown = load(below(work, rows.unknown), 0, layout)
     past = [load(pasts, 3 * s + i, layout) for i in range(3)]
@@ -824,9 +833,9 @@ def ended(system: Any, old: Any, pasts: Any, s: int, work: Any, state: Layout) -
         vec(*[where(fresh, a, b) for a, b in zip(unknown, y)])
         for y in followed(tuple(past), unknown)
     ]
-    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    save(place, 0, fitted(BodyState(mu, one.g), state), state)
     for i in range(3):
-        save(pasts, 3 * s + i, new[i], layout)
+        save(below(place, state.width), 3 * s + i, new[i], layout)
 
 
 # ------------------------------------------------------------------ formulas of one joint

@@ -14,6 +14,7 @@ from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.derived import is_derived
 from ..formulas.pytree import layout_of, leaves
 from ..formulas.signatures import bare
+from ..formulas.sites import padded
 from ..formulas.tables import Table, of_whole
 from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import Links, Rows
@@ -164,7 +165,7 @@ def linked(linkage: Any) -> LinkedForm:
         touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
         alive = [float(i in kept) for i in range(most)]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
-        tie = ties.get(place, (ahead if ahead < places else 0, 0.0, 0.0, 0.0))
+        tie = ties.get(place, (ahead if ahead < padded(places) else 0, 0.0, 0.0, 0.0))
         ahead = tie[0] + 1  # so that lanes without a tie ask for what lies beside that of others
         field = acts[place if place < len(acts) else 0]
         theirs = [field if layout_of(field) == kind
