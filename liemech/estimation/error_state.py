@@ -9,7 +9,6 @@ from ..formulas import (
     Element,
     Mat,
     Vec,
-    derivative,
     dot,
     mat,
     record,
@@ -17,7 +16,6 @@ from ..formulas import (
     transpose,
     vec,
 )
-from ..formulas.derivatives import axes
 from .errors_of_elements import (
     by_error,
     moved,
@@ -25,7 +23,6 @@ from .errors_of_elements import (
     symmetric,
     transition,
     transported,
-    velocity,
 )
 from .filter import Correction, Filter
 
@@ -51,18 +48,10 @@ class ErrorStateFilter(Filter):
 
     def propagated(self, g: Element, covariance: Mat, u: Vec, h: float) -> tuple[Element, Mat]:
         """g' and P'.  covariance : (dim, dim), u : (inputs,)."""
-        group, side, move, size = (
-            self.group,
-            self.side,
-            self.process.move,
-            self.process.deviations(h),
-        )
-        still = vec(*[0.0] * len(size))
-        there = move(g, u, still, h)
-        F = transition(group, side, g, lambda x: move(x, u, still, h), there)
-        rates = [derivative(lambda w: move(g, u, w, h), still, d) for d in axes(still)]
-        noise = [s * velocity(group, side, there, rate) for s, rate in zip(size, rates)]
-        L = transpose(mat(*noise))
+        process = self.process
+        there = process.led(g, u, h)
+        F = transition(self.group, self.side, g, lambda x: process.led(x, u, h), there)
+        L = process.by_noise(self.side, g, u, h)
         return there, symmetric(F @ covariance @ F.T + squares(L))
 
     def correction(self, sensor: Any, limit: float) -> Correction:

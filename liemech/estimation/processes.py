@@ -7,10 +7,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..errors import undefined
-from ..formulas import Element, Record, Vec, record, sqrt
+from ..formulas import Element, Mat, Record, Vec, derivative, mat, record, sqrt, transpose, vec
+from ..formulas.derivatives import axes
 from ..groups.lie_group import LieGroup
 from ..integrators.method import Method
 from ..systems.group_equation import GroupEquation, Position
+from .errors_of_elements import velocity
 from .noise import check_noise
 
 
@@ -42,6 +44,22 @@ class Process(Record):
         White noise of density s (per root of Hz) has the mean s/sqrt(h) over a step.
         """
         raise undefined(self, "deviations")
+
+    def led(self, g: Element, u: Vec, h: float) -> Element:
+        """The element after a step without noise."""
+        return self.move(g, u, vec(*[0.0] * len(self.deviations(h))), h)
+
+    def by_noise(self, side: str, g: Element, u: Vec, h: float) -> Mat:
+        """L, (dim, len(w)): the error after a step by each component of the noise, in units of its
+        deviation.  side : of the error.
+        """
+        size = self.deviations(h)
+        still = vec(*[0.0] * len(size))
+        there = self.move(g, u, still, h)
+        rates = [derivative(lambda w: self.move(g, u, w, h), still, d) for d in axes(still)]
+        return transpose(
+            mat(*[s * velocity(self.group, side, there, rate) for s, rate in zip(size, rates)])
+        )
 
     @property
     def inputs(self) -> int:

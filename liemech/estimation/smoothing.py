@@ -14,7 +14,6 @@ from ..formulas import (
     Mat,
     Record,
     Vec,
-    derivative,
     mat,
     record,
     sqrt,
@@ -22,12 +21,11 @@ from ..formulas import (
     vec,
 )
 from ..formulas.arrays import real_array
-from ..formulas.derivatives import axes
 from ..formulas.frozen import frozen
 from ..groups.lie_group import LieGroup
 from .belief import Belief
 from .block_tridiagonal import BlockTridiagonal
-from .errors_of_elements import by_error, error, moved, velocity
+from .errors_of_elements import by_error, error, moved
 from .least_squares import minimise
 from .processes import Process
 from .sensors import Sensor
@@ -47,23 +45,14 @@ class Link(Record):
         """r = error of next from move(g), its derivatives by the errors of g and of next, and the
         covariance of r.
         """
-        group, side, move, size = (
-            self.group,
-            self.side,
-            self.process.move,
-            self.process.deviations(h),
-        )
-        still = vec(*[0.0] * len(size))
+        group, side, process = self.group, self.side, self.process
 
         def residual(a: Any, b: Any) -> Any:
-            return error(group, side, move(a, u, still, h), b)
+            return error(group, side, process.led(a, u, h), b)
 
-        there = move(g, u, still, h)
         A = by_error(group, side, g, lambda x: residual(x, next))
         B = by_error(group, side, next, lambda x: residual(g, x))
-        rates = [derivative(lambda w: move(g, u, w, h), still, d) for d in axes(still)]
-        noise = [s * velocity(group, side, there, rate) for s, rate in zip(size, rates)]
-        L = transpose(mat(*noise))
+        L = process.by_noise(side, g, u, h)
         return residual(g, next), transpose(mat(*A)), transpose(mat(*B)), L @ L.T
 
     @property
@@ -284,10 +273,9 @@ def smooth(
 
 def led(process: Process, g: Any, u: np.ndarray, h: np.ndarray) -> np.ndarray:
     """Where a process leads from an element without noise, (n + 1, ...)."""
-    still = np.zeros(len(process.deviations(1.0)))
     path = [np.asarray(g, dtype=float)]
     for k in range(len(u)):
-        path.append(process.move(path[-1], u[k], still, float(h[k])))
+        path.append(process.led(path[-1], u[k], float(h[k])))
     return np.array(path)
 
 

@@ -36,23 +36,18 @@ class UnscentedFilter(Filter):
 
     def propagated(self, g: Element, covariance: Mat, u: Vec, h: float) -> tuple[Element, Mat]:
         """g' and P'.  covariance : (dim, dim), u : (inputs,)."""
-        group, side, move, size = (
-            self.group,
-            self.side,
-            self.process.move,
-            self.process.deviations(h),
-        )
-        still = vec(*[0.0] * len(size))
-        there, count = move(g, u, still, h), group.dim + len(size)
+        group, side, process = self.group, self.side, self.process
+        size = process.deviations(h)
+        there, count = process.led(g, u, h), group.dim + len(size)
         length = self.spread * sqrt(float(count))
         moves: list[Any] = []
         for column in root(covariance).T:
             for sign in (length, -length):
-                moves = [*moves, move(moved(group, side, g, sign * column), u, still, h)]
+                moves = [*moves, process.led(moved(group, side, g, sign * column), u, h)]
         for j in range(len(size)):
             for sign in (length, -length):
                 noise = vec(*[sign * size[j] if i == j else 0.0 for i in range(len(size))])
-                moves = [*moves, move(g, u, noise, h)]
+                moves = [*moves, process.move(g, u, noise, h)]
         errors = [error(group, side, there, x) for x in moves]
         weight = 0.5 / (float(count) * self.spread * self.spread)
         mean = weight * total(errors)
