@@ -488,9 +488,20 @@ def one_site(count: int, site: int, formula: Callable[..., Any], *args: Any) -> 
 
 
 def _placed(error: Any, site: int) -> None:
-    """Let the error of a formula say for which site."""
-    if not hasattr(error, "site"):
-        error.site = site
+    """Let the error of a formula say for which site, and which other one it had met there, None if
+    none.
+    """
+    if hasattr(error, "site"):
+        return
+    error.site, error.beside = site, None
+    trace = error.__traceback__
+    while trace is not None:
+        code, known = trace.tb_frame.f_code, trace.tb_frame.f_locals
+        if code is Meeting.sum.__code__:
+            error.beside = _entry(known["table"], known["d"], site)
+        elif code in (Meeting.some.__code__, Meeting.pairs.__code__):
+            error.beside = known["j"]
+        trace = trace.tb_next
 
 
 def _visited(

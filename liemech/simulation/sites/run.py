@@ -608,7 +608,10 @@ class SiteRun(Course):
         site = getattr(error, "site", None)
         one = self.plan._one
         named = getattr(getattr(one, "configurations", one.group), "named", str)
-        at = at if site is None else f"site {named(site)}, {at}"
+        beside = getattr(error, "beside", None)
+        if site is not None:
+            which = f"site {named(site)}" if beside is None else f"sites {named(site)} and {named(beside)}"
+            at = f"{which}, {at}"
         return self._with_run(told(error, self.plan.method, at, lambda: self.made), site)
 
     def _with_run(self, error: Any, site: int | None) -> Any:
