@@ -3,8 +3,8 @@ given accuracy.
 
     python tests/benchmarks/gravity.py [--rounds 7] [--figure FILE] [--out gravity.json]
 
-Processor time, least of the rounds, which take turns; "plain" without compensated sums, as C++.  Without REBOUND its columns are missing, and
-ten planets have no opponent.
+Processor time, least of the rounds, which take turns; "plain" is without compensated sums, as C++ is.
+Without REBOUND its columns are missing, and ten planets have no opponent.
 """
 
 import argparse
@@ -201,7 +201,7 @@ def to_an_accuracy(rebound: Any, rounds: int, t_end: float = 60.0) -> dict[str, 
     fine = ours(*planets(), lm.Splitting(order=8), t_end / 16000)(16000)
     found: dict[str, list[list[float]]] = {}
     for name, prepare in contenders(rebound, t_end).items():
-        settings = [round(100 * 2 ** (0.5 * k)) for k in range(17)]
+        settings: list[float] = [round(100 * 2 ** (0.5 * k)) for k in range(17)]
         settings = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-9] if "IAS15" in name else settings
         for setting in settings if rounds > 1 else settings[2:4]:
             run, spent = prepare(setting), np.inf
@@ -228,7 +228,7 @@ def milliseconds(rows: list[list[float]], error: float) -> float:
 
 def figure(curves: dict[str, list[list[float]]], path: Path) -> None:
     """Work over error."""
-    picture, ax = lm.plots.subplots(figsize=(8.0, 5.0))
+    picture, ax = lm.plots.subplots(figsize=(8.0, 4.6))
     lm.plots.work_precision(
         {name: tuple(np.array(rows).T[1:]) for name, rows in curves.items()},
         ax=ax,
@@ -239,7 +239,7 @@ def figure(curves: dict[str, list[list[float]]], path: Path) -> None:
         if str(line.get_label()).startswith("REBOUND"):
             line.set(linestyle="--", alpha=0.8)
     ax.axvline(1e-11, color="0.6", lw=0.8)
-    ax.legend(fontsize=8, loc="upper right", frameon=False)
+    ax.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     lm.plots.save(picture, path, dpi=110)
     print(f"written: {path}")
 
