@@ -1,16 +1,17 @@
 """Gravity of all pairs beside C++ and REBOUND: a step for 10 to 1000 bodies, and ten planets to a
 given accuracy.
 
-    python tests/benchmarks/gravity.py [--rounds 7] [--out gravity.json]
+    python tests/benchmarks/gravity.py [--rounds 7] [--figure FILE] [--out gravity.json]
 
-Processor time, least of the rounds, which take turns.  Without REBOUND its columns are missing, and
-ten planets have no opponent.
+Processor time, least of the rounds, which take turns; "plain" is without compensated sums, as C++ is.
+Without REBOUND its columns are missing, and ten planets have no opponent.
 """
 
 import argparse
 import ctypes
 import importlib
 import importlib.util
+import itertools
 import json
 import time
 from collections.abc import Callable
@@ -22,6 +23,7 @@ import harness
 import numpy as np
 
 import liemech as lm
+from liemech.tableaus import SPLITTINGS
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 SIZES = (10, 32, 100, 1000)
@@ -60,11 +62,11 @@ def opponents() -> dict[str, Any]:
     return found
 
 
-def ours(m: np.ndarray, q: np.ndarray, v: np.ndarray, method: Any, h: float) -> Any:
+def ours(m: np.ndarray, q: np.ndarray, v: np.ndarray, method: Any, h: float, **options: Any) -> Any:
     """Steps of the library: a function of their number that gives the places at the end."""
     system = lm.models.NBody(m)
     start = system.state(q.ravel(), (m[:, None] * v).ravel())
-    plan = lm.Plan(system, method, h=h, every=10**9, compiled=True, progress=False)
+    plan = lm.Plan(system, method, h=h, every=10**9, compiled=True, progress=False, **options)
     return lambda steps: plan.run(start, steps=steps).q[-1].reshape(-1, 3)
 
 
@@ -122,6 +124,7 @@ def a_step(rebound: Any, rounds: int) -> list[list[Any]]:
             m, q, v = swarm(n)
             h = 1e-5
             runs = {"liemech": ours(m, q, v, method, h)}
+            runs["plain"] = ours(m, q, v, method, h, compensated=False)
             runs |= {f"C++ {k}": theirs(call, m, q, v, method, h) for k, call in rivals.items()}
             if rivals:
                 a, b = runs["liemech"](20), runs["C++ off"](20)
@@ -131,40 +134,114 @@ def a_step(rebound: Any, rounds: int) -> list[list[Any]]:
                 sim.integrator, sim.dt = "leapfrog", h
                 runs["REBOUND"] = sim.steps
             found = least(runs, rounds)
-            own = found["liemech"]
-            columns = [found.get(name) for name in ("liemech", "C++ off", "C++ fast", "REBOUND")]
-            ratios = [None if x is None else own / x for x in columns[1:]]
+            names = "liemech", "plain", "C++ off", "C++ fast", "REBOUND"
+            own, plain, *others = columns = [found.get(name) for name in names]
+            ratios = [None if x is None else y / x for x in others[:1] for y in (plain, own)]
+            ratios += [None if x is None else own / x for x in others[1:]]
             rows.append([title, n, *columns, *ratios])
     return rows
 
 
-def to_an_accuracy(rebound: Any, rounds: int, t_end: float = 60.0) -> list[list[Any]]:
-    """Ten planets: error of the places at the end, and milliseconds."""
-    m, q, v = planets()
-    rows: list[list[Any]] = []
-    fine = ours(m, q, v, lm.Splitting(order=8), t_end / 16000)(16000)
+def ours_in_pairs(
+    m: np.ndarray, q: np.ndarray, v: np.ndarray, tableau: Any, h: float
+) -> Callable[[int], np.ndarray]:
+    """Steps of the library of Kepler motions about the star and the perturbation in turn."""
+    system = lm.models.PlanetarySystem(m)
+    start = system.state_of(q, m[:, None] * v)
+    method = lm.Splitting(tableau=tableau)
+    plan = lm.Plan(system, method, h=h, every=10**9, compiled=True, progress=False)
+    return lambda steps: system.bodies(plan.run(start, steps=steps).y[-1])[0].reshape(-1, 3)
 
-    def add(name: str, run: Callable[[], np.ndarray]) -> None:
-        error, spent = float(np.abs(run() - fine).max()), np.inf
-        for _ in range(rounds):
-            begun = time.process_time()
-            run()
-            spent = min(spent, time.process_time() - begun)
-        rows.append([name, error, 1e3 * spent])
 
-    for steps in (400, 600, 800, 1200):
-        run = ours(m, q, v, lm.Splitting(order=8), t_end / steps)
-        add(f"liemech, order 8, {steps} steps", lambda run=run, steps=steps: run(steps))
+def contenders(rebound: Any, t_end: float) -> dict[str, Callable[[float], Callable[[], Any]]]:
+    """By name: of a number of steps, or a tolerance, a run that gives the places at the end."""
+    star = planets()
+
+    def at_once(make: Any, what: Any) -> Any:
+        def prepared(steps: float) -> Callable[[], Any]:
+            run = make(*star, what, t_end / int(steps))
+            return lambda: run(int(steps))
+
+        return prepared
+
+    def theirs(name: str, **settings: Any) -> Any:
+        def prepared(steps: float) -> Callable[[], Any]:
+            def run() -> np.ndarray:
+                sim = simulation(rebound, *star)
+                sim.integrator = name
+                for key, value in settings.items():
+                    setattr(sim.integrator, key, value)
+                if name == "ias15":
+                    sim.integrator.epsilon = steps
+                    sim.integrate(t_end)
+                else:
+                    sim.dt = t_end / int(steps)
+                    sim.steps(int(steps))
+                    sim.synchronize()
+                return places(sim)
+
+            return run
+
+        return prepared
+
+    found = {f"liemech, order {k}": at_once(ours, lm.Splitting(order=k)) for k in (4, 6, 8)}
+    found["liemech, (10, 6, 4)"] = at_once(ours_in_pairs, SPLITTINGS["ABA (10, 6, 4)"])
     if rebound:
+        found["REBOUND, IAS15"] = theirs("ias15")
+        found["REBOUND, WHFast"] = theirs("whfast", safe_mode=0)
+        found["REBOUND, SABA(10, 6, 4)"] = theirs("saba10,6,4", safe_mode=0)
+        found["REBOUND, leapfrog"] = theirs("leapfrog")
+    return found
 
-        def ias15() -> np.ndarray:
-            sim = simulation(rebound, m, q, v)
-            sim.integrator = "ias15"
-            sim.integrate(t_end)
-            return places(sim)
 
-        add("REBOUND, IAS15", ias15)
-    return rows
+def to_an_accuracy(rebound: Any, rounds: int, t_end: float = 60.0) -> dict[str, list[list[float]]]:
+    """Ten planets: by method its steps (of IAS15 the tolerance), the error of the places at the end, and
+    milliseconds.
+    """
+    fine = ours(*planets(), lm.Splitting(order=8), t_end / 16000)(16000)
+    found: dict[str, list[list[float]]] = {}
+    for name, prepare in contenders(rebound, t_end).items():
+        settings: list[float] = [round(100 * 2 ** (0.5 * k)) for k in range(17)]
+        settings = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-9] if "IAS15" in name else settings
+        for setting in settings if rounds > 1 else settings[2:4]:
+            run, spent = prepare(setting), np.inf
+            error = float(np.abs(run() - fine).max())
+            for _ in range(rounds):
+                begun = time.process_time()
+                run()
+                spent = min(spent, time.process_time() - begun)
+            own = found.setdefault(name, [])
+            if error < 1.0:
+                own.append([setting, error, 1e3 * spent])
+            if setting > 1.0 and (error < 1e-14 or (len(own) > 1 and error > 0.7 * own[-2][1])):
+                break  # the rest is rounding
+    return found
+
+
+def milliseconds(rows: list[list[float]], error: float) -> float:
+    """To this error, between two runs on a line in logarithms; nan beyond them."""
+    for (_, e, t), (_, f, u) in itertools.pairwise(rows):
+        if f <= error < e:
+            return float(np.exp(np.log(t) + np.log(e / error) / np.log(e / f) * np.log(u / t)))
+    return float(rows[0][2]) if rows[0][1] <= error else float("nan")
+
+
+def figure(curves: dict[str, list[list[float]]], path: Path) -> None:
+    """Work over error."""
+    picture, ax = lm.plots.subplots(figsize=(8.0, 4.6))
+    lm.plots.work_precision(
+        {name: tuple(np.array(rows).T[1:]) for name, rows in curves.items()},
+        ax=ax,
+        xlabel="largest error of a place after 9.5 orbits of the first planet",
+        ylabel="processor time (ms)",
+    )
+    for line in ax.lines:
+        if str(line.get_label()).startswith("REBOUND"):
+            line.set(linestyle="--", alpha=0.8)
+    ax.axvline(1e-11, color="0.6", lw=0.8)
+    ax.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    lm.plots.save(picture, path, dpi=110)
+    print(f"written: {path}")
 
 
 def main() -> None:
@@ -174,17 +251,22 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=7, help="how often each is measured")
     parser.add_argument("--out", type=Path, default=None, help="where the JSON goes")
     parser.add_argument("--quick", action="store_true", help="one round of each: does it run?")
+    parser.add_argument("--figure", type=Path, help="where the picture of ten planets goes")
     options = parser.parse_args()
     options.rounds = 1 if options.quick else options.rounds
     there = importlib.util.find_spec("rebound") is not None
     rebound = importlib.import_module("rebound") if there else None
     steps = a_step(rebound, options.rounds)
-    columns = ["method", "bodies", "liemech", "C++ off", "C++ fast", "REBOUND",
-               "over off", "over fast", "over REBOUND"]  # fmt: skip
+    columns = ["method", "bodies", "liemech", "plain", "C++ off", "C++ fast", "REBOUND",
+               "plain over off", "over off", "over fast", "over REBOUND"]  # fmt: skip
     harness.table("Gravity of all pairs, microseconds a step", columns, steps)
     accurate = to_an_accuracy(rebound, options.rounds)
-    rows = [[name, f"{error:.1e}", ms] for name, error, ms in accurate]
-    harness.table("A star and nine planets, time 60", ["", "error", "ms"], rows)
+    errors = 1e-5, 1e-8, 1e-11, 1e-13
+    rows = [[name, *(milliseconds(own, e) for e in errors)] for name, own in accurate.items()]
+    title = "A star and nine planets, time 60: ms to an error"
+    harness.table(title, ["", *(f"{e:g}" for e in errors)], rows)
+    if options.figure:
+        figure(accurate, options.figure)
     if options.out:
         about = {"machine": harness.machine(), "steps": steps, "accurate": accurate}
         options.out.write_text(json.dumps(about, indent=1) + "\n")

@@ -115,10 +115,12 @@ def line(t: np.ndarray, means: Any) -> tuple[float, float]:
     return float(slope), float(np.sqrt(covariance[0, 0]))
 
 
-def energy_of_water(order: int, h: float, steps: int, minutes: float, side: int) -> dict[str, Any]:
+def energy_of_water(
+    order: int, h: float, steps: int, minutes: float, side: int, kelvin: float
+) -> dict[str, Any]:
     """The trend of the energy, from means of blocks, and its standard error, in eV/ns."""
     system, start = drop(side)
-    start = warmed(system, start)
+    start = warmed(system, start, kelvin)
     method = lm.KickDrift(order=order)
     plan = lm.Plan(system, method, h=h, every=max(1, steps // PIECES // 10), progress=False)
     beyond = modified_energy(system, h) if order == 2 else None
@@ -156,6 +158,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=30.0, help="of each case")
     parser.add_argument("--order", type=int, default=2, help="of the steps of water")
     parser.add_argument("--step", type=float, default=1.0, help="of water, in fs")
+    parser.add_argument("--kelvin", type=float, default=300.0, help="of the drop at the start")
     parser.add_argument("--side", type=int, default=6, help="of the drop, in molecules")
     parser.add_argument("--out", type=Path)
     parser.add_argument("--quick", action="store_true", help="1000 steps: does it run?")
@@ -170,7 +173,7 @@ def main() -> None:
             for compensated in (False, True)
         ]
     if "water" in chosen.cases:
-        given = chosen.order, 1e-3 * chosen.step, chosen.steps, chosen.minutes, side
+        given = chosen.order, 1e-3 * chosen.step, chosen.steps, chosen.minutes, side, chosen.kelvin
         kept["water"] = [energy_of_water(*given)]
     for name, rows in kept.items():
         shown = [[f"{x:.3g}" if type(x) is float else x for x in r.values()] for r in rows]
