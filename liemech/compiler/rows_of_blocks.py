@@ -70,14 +70,15 @@ class SquareBlocks:
         over = self.loops._over("save_block")
         over.saved, width = True, wide(n)
         first = b.add(b.mul(over.passes[-1].index, I64(count)), I64(k))
-        zero = e.cast(0.0, "f", True)
+        several = e.lanes > 1
+        zero = e.cast(0.0, "f", several)
         for i, row in enumerate(block):
-            numbers = [e.cast(x, "f", True) for x in row]
+            numbers = [e.cast(x, "f", several) for x in row]
             numbers += [zero] * (width - n)
             for r in range(len(zero)):
                 some = [x[r] for x in numbers]
-                lanes = some[0].type.count if isinstance(some[0].type, ir.VectorType) else 1
-                if lanes == 1:
+                lanes = e.width if several else 1
+                if not several:
                     some = [self.e.spread(x, 2) for x in some]
                 while len(some) > 1:  # of each lane its numbers come side by side
                     half = len(some) // 2
