@@ -12,7 +12,7 @@ import numpy as np
 
 from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.derived import is_derived
-from ..formulas.pytree import layout_of, leaves
+from ..formulas.pytree import layout_of, leaves, with_fields
 from ..formulas.signatures import bare
 from ..formulas.tables import Table, of_whole
 from ..groups.se3 import SE3
@@ -37,6 +37,16 @@ class LinkedJoint(Record):
     joint: Any
     springs: tuple[Any, ...]
     loads: tuple[Any, ...]
+
+    def at(self, t: float) -> Any:
+        """The joint at time t."""
+        return with_fields(self, joint=self.joint.at(t))
+
+    def paces(self, g: Mat, k: Mat, most: int, freedoms: int) -> Vec:
+        """The rates of conditions, and of motions along which loads act, by a given motion alone."""
+        moving = self.joint.paces_of_motions(g, k) if freedoms > 0 and len(self.loads) > 0 else []
+        own = filled(self.joint.paces(g, k), most, 0.0)
+        return vec(*own, *filled(moving, freedoms, 0.0))
 
     def value(self, g: Mat, k: Mat, most: int) -> list[Any]:
         """The conditions, and zeros."""
@@ -139,7 +149,10 @@ def linked(linkage: Any) -> LinkedForm:
     own = sum(kind.width for kind in kinds)
     bent = on_all is not None and on_all.load is not None
     pushed = bent or any(one.loads for one in acts)
-    rows = Rows.of(full, most, freedoms, own, sum(kind.width for kind in fields), pushed, bent)
+    moving = given.constraint.rheonomic
+    rows = Rows.of(
+        full, most, freedoms, own, sum(kind.width for kind in fields), pushed, bent, moving
+    )
     places = EIGHT * -(-max(len(given.links), len(joints)) // EIGHT)
     fixed = np.zeros((rows.note, places))
     bodies = [given.links[b if b < len(given.links) else 0] for b in range(places)]
@@ -183,7 +196,7 @@ def linked(linkage: Any) -> LinkedForm:
     size = most + freedoms
     trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
     links = Links(
-        SE3(), kinds, fields, on_all, (), rows, most, freedoms, full,
+        SE3(), kinds, fields, on_all, (), (), moving, rows, most, freedoms, full,
         any(joint.springs for joint in joints), pushed, float(len(given.links)), float(len(joints)), trace, sides_of(ties),
         of_whole([len(more) // 3, *more]), *tables,
     )  # fmt: skip

@@ -19,7 +19,6 @@ from ..integrators.composition import Composition
 from ..integrators.ending_at_jumps import EndingAtJumps, cuts
 from ..integrators.lie_rattle import LieRATTLE, near_a_dead_point, thrown_back
 from ..integrators.rattle_of_links import Links, RattleOfLinks
-from ..models.joint_forces import JointPotential
 from ..systems.lie_poisson import BodyState
 from ..systems.system import small_state
 from .control import FRESH, GOAL, MARK, TAKEN, TIME
@@ -79,9 +78,9 @@ def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
     before = [
         x for x in linkage.forces[: int(k)]
         if linkage.number(x.joint) == number
-        and isinstance(x, JointPotential) is isinstance(force, JointPotential)
+        and linkage._has_potential(x) is linkage._has_potential(force)
     ]  # fmt: skip
-    side = "springs" if isinstance(force, JointPotential) else "loads"
+    side = "springs" if linkage._has_potential(force) else "loads"
     column = form.order.index(number)
     joint = form.joints[column]
     found = places_of(joint, f"{side}.{len(before)}.{rest}", one.layout)
