@@ -232,7 +232,7 @@ class Links(System):
         before = sum([kind.width for kind in self.kinds[:k]])
         one = self.seen(load(below(work, self.rows.own + before), 0, self.kinds[k]))
         if self.rheonomic:
-            one = one.at(*self.clock)
+            one = one.at_time(*self.clock)
         if k == len(self.kinds) - 1:
             return formula(one)
         if load(below(work, self.rows.ends), 0, ENDS)[3] == k:
@@ -273,7 +273,7 @@ class Links(System):
             row = row + kinds[k].width
         return to
 
-    def at(self, t: float) -> Any:
+    def at_time(self, t: float) -> Any:
         """The bodies and joints at time t."""
         return with_fields(self, clock=(t,)) if self.rheonomic else self
 
@@ -398,7 +398,7 @@ class RattleOfLinks(Record):
             if turn == 1:
                 each(sites, moved_body, system, self.retraction, h, old, work, state)
             if turn < 2:
-                each(sites, joints_here, system.at(t + h * float(turn)), old, work, state)
+                each(sites, joints_here, system.at_time(t + h * float(turn)), old, work, state)
                 scattered(system, work)
                 if system.on_all is not None and system.on_all.potential is not None:
                     pulled_together(system, old, work, state)
@@ -430,11 +430,15 @@ class RattleOfLinks(Record):
                 elif anew:
                     each(sites, correction_of_body, system, retraction, k, old, work, state)
                     each(
-                        sites, correction_of_joint, system.at(t + k), 1.0 if h > 0.0 else -1.0, work
+                        sites,
+                        correction_of_joint,
+                        system.at_time(t + k),
+                        1.0 if h > 0.0 else -1.0,
+                        work,
                     )
                 else:
                     each(sites, mismatch_of_body, system, retraction, k, old, work, state)
-                    each(sites, mismatch_of_joint, system.at(t + k), work)
+                    each(sites, mismatch_of_joint, system.at_time(t + k), work)
                 if anew:
                     there, sign = rows.first_there if turn == 1 else rows.first, 1.0
                     if turn == 1:
@@ -496,7 +500,7 @@ class RattleOfLinks(Record):
         enough = TOLERANCE if system.on_all is None else LINEAR  # without the whole derivative
         while True:
             if system.freedoms > 0:
-                each(sites, efforts_there, system.at(t), t, k, old, work, state)
+                each(sites, efforts_there, system.at_time(t), t, k, old, work, state)
                 scattered(system, work)
             if system.pushed:
                 self.load_of_all(system, t, k, old, work, state)

@@ -126,7 +126,7 @@ class MovedJoint(Joint):
         """The point in the first body."""
         return self.joint.at_first
 
-    def at(self, t: float) -> MovedJoint:
+    def at_time(self, t: float) -> MovedJoint:
         """The joint at time t."""
         found: MovedJoint = with_fields(self, time=t)
         return found

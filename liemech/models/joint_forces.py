@@ -228,22 +228,22 @@ class AtJoint(Record):
 
     def angles(self, t: float, g: Vec) -> Vec:
         """The coordinates, as the joint sees them at time t."""
-        return self.joint.at(t).coordinates(*both(self.joint, g))
+        return self.joint.at_time(t).coordinates(*both(self.joint, g))
 
     def rates(self, t: float, g: Vec, xi: Vec) -> Vec:
         """The rates of the motions.  xi : of all bodies, (6 N,)."""
-        return rates_of(self.joint.at(t), g, xi)
+        return rates_of(self.joint.at_time(t), g, xi)
 
     def led(self, t: float, g: Vec, multipliers: Vec) -> float:
         """The power that a given motion of the joint brings in, lam . dc/dt."""
         total = 0.0
-        for lam, pace in zip(multipliers, self.joint.at(t).paces(*both(self.joint, g))):
+        for lam, pace in zip(multipliers, self.joint.at_time(t).paces(*both(self.joint, g))):
             total = total + lam * pace
         return total
 
     def drive(self, t: float, g: Vec, multipliers: Vec) -> Vec:
         """The torques or forces along the coordinates of a path, lam . dc/dq."""
-        joint = self.joint.at(t)
+        joint = self.joint.at_time(t)
         first, second = both(joint, g)
         return vec(
             *[dot(multipliers, vec(*row)) for row in joint.paces_by_coordinates(first, second)]
@@ -263,7 +263,7 @@ class AtJoint(Record):
         """
         first, second = both(self.joint, g)
         total = REST6
-        for lam, (row, _) in zip(multipliers, self.joint.at(t).rows(first, second)):
+        for lam, (row, _) in zip(multipliers, self.joint.at_time(t).rows(first, second)):
             total = total - lam * row
         at = getattr(self.joint, "at_first", REST)
         torque, force = total[:3], total[3:]
@@ -302,7 +302,7 @@ class AtJoint(Record):
 
     def push(self, t: float, g: Vec, rates: Vec) -> Any:
         """The joint, the rows of its motions, and the efforts along them."""
-        motions = self.joint.at(t).motions(*both(self.joint, g))
+        motions = self.joint.at_time(t).motions(*both(self.joint, g))
         return self.joint, motions, self.efforts(t, g, rates)
 
 

@@ -114,7 +114,7 @@ class Joint(Record):
         """
         return slope
 
-    def at(self, t: float) -> Any:
+    def at_time(self, t: float) -> Any:
         """The joint at time t: of one in no given motion the joint itself."""
         return self
 
@@ -543,14 +543,14 @@ class Joints(Constraint):
     joints: tuple[Any, ...]
     kept: tuple[tuple[int, ...], ...] | None = None
 
-    def at(self, t: float) -> Joints:
+    def at_time(self, t: float) -> Joints:
         """These conditions at time t."""
-        return with_fields(self, joints=tuple([joint.at(t) for joint in self.joints]))
+        return with_fields(self, joints=tuple([joint.at_time(t) for joint in self.joints]))
 
     @property
     def rheonomic(self) -> bool:
         """Do they change with time?"""
-        return any(joint.at(1.0) is not joint for joint in self.joints)
+        return any(joint.at_time(1.0) is not joint for joint in self.joints)
 
     def paces(self, g: Vec) -> list[Any]:
         """dc/dt, (m,); nothing if conditions do not change with time."""

@@ -226,14 +226,14 @@ class Linkage(ConstrainedBody):
         """Are motions of joints given?"""
         return len(self.motions) > 0
 
-    def at(self, t: float) -> Linkage:
+    def at_time(self, t: float) -> Linkage:
         """The linkage with given motions as they are at time t, to be looked at."""
         if not self.rheonomic:
             return self
         found = copy(self)
-        joints = tuple(joint.at(float(t)) for joint in self.joints)
+        joints = tuple(joint.at_time(float(t)) for joint in self.joints)
         object.__setattr__(found, "joints", joints)
-        object.__setattr__(found, "constraint", self.constraint.at(float(t)))
+        object.__setattr__(found, "constraint", self.constraint.at_time(float(t)))
         return found
 
     @classmethod
@@ -378,7 +378,7 @@ class Linkage(ConstrainedBody):
         if left out.  t : when, for motions that are given.
         """
         if self.rheonomic and t != 0.0:
-            return self.vouched(self.at(t).assembled(poses, velocities))
+            return self.vouched(self.at_time(t).assembled(poses, velocities))
         count = len(self.links)
         g = real_array(poses, "Linkage.assembled: poses")
         xi = (
@@ -418,7 +418,7 @@ class Linkage(ConstrainedBody):
         not allow.
         """
         if self.rheonomic and t != 0.0:
-            there = self.at(t)
+            there = self.at_time(t)
             return self.vouched(there.state(mu, g, xi=xi, angles=angles, rates=rates, near=near))
         if angles is None and rates is None:
             if near is not None:

@@ -38,9 +38,9 @@ class LinkedJoint(Record):
     springs: tuple[Any, ...]
     loads: tuple[Any, ...]
 
-    def at(self, t: float) -> Any:
+    def at_time(self, t: float) -> Any:
         """The joint at time t."""
-        return with_fields(self, joint=self.joint.at(t))
+        return with_fields(self, joint=self.joint.at_time(t))
 
     def paces(self, g: Mat, k: Mat, most: int, freedoms: int) -> Vec:
         """The rates of conditions, and of motions along which loads act, by a given motion alone."""

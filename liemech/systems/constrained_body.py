@@ -205,13 +205,13 @@ class BoundBody(System):
         """G by conditions and blocks, at time t."""
         if not self.constraint.rheonomic:
             return self.rows(g)
-        return self.constraint.at(t).rows(self.configurations, g)
+        return self.constraint.at_time(t).rows(self.configurations, g)
 
     def _slips(self, t: float, g: Any, xi: Vec) -> list[Any]:
         """G xi + dc/dt, condition by condition."""
         found = speeds(self, self.rows_at(t, g), xi)
         if self.constraint.rheonomic:
-            found = [a + b for a, b in zip(found, self.constraint.at(t).paces(g))]
+            found = [a + b for a, b in zip(found, self.constraint.at_time(t).paces(g))]
         return found
 
     # ---------------------------------------------------------------- how it moves
@@ -493,7 +493,7 @@ class ConstrainedBody(BoundBody):
         """c(g) and its rate G(g) J^-1 mu + dc/dt, (m,) each: both are zero along the motion.
         mu : (dim,), g : an element.  t : in s, for conditions that change with it.
         """
-        return self.constraint.at(t).value(g), vec(*self._slips(t, g, self.velocity(mu)))
+        return self.constraint.at_time(t).value(g), vec(*self._slips(t, g, self.velocity(mu)))
 
     @final
     def consistent(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:

@@ -45,7 +45,7 @@ class Constraint(Record):
             lambda eta: self.value(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)])
         )
 
-    def at(self, t: float) -> Any:
+    def at_time(self, t: float) -> Any:
         """The conditions at time t: the same, unless they change with time."""
         return self
 
