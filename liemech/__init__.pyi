@@ -118,10 +118,10 @@ from .retractions import Cayley as Cayley
 from .retractions import CayleyAdjoint as CayleyAdjoint
 from .retractions import Exponential as Exponential
 from .retractions import Retraction as Retraction
-from .simulation.bridges import to_jax as to_jax
-from .simulation.bridges import to_torch as to_torch
+from .simulation.at_work.measured_orders import measure_order as measure_order
+from .simulation.derivatives.bridges import to_jax as to_jax
+from .simulation.derivatives.bridges import to_torch as to_torch
 from .simulation.integrate import integrate as integrate
-from .simulation.measured_orders import measure_order as measure_order
 from .simulation.options import ErrorControl as ErrorControl
 from .simulation.options import FixedSteps as FixedSteps
 from .simulation.options import Save as Save

@@ -25,7 +25,7 @@ import numpy as np
 import pytest
 
 import liemech
-from liemech.simulation import execution
+from liemech.simulation.compiled import execution
 
 # For this process and the programs that tests start anywhere: no window, and the liemech under
 # test.

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import LiemechError
 from ..formulas import vec
-from ..simulation.drift import constants_and_terms
+from ..simulation.reports.drift import constants_and_terms
 from ..systems.canonical import CanonicalState
 from ..systems.clocked import Clocked
 from ..systems.constrained_body import BoundBody, ConstrainedBody

@@ -20,8 +20,8 @@ import numpy as np
 from ..errors import LiemechError
 from ..formulas.vectors import small
 from ..integrators.rkmk import RKMK
-from ..simulation.fictive import Origin
 from ..simulation.integrate import integrate
+from ..simulation.origin import Origin
 from ..systems.canonical import CanonicalState, PhaseSpace
 from ..systems.clocked import Clocked
 from ..systems.constrained import ConstrainedSystem

@@ -14,8 +14,8 @@ from ..compiler import kernel
 from ..errors import NotDefined
 from ..formulas import derivative, dot, gradient, jacobian, vec
 from ..integrators.rkmk import RKMK
-from ..simulation.drift import constants_and_terms
 from ..simulation.integrate import integrate
+from ..simulation.reports.drift import constants_and_terms
 from ..systems.canonical import CanonicalState, CanonicalSystem, HamiltonianSystem, PhaseSpace
 from ..systems.constrained import ConstrainedSystem, SeparableConstrainedSystem
 from ..systems.constrained_body import BoundBody, ConstrainedBody

@@ -17,7 +17,7 @@ import numpy as np
 import liemech as lm
 
 from ..checks.sample_states import random_state
-from ..simulation.measured_orders import order_of
+from ..simulation.at_work.measured_orders import order_of
 from .constructors import imported, read
 from .numbers import duration, short
 from .options import Parser, count, number

@@ -19,8 +19,8 @@ import numpy as np
 
 import liemech as lm
 
-from ..simulation.drift import Drift
-from ..simulation.progress import named
+from ..simulation.reports.drift import Drift
+from ..simulation.reports.progress import named
 from .numbers import duration, short
 from .options import Parser, count, number, picture
 

@@ -18,7 +18,7 @@ import liemech as lm
 
 from ..names import meant
 from ..simulation.arguments import chooses_steps
-from ..simulation.progress import WANTED
+from ..simulation.reports.progress import WANTED
 from .constructors import read
 from .numbers import called, duration
 from .options import Parser, count, number, output, picture

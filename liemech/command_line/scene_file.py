@@ -36,7 +36,7 @@ import liemech as lm
 
 from ..names import meant
 from ..simulation.arguments import chooses_steps
-from ..simulation.files import opened
+from ..simulation.files.arrays import opened
 from .constructors import build
 from .scene import Scene
 

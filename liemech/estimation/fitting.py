@@ -14,9 +14,9 @@ from ..errors import IncompatibleSystem, InvalidInput
 from ..formulas.frozen import frozen
 from ..groups.product import ProductGroup
 from ..groups.vector_space import VectorSpace
-from ..simulation.parameters import parameter, with_parameter
+from ..simulation.compiled.parameters import parameter, with_parameter
+from ..simulation.derivatives.tangent import frames_of, group_of
 from ..simulation.plan import Plan
-from ..simulation.tangent import frames_of, group_of
 from ..systems.constrained import ConstrainedSystem
 from ..systems.constrained_body import BoundBody
 from .least_squares import minimise

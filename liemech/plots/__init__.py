@@ -8,7 +8,7 @@ Every picture takes `ax=`, plane axes to draw on, and returns the axes; without 
 figure that no window system knows of. Nothing touches Matplotlib's settings.
 """
 
-from ..simulation.measured_orders import order_of
+from ..simulation.at_work.measured_orders import order_of
 from .attitude import euler_angles, quaternion
 from .choice import plot
 from .cloud import cloud

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..simulation.written_tables import latex_label
+from ..simulation.reports.written_tables import latex_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

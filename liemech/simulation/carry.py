@@ -12,10 +12,10 @@ from ..errors import InvalidInput
 from ..formulas.frozen import frozen
 from ..formulas.pytree import build
 from ..systems.system import State, member, state_of
-from .control import STEP, TAKEN, TIME
-from .dense import unpacked
-from .events import Met
-from .prepared import Shape
+from .between.dense import unpacked
+from .between.events import Met
+from .compiled.control import STEP, TAKEN, TIME
+from .compiled.prepared import Shape
 from .stopped import Stopped
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 from ..errors import IntegrationInterrupted, failure, is_mistake
-from .progress import Bar
+from .reports.progress import Bar
 from .result import of_run
 from .trajectory import Trajectory
 

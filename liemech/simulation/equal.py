@@ -18,8 +18,9 @@ from ..errors import IntegrationFailure, InvalidInput, InvalidType, failure, is_
 from ..formulas.pytree import Layout, build, double_double, fitted, layout_of, leaves
 from ..systems.system import State, member
 from . import arguments
+from .between.dense import Between, ShortSteps, lay_out
 from .carry import Carry, common
-from .control import (
+from .compiled.control import (
     ASKED,
     GOAL,
     LIMIT,
@@ -33,13 +34,12 @@ from .control import (
     begun,
     sample,
 )
+from .compiled.driver import begin
+from .compiled.execution import LOOK
+from .compiled.lanes import Lanes, share_out
+from .compiled.prepared import Shape, shown_step, times
 from .course import told
-from .dense import Between, ShortSteps, lay_out
-from .driver import begin
-from .execution import LOOK
 from .keep import At, Straight
-from .lanes import Lanes, share_out
-from .prepared import Shape, shown_step, times
 from .result import of_start
 from .run import PATIENCE, Run
 from .trajectory import Trajectory

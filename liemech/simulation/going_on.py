@@ -11,11 +11,11 @@ from ..compiler.kernel import Several
 from ..errors import InvalidInput, InvalidType
 from ..formulas import Record
 from ..formulas.pytree import exact, fields_of
+from .at_work.stepper import Stepper
 from .carry import Carry
-from .fictive import FictiveCarry, Origin
+from .compiled.systems import OfBodies, Systems, each_of
+from .origin import FictiveCarry, Origin
 from .sites_carry import SiteCarry
-from .stepper import Stepper
-from .systems import OfBodies, Systems, each_of
 from .trajectory import TangentTrajectory, Trajectory
 
 

@@ -13,9 +13,9 @@ from ..formulas.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System
 from . import arguments
+from .compiled.systems import methods_of, systems_of
 from .options import EQUAL, TOLERANCE, ErrorControl, FixedSteps, Options, Save, times_of
 from .plan import Plan
-from .systems import methods_of, systems_of
 from .trajectory import Trajectory
 
 KEPT = 32

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..integrators.ending_at_jumps import MARGIN, same
-from .control import go_on
+from .compiled.control import go_on
 
 Ways = list[tuple[float, float]]
 """To which times steps lead, and where they go on."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IntegrationFailure, IntegrationInterrupted
-from .control import TAKEN
+from .compiled.control import TAKEN
 
 ROWS = 2**17
 """Samples inside of steps whose states are found at once."""

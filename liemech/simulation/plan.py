@@ -25,12 +25,14 @@ from ..formulas.signatures import spelt
 from ..integrators.method import Method
 from ..systems.system import State, System, member
 from . import arguments
+from .at_work.stepper import Stepper
 from .carry import Carry
 from .checkpoint import Checkpoint
+from .compiled.execution import like
+from .compiled.prepared import Steps
+from .compiled.systems import OfBodies, each_of, methods_of, of_body, systems_of
 from .equal import Advance, EqualRun, StraightRun
-from .execution import like
-from .fictive import FictiveCarry
-from .fictive_run import FictiveRun, StraightFictiveRun
+from .fictive_time.run import FictiveRun, StraightFictiveRun
 from .going_on import carry_of
 from .options import (
     EQUAL,
@@ -42,19 +44,17 @@ from .options import (
     Save,
     words_of,
 )
-from .prepared import Steps
+from .origin import FictiveCarry
 from .recorded import recorder_of
 from .short import advanced, short_run, short_steps
-from .sites_between import SitesBetween
+from .sites.between import SitesBetween
 from .sites_carry import SiteCarry
 from .starts import started, started_by_sites
-from .stepper import Stepper
-from .systems import OfBodies, each_of, methods_of, of_body, systems_of
 from .tolerance import AdaptiveSteps, ToleranceRun
 from .trajectory import TangentTrajectory, Trajectory
 
 if TYPE_CHECKING:
-    from .gradient import Gradient
+    from .derivatives.gradient import Gradient
 
 
 class Plan:
@@ -210,7 +210,7 @@ class Plan:
         """The runs of a system of many sites; None for all others."""
         if self._one.site_form is None:
             return None
-        from .sites_plan import SitesOfPlan
+        from .sites.plan import SitesOfPlan
 
         return SitesOfPlan.of(self)
 
@@ -250,7 +250,7 @@ class Plan:
         Returns and raises what `integrate` does.
         """
         if executor is not None:
-            from .spread import spread
+            from .at_work.spread import spread
 
             if checkpoint is not None:
                 raise InvalidInput("integrate: checkpoint is for runs without executor")
@@ -378,7 +378,7 @@ class Plan:
 
     def _kept(self, path: Any, seconds: Any) -> Checkpoint:
         """Where the run is saved; what cannot be saved is refused now, and not after a minute."""
-        from .encoding import encoded
+        from .files.encoding import encoded
 
         kept = arguments.checkpoint(path, seconds)
         for name, value in (("system", self._one), ("method", of_body(self.method, 0))):
@@ -496,7 +496,7 @@ class Plan:
         Raises what `integrate` does, for a body of an ensemble too; InvalidInput for what is no
         parameter, IncompatibleSystem for classical Hamilton-Jacobi methods, whose power series cannot carry a derivative.
         """
-        from .tangent import tangent_of
+        from .derivatives.tangent import tangent_of
 
         return tangent_of(self, start, steps, t_end, t0, by, along=along, against=against)
 
@@ -530,7 +530,7 @@ class Plan:
         Warns by a GradientWarning where the motion is so sensitive that few digits are left.
         Raises what `integrate` and `tangent` do.
         """
-        from .gradient import backwards
+        from .derivatives.gradient import backwards
 
         return backwards(self, "gradient", start, steps, t_end, t0, by, every, loss, along)
 
@@ -554,7 +554,7 @@ class Plan:
         end among them, with a leading axis for these.
         by, and what is returned and raised : as of `gradient`; `value` is None.
         """
-        from .gradient import backwards
+        from .derivatives.gradient import backwards
 
         return backwards(self, "pullback", start, steps, t_end, t0, by, every, cotangent=cotangent)
 
@@ -671,7 +671,7 @@ class Plan:
         fixed ones of one body, InvalidInput for a name that is none in C and for inputs of which
         other numbers are made.
         """
-        from .export import export
+        from .at_work.export import export
 
         return export(self, path, start, inputs, target)
 

@@ -25,8 +25,8 @@ from ..formulas.frozen import frozen
 from ..formulas.pytree import layout_of
 from ..formulas.vectors import small
 from ..systems.system import State
-from .dense import evaluated, flat, observe
-from .drift import RECORDED
+from .between.dense import evaluated, flat, observe
+from .reports.drift import RECORDED
 from .trajectory import Trajectory
 
 COMPUTED = *RECORDED, "multipliers"

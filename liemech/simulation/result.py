@@ -11,7 +11,7 @@ import numpy as np
 
 from ..formulas.pytree import build, layout_of
 from ..systems.system import small_state, state_of
-from .dense import flat, unpacked
+from .between.dense import flat, unpacked
 from .stopped import NONE, Stopped
 from .trajectory import TangentTrajectory, Trajectory
 

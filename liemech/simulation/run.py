@@ -12,18 +12,18 @@ import numpy as np
 from ..errors import IntegrationFailure, is_mistake, warn
 from ..systems.system import member
 from . import arguments
+from .between.dense import Between
+from .between.events import Events
 from .carry import Carry
-from .control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME
+from .compiled.control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME
+from .compiled.execution import LOOK
+from .compiled.lanes import Lanes
+from .compiled.systems import of_body as one_of
 from .course import Course
-from .dense import Between
-from .events import Events
-from .execution import LOOK
-from .fictive import FictiveCarry
 from .jumps import Ways, beyond_jump
 from .keep import At, Every, Piece, Quantities
-from .lanes import Lanes
+from .origin import FictiveCarry
 from .result import AsItIs, of_body
-from .systems import of_body as one_of
 from .trajectory import Trajectory
 
 ROOM = 1024

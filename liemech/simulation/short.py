@@ -19,13 +19,13 @@ from ..compiler.kernel import address
 from ..formulas.pytree import build, gatherer, restricted
 from ..systems.system import State
 from . import arguments
+from .between.dense import DenseOutput, lay_out, unpacked
 from .carry import Carry
-from .control import CLOCK, FRESH, GOAL, MARK, STRAIGHT, TAKEN, TIME
-from .dense import DenseOutput, lay_out, unpacked
-from .driver import SAMPLES, sampled_steps
-from .execution import COLUMNS, SHARED, Execution, like
-from .lanes import Lanes
-from .prepared import Shape, Steps
+from .compiled.control import CLOCK, FRESH, GOAL, MARK, STRAIGHT, TAKEN, TIME
+from .compiled.driver import SAMPLES, sampled_steps
+from .compiled.execution import COLUMNS, SHARED, Execution, like
+from .compiled.lanes import Lanes
+from .compiled.prepared import Shape, Steps
 from .result import of_short
 from .starts import known
 from .trajectory import Trajectory

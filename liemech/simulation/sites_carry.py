@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..formulas.frozen import frozen
-from .events import NO_EVENTS, Met
+from .between.events import NO_EVENTS, Met
 
 
 @frozen(eq=False)

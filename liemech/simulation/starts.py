@@ -72,7 +72,7 @@ def needed(plan: Any, system: Any, start: Any) -> Any:
 def started_by_sites(plan: Any, start: Any) -> Any:
     """The start of a system of many sites, with the parts that the run needs."""
     from ..integrators.rattle_of_links import Links  # here, for most runs have no sites
-    from .sites_states import by_site, first_of
+    from .sites.states import by_site, first_of
 
     sites: Any = plan._sites
     start = by_site(plan._one, arguments.known(plan._one, start))

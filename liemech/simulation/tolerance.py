@@ -18,8 +18,9 @@ from ..formulas.vectors import Vec
 from ..integrators.ending_at_jumps import jumps_between
 from ..systems.tabulated import has_inputs
 from . import arguments
+from .between.dense import DenseOutput, flat, packed
 from .carry import Carry
-from .control import (
+from .compiled.control import (
     ANEW,
     CLOCK,
     FRESH,
@@ -34,13 +35,12 @@ from .control import (
     go_on,
     noted,
 )
-from .dense import DenseOutput, flat, packed
-from .execution import like
+from .compiled.execution import like
+from .compiled.lanes import Lanes
+from .compiled.systems import OfBodies
 from .jumps import stretches, until_jumps
 from .keep import At, Dense, Every
-from .lanes import Lanes
 from .run import Run
-from .systems import OfBodies
 
 
 @frozen(eq=False)

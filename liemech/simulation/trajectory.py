@@ -18,13 +18,13 @@ from ..formulas.pytree import fields_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..systems.site_state import StateOfSites
 from ..systems.system import State, System, small_state
-from .dense import Between, DenseOutput, ShortSteps, flat
-from .drift import RECORDED, Drift
-from .fictive import Origin
-from .sites_between import SitesBetween
+from .between.dense import Between, DenseOutput, ShortSteps, flat
+from .compiled.systems import OfBodies, Systems, of_body
+from .origin import Origin
+from .reports.drift import RECORDED, Drift
+from .sites.between import SitesBetween
 from .sites_carry import SiteCarry
 from .stopped import NONE, Stop
-from .systems import OfBodies, Systems, of_body
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -192,7 +192,7 @@ class Trajectory:
         if name in self.observed:
             return self.states[name]
         if name == "energy" and self._is_of_sites:
-            from .sites_totals import energy
+            from .sites.totals import energy
 
             return energy(self.system, self.t, self.states)
         formula = getattr(self._laws, name, None)
@@ -341,7 +341,7 @@ class Trajectory:
         Raises InvalidInput if a parameter of the system or the method is no number, vector, matrix,
         text or record.
         """
-        from .archive import save
+        from .files.archive import save
 
         save(self, path)
 
@@ -360,7 +360,7 @@ class Trajectory:
         not there.  Without `trusted` a file chooses among the records of the library and of your
         program; it names nothing that is called, and nothing of it is imported or evaluated.
         """
-        from .archive import load
+        from .files.archive import load
 
         kept = load(path, modules, trusted)
         if "tangent" in kept:
@@ -371,7 +371,7 @@ class Trajectory:
         """The samples as an xarray.Dataset over t: mu is (t, mu_0), g (t, g_0, g_1), in an ensemble
         with `body` behind t.
         """
-        from .labelled import to_xarray
+        from .files.labelled import to_xarray
 
         return to_xarray(self)
 
@@ -379,7 +379,7 @@ class Trajectory:
         """The samples as a pandas.DataFrame: a row for each time t, or each t and body; columns
         mu[0], g[0,1], ...
         """
-        from .labelled import to_pandas
+        from .files.labelled import to_pandas
 
         return to_pandas(self)
 
@@ -472,7 +472,7 @@ class Trajectory:
     def _is_of_sites(self) -> bool:
         if self.bodies is not None or self.system.site_form is None:
             return False
-        from .sites_totals import of_sites
+        from .sites.totals import of_sites
 
         return of_sites(self.system, self.states) is not None
 
@@ -482,7 +482,7 @@ class Trajectory:
         if self.observed:
             return {name: self.states[name] for name in self.observed if name in RECORDED}
         if self._is_of_sites:
-            from .sites_totals import constants
+            from .sites.totals import constants
 
             return constants(self.system, self.t, self.states)
         return self.system.constants(self.states)

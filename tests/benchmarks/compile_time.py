@@ -27,9 +27,9 @@ import liemech as lm
 from liemech.compiler import kernel, llvm
 from liemech.formulas import sqrt
 from liemech.integrators.taylor import Taylor
-from liemech.simulation.control import TAKEN
+from liemech.simulation.compiled.control import TAKEN
+from liemech.simulation.compiled.prepared import Steps
 from liemech.simulation.equal import StraightRun
-from liemech.simulation.prepared import Steps
 from liemech.systems.clocked import Clocked
 
 LIMIT = {"cold": 4.0, "SO(16)": 10.0}

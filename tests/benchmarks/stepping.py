@@ -10,9 +10,9 @@ from typing import Any
 import harness
 import numpy as np
 
+from liemech.simulation.compiled.prepared import Steps
 from liemech.simulation.equal import StraightRun
 from liemech.simulation.options import Options
-from liemech.simulation.prepared import Steps
 from liemech.simulation.short import LONGEST, advanced, place_of
 
 

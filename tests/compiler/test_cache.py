@@ -268,7 +268,7 @@ def test_numbers_known_at_run_time_share_the_code(project: Project) -> None:
     program = """
 import liemech as lm, numpy as np
 from liemech.compiler import kernel
-from liemech.simulation.driver import advance
+from liemech.simulation.compiled.driver import advance
 for moments in ([1.0, 1.5, 2.0], [3.0, 2.5, 2.0]):
     body = lm.RigidBody(moments)
     lm.integrate(body, lm.RKMK(order=4), body.state(mu=[0.5, 0.0, 0.5]), h=0.1, steps=3, compiled=True)

@@ -21,7 +21,7 @@ from liemech.compiler import content_hashes, kernel
 from liemech.errors import NotCompilable
 from liemech.groups.product import ProductAlgebra
 from liemech.groups.so3 import SO3Algebra
-from liemech.simulation import execution
+from liemech.simulation.compiled import execution
 
 pytestmark = pytest.mark.compiled
 

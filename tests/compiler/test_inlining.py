@@ -28,7 +28,7 @@ from liemech.compiler import (
     state,
 )
 from liemech.errors import NotCompilable
-from liemech.simulation import execution
+from liemech.simulation.compiled import execution
 
 pytestmark = pytest.mark.compiled
 

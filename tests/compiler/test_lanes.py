@@ -22,7 +22,7 @@ from liemech.compiler import kernel
 from liemech.compiler.driver import accepted, attempt, itself
 from liemech.formulas import Record, Vec, dot, record, sin, vec
 from liemech.formulas.pytree import layout_of
-from liemech.simulation.driver import advance
+from liemech.simulation.compiled.driver import advance
 
 pytestmark = pytest.mark.compiled
 

@@ -20,7 +20,7 @@ import worlds
 import liemech as lm
 from liemech.compiler import cache, kernel
 from liemech.errors import NotCompilable, NotCompiledWarning
-from liemech.simulation import execution
+from liemech.simulation.compiled import execution
 
 pytestmark = pytest.mark.compiled
 

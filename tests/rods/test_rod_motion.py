@@ -5,7 +5,7 @@ import pytest
 from scenes import slope
 
 import liemech as lm
-import liemech.simulation.sites_plan as sites_plan
+import liemech.simulation.sites.plan as sites_plan
 from liemech.compiler.planes import Planes
 from liemech.formulas.tables import Table
 from liemech.integrators.galerkin_of_chain import ChainRows, GalerkinOfChain, factored, solved

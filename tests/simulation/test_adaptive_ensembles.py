@@ -11,8 +11,9 @@ import pytest
 
 import liemech as lm
 from liemech.errors import IntegrationFailure, StepTooSmall
-from liemech.simulation import keep, lanes, run
-from liemech.simulation.execution import Execution
+from liemech.simulation import keep, run
+from liemech.simulation.compiled import lanes
+from liemech.simulation.compiled.execution import Execution
 from liemech.tableaus import BOGACKI_SHAMPINE3
 
 pytestmark = pytest.mark.compiled

@@ -17,7 +17,7 @@ from scenes import slow
 import liemech as lm
 from liemech.errors import IntegrationFailure, IntegrationInterrupted, InvalidInput
 from liemech.formulas import sqrt, where
-from liemech.simulation.events import Events
+from liemech.simulation.between.events import Events
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 MU = np.random.default_rng(0).normal(size=(4, 3))

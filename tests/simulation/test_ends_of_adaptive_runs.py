@@ -10,7 +10,7 @@ import pytest
 
 import liemech as lm
 from liemech.simulation import run as runs
-from liemech.simulation.execution import Execution
+from liemech.simulation.compiled.execution import Execution
 from liemech.simulation.keep import At
 from liemech.simulation.tolerance import ToleranceRun
 from liemech.tableaus import BOGACKI_SHAMPINE3

@@ -26,7 +26,7 @@ from scenes import slow
 
 import liemech as lm
 from liemech.command_line.scene_file import scene_file
-from liemech.simulation import files
+from liemech.simulation.files import arrays as files
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))

@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 
 import liemech as lm
 from liemech.errors import IntegrationFailure, IntegrationInterrupted, InvalidInput
-from liemech.simulation.parameters import Input
-from liemech.simulation.stepper import BodiesInPlace, InPlace
+from liemech.simulation.at_work.stepper import BodiesInPlace, InPlace
+from liemech.simulation.compiled.parameters import Input
 
 WORLDS = pytest.mark.parametrize(
     "compiled", [False, pytest.param(True, marks=pytest.mark.compiled)], ids=["plain", "compiled"]

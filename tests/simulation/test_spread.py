@@ -18,7 +18,7 @@ import pytest
 
 import liemech as lm
 from liemech import errors
-from liemech.simulation import spread
+from liemech.simulation.at_work import spread
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 RNG = np.random.default_rng(4)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.simulation import spread
+from liemech.simulation.at_work import spread
 
 SCRIPT = """
 import os

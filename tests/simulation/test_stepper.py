@@ -21,7 +21,7 @@ from liemech.errors import (
     InvalidType,
 )
 from liemech.simulation import short
-from liemech.simulation.stepper import InPlace
+from liemech.simulation.at_work.stepper import InPlace
 
 BODY = lm.RigidBody([1.0, 1.6, 2.3])
 START = BODY.state(mu=[0.5, -0.3, 0.75], g=np.eye(3))

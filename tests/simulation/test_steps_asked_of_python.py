@@ -9,7 +9,7 @@ import pytest
 
 import liemech as lm
 from liemech.simulation import run
-from liemech.simulation.lanes import Lanes
+from liemech.simulation.compiled.lanes import Lanes
 from liemech.tableaus import BOGACKI_SHAMPINE3
 
 pytestmark = pytest.mark.compiled

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.simulation.measured_orders import order_of
-from liemech.simulation.written_tables import WrittenTable, latex, latex_label, latex_number
+from liemech.simulation.at_work.measured_orders import order_of
+from liemech.simulation.reports.written_tables import WrittenTable, latex, latex_label, latex_number
 
 BODY = lm.RigidBody([1.0, 1.5, 2.0])
 START = BODY.state([0.5, 0.0, 0.75**0.5], np.eye(3))

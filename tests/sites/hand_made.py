@@ -14,10 +14,10 @@ from liemech.formulas import sqrt
 from liemech.formulas.pytree import carried_layout, fitted, layout_of, leaves, rounded
 from liemech.formulas.sites import SiteTable, meet, one_site, padded, rows_of
 from liemech.formulas.vectors import small
-from liemech.simulation.control import FRESH, LIMIT
+from liemech.simulation.compiled.control import FRESH, LIMIT
+from liemech.simulation.compiled.prepared import Steps
 from liemech.simulation.equal import Equal
-from liemech.simulation.prepared import Steps
-from liemech.simulation.sites_driver import PLACE, Shown, Sighted, advance_sites, begin_sites
+from liemech.simulation.sites.driver import PLACE, Shown, Sighted, advance_sites, begin_sites
 from liemech.systems.lie_poisson import BodyState
 
 

@@ -15,8 +15,8 @@ from test_runs_by_sites import chain, directions, native, spins
 
 import liemech as lm
 from liemech.errors import IncompatibleSystem, InvalidInput
-from liemech.simulation import sites_adjoint
-from liemech.simulation.reversal import go_back, repetitions
+from liemech.simulation.derivatives.of_sites import adjoint as sites_adjoint
+from liemech.simulation.derivatives.reversal import go_back, repetitions
 from liemech.simulation.starts import started_by_sites
 
 edges = lm.neighbours.edges

@@ -181,7 +181,7 @@ def test_rows_of_scratch_memory() -> None:
     system, none = field(), np.empty(0)
     from liemech.formulas.pytree import carried_layout, layout_of
     from liemech.simulation.equal import Equal
-    from liemech.simulation.sites_driver import PLACE, Shown, Sighted, advance_sites
+    from liemech.simulation.sites.driver import PLACE, Shown, Sighted, advance_sites
     from liemech.systems.lie_poisson import BodyState
 
     memory = carried_layout(BodyState(lm.vec(0.0, 0.0, 0.0)))

@@ -320,7 +320,7 @@ def test_pairs_within_a_cutoff_are_those_of_numpy() -> None:
 
 
 def test_lists_of_neighbours_leave_the_bits(monkeypatch: pytest.MonkeyPatch) -> None:
-    from liemech.simulation import sites_lists
+    from liemech.simulation.sites import lists as sites_lists
 
     made: list[Any] = []
     listed = sites_lists._listed

@@ -1,0 +1,419 @@
+"""Dense output: the motion between the steps of a run, still on the group and on the orbit."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...compiler import kernel
+from ...compiler.driver import accepted, any_body, attempt, itself, read, reason, write
+from ...errors import IncompatibleSystem, InvalidInput, failure, is_mistake
+from ...formulas import Vec, horner, real_array, where
+from ...formulas.frozen import frozen
+from ...formulas.pytree import NUMBER, build, layout_of, leaves, rounded
+from ...integrators.ending_at_jumps import AT_ENDS
+from ...systems.system import state_of
+from ..compiled.execution import COLUMNS, Execution, numbers_of
+
+
+def along(retraction: Any, system: Any, row: Any, given: Any, out: Any, failures: Any) -> None:
+    """The driver: a state, moved along its step by Omega(theta) = theta (p_1 + theta (p_2 + ...)),
+    0 <= theta <= 1.  row : layout of state, coefficients and theta.
+
+    Behind the state, out has a one; a zero tells that a formula failed.  failures : None, or a list
+    for what it raised.
+    """
+    state, coefficients, theta = read(given, 0, row)
+    moved = attempt(on_the_way, retraction, system, state, coefficients, theta)
+    report(moved, row.parts[0], out, failures)
+
+
+def on_the_way(retraction: Any, system: Any, state: Any, coefficients: Any, theta: float) -> Any:
+    """The state a part theta of a step later."""
+    return system.displaced(retraction, state, theta * horner(coefficients, theta))
+
+
+def short_step(method: Any, system: Any, point: Any, given: Any, out: Any, failures: Any) -> None:
+    """The driver: one step of any length, from a state and a time.  Behind the state, out has a
+    one; or a zero, as in `along`.
+    """
+    state = read(given, 0, point)
+    t, h = read(given, point.width, NUMBER), read(given, point.width + 1, NUMBER)
+    moved = attempt(_stepped, method, system, t, state, h)
+    report(moved, point, out, failures)
+
+
+def report(moved: Any, point: Any, out: Any, failures: Any) -> None:
+    """The end of a driver: the state that came of an attempt, and behind it whether it went
+    through.
+    """
+    good = accepted(moved, itself, point)
+    if any_body(good):
+        write(out, 0, moved, point)
+    write(out, point.width, where(good, 1.0, 0.0), NUMBER)
+    if failures is not None and not good:
+        failures.append(reason(moved))
+
+
+def _stepped(method: Any, system: Any, t: float, state: Any, h: float) -> Any:
+    """The state after one step of a method that begins here."""
+    return rounded(method.observe(method.step(system, t, method.start(system, state, h), h)))
+
+
+def one_or_many(times: Any) -> np.ndarray:
+    """A time, or a list of times."""
+    at = real_array(times, "t")
+    if at.ndim > 1:
+        raise InvalidInput(f"Trajectory.at takes one time or many, (m,); got t of shape {at.shape}")
+    return at
+
+
+def within_run(times: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Times in a run that has its ends of steps at t, those beyond them by rounding at its ends.  Raises
+    InvalidInput for times outside of it.
+    """
+    low, high = min(t[0], t[-1]), max(t[0], t[-1])
+    margin = 4.0 * np.finfo(float).eps * max(abs(low), abs(high))
+    inside = (times >= low - margin) & (times <= high + margin)
+    if not inside.all():
+        raise InvalidInput(
+            f"t = {times[~inside][0]:g} is outside the run, which goes from {t[0]:g} to {t[-1]:g}"
+        )
+    found: np.ndarray = np.clip(times, low, high)
+    return found
+
+
+class Between:
+    """The motion inside of steps, and of a run that has kept their ends between these; abstract.
+
+    A subclass writes `given` and `moved`.
+    example : a state.  wanted : False for plain Python only.  rows : (n + 1, ...) of every end of a
+    step the time, the state, and what else `given` needs; of a run whose observers ask there are none.
+    """
+
+    example: Any
+    wanted: bool | None
+    rows: Any
+
+    @functools.cached_property
+    def width(self) -> int:
+        """How many numbers a state has."""
+        return layout_of(self.example).width
+
+    @property
+    def t(self) -> np.ndarray:
+        """The ends of the steps, (n + 1,)."""
+        return self.rows[:, 0]
+
+    @property
+    def points(self) -> np.ndarray:
+        """The numbers of the states there, (n + 1, width)."""
+        return self.rows[:, 1 : 1 + self.width]
+
+    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """The input of `moved`, (m, ...), from the rows where steps begin and end and times inside of them."""
+        raise NotImplementedError
+
+    def moved(
+        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
+    ) -> np.ndarray:
+        """The numbers of the states at these times, (m, width).
+
+        body : of each of them, where parameters are of each body.
+        """
+        raise NotImplementedError
+
+    def numbers(self, times: np.ndarray) -> np.ndarray:
+        """The numbers of the states at these times, (m, width).  Raises InvalidInput for times
+        outside the run.
+        """
+        return self.within(within_run(times, self.t))
+
+    def within(self, times: np.ndarray) -> np.ndarray:
+        """Numbers of states at times that are known to be in the run."""
+        t, points = self.t, self.points
+        if len(t) == 1:
+            return np.repeat(points, len(times), axis=0)
+        forward = t[-1] >= t[0]
+        step = np.searchsorted(t if forward else -t, times if forward else -times, "right") - 1
+        np.minimum(step, len(t) - 2, out=step)
+        at_end = times == t[step + 1]
+        found = points[step + at_end]  # at the ends of steps, to the bit
+        between = ((times != t[step]) > at_end).nonzero()[0]
+        if len(between):
+            step, times = step[between], times[between]
+            given = self.given(self.rows[step], self.rows[step + 1], times)
+            found[between] = self.moved(given, times)
+        return found
+
+    def __call__(self, times: Any) -> Any:
+        """The state at one time, or at many, (m,), whose arrays then have a leading axis."""
+        at = one_or_many(times)
+        kind, arrays = self.apart(self.numbers(np.atleast_1d(at).ravel()))
+        one = 0 if at.ndim == 0 else slice(None)
+        return state_of(kind, {name: x[one] for name, x in arrays.items()})
+
+    def apart(self, numbers: np.ndarray) -> tuple[Any, dict[str, np.ndarray]]:
+        """The kind of the states that have these numbers, and their parts."""
+        return type(self.example), unpacked(layout_of(self.example), numbers)
+
+
+@frozen(eq=False)
+class DenseOutput(Between):
+    """The motion as a continuous function of time: in every step a polynomial in the algebra,
+    carried to the group.
+
+    rows : (n + 1, ...) of every end of a step the time, the state, and the coefficients of the way
+    there.
+    order : of accuracy, between the steps.
+    """
+
+    system: Any
+    retraction: Any
+    example: Any
+    rows: Any
+    order: int
+    wanted: bool | None = None
+
+    @property
+    def curves(self) -> np.ndarray:
+        """The coefficients of the polynomials, (n, number of them * dim)."""
+        return self.rows[1:, 1 + self.width :]
+
+    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+        width, begun = self.width, before[:, 0]
+        given = np.empty((len(times), after.shape[1]))
+        given[:, :width], given[:, width:-1] = before[:, 1 : 1 + width], after[:, 1 + width :]
+        given[:, -1] = (times - begun) / (after[:, 0] - begun)
+        return given
+
+    def moved(
+        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
+    ) -> np.ndarray:
+        dim = kernel.examples([self.system])[0].group.dim
+        row = way_layout(self.example, dim, (given.shape[1] - 1 - self.width) // dim)
+        arguments = self.retraction, self.system, row
+        what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
+        return evaluated(along, arguments, given, self.width, self.wanted, what, body)
+
+
+def way_layout(example: Any, dim: int, terms: int) -> Any:
+    """The layout of what `along` is given: state, coefficients of the way along a step, part of it."""
+    return layout_of((example, (Vec(*[0.0] * dim),) * terms, 0.0))
+
+
+@frozen(eq=False)
+class ShortSteps(Between):
+    """The motion between fixed steps: from the last end of a step, a shorter step of the
+    method itself.
+
+    order : of accuracy: a single step more at the end of many changes little.
+    """
+
+    system: Any
+    method: Any
+    example: Any
+    rows: Any
+    wanted: bool | None = None
+
+    @property
+    def order(self) -> int:
+        """Order of the method."""
+        return int(self.method.order)
+
+    def given(self, before: np.ndarray, after: np.ndarray, times: np.ndarray) -> np.ndarray:
+        points, begun = before[:, 1 : 1 + self.width], before[:, 0]
+        return np.concatenate([points, begun[:, None], (times - begun)[:, None]], axis=1)
+
+    def moved(
+        self, given: np.ndarray, times: np.ndarray, body: np.ndarray | None = None
+    ) -> np.ndarray:
+        (method,) = kernel.examples([self.method])
+        if method.noisy:
+            raise IncompatibleSystem(
+                f"{method!r} knows no state at t = {times[0]:g}, inside of a step: {AT_ENDS}"
+            )
+        what = (
+            repr(method),
+            lambda k: f"the shorter step from t = {given[k, -2]:g} to t = {times[k]:g}",
+        )
+        arguments = self.method, self.system, layout_of(self.example)
+        return evaluated(short_step, arguments, given, self.width, self.wanted, what, body)
+
+
+def evaluated(
+    driver: Any,
+    arguments: tuple[Any, ...],
+    given: np.ndarray,
+    width: int,
+    wanted: bool | None,
+    what: tuple[str, Callable[[int], str]] = ("dense output", lambda k: "between two steps"),
+    body: np.ndarray | None = None,
+) -> np.ndarray:
+    """Map a driver over rows of numbers, (m, width): in plain Python until native code pays.
+
+    what : what has failed if a row does, and where, by the number of the row.  body : of each row, of
+    which body it is, where arguments are `Several`.
+    """
+    many = len(given)
+    execution, constants = execution_of(driver, arguments, wanted)
+    found, done = np.empty((many, width + 1)), 0
+
+    def plainly(k: int) -> None:
+        own = [
+            x.values[body[k]] if isinstance(x, kernel.Several) and body is not None else x
+            for x in arguments
+        ]
+        _one(driver, own, given[k], found[k], what, k)
+
+    while done < many and not execution.ready(done / many):
+        end = min(done + 8, many)
+        with execution.plain():
+            for k in range(done, end):
+                plainly(k)
+        done = end
+    if done < many:
+        several = [x.columns for x in arguments if isinstance(x, kernel.Several)]
+        own = [x.take(body[done:], axis=1) for x in several] if body is not None else []
+        found[done:many] = natively(execution, constants, given[done:], width, own)
+        if not found[:many, -1].all():
+            for k in np.flatnonzero(found[:many, -1] == 0.0).tolist():  # say why
+                plainly(k)
+    return found[:many, :-1].copy()
+
+
+def natively(
+    execution: Execution, constants: bytes, given: np.ndarray, width: int, own: Any = ()
+) -> np.ndarray:
+    """Run the native code of a driver on every row of numbers: what it makes of it, and behind it a
+    one, or a zero for a formula that failed, (m, width + 1).
+
+    own : (width, m) numbers of which every row has its own.
+    """
+    many, lanes = len(given), execution.lanes
+    columns = -(-many // lanes) * lanes
+    rows, out = np.empty((given.shape[1], columns)), np.empty((width + 1, columns))
+    rows[:, :many], rows[:, many:] = given.T, given[-1][:, None]
+    last = np.minimum(np.arange(columns), many - 1)
+    padded = [x.take(last, axis=1) for x in own]
+    execution.run(constants, (), (*padded, rows, out), columns, 0, columns)
+    return out.T[:many]
+
+
+def observe(function: Any, point: Any, result: Any, given: Any, out: Any, failures: Any) -> None:
+    """The driver: a function of a state and, behind it, a time."""
+    state, t = read(given, 0, point), read(given, point.width, NUMBER)
+    report(attempt(function, t, state), result, out, failures)
+
+
+_executions: dict[Any, tuple[Execution, bytes]] = {}
+FEW = 64
+"""Executions that are remembered."""
+
+
+def execution_of(
+    driver: Any, arguments: tuple[Any, ...], wanted: bool | None, silent: bool = False
+) -> tuple[Execution, bytes]:
+    """The cached Execution of a driver for these arguments, and their numbers, packed."""
+    native = wanted is not False and kernel.available() is None
+    key = driver, native, silent, *map(id, arguments)
+    known = _executions.get(key)
+    if known is not None:
+        known[0].used(wanted)
+        return known
+    lanes = kernel.lanes() if native else 1
+    call = driver, *arguments, COLUMNS, COLUMNS, None
+    asked = None if native else False
+    made = Execution(asked, None, *call, lanes=lanes, silent=silent), numbers_of(*arguments)
+    made[0].used(wanted)
+    if len(_executions) >= FEW:
+        _executions.clear()
+    _executions[key] = made  # which has the arguments, so that their identities remain theirs
+    return made
+
+
+def _one(
+    driver: Any,
+    arguments: Any,
+    given: np.ndarray,
+    out: np.ndarray,
+    what: tuple[str, Callable[[int], str]],
+    k: int,
+) -> None:
+    failures: list[Exception | None] = []
+    try:
+        driver(*arguments, given, out, failures)
+    except KeyboardInterrupt as stop:
+        stop.row = k  # type: ignore[attr-defined]
+        raise
+    if failures:
+        error: Any = failures[0]
+        if error is None or not is_mistake(error):
+            error = failure(error, what[0], what[1](k))
+        error.row = k
+        raise error
+
+
+def unpacked(layout: Any, numbers: np.ndarray) -> dict[str, np.ndarray]:
+    """Numbers of states, (..., width), as the parts of the state by name: views, of complex numbers
+    perhaps copies.
+    """
+    arrays = {}
+    for name, begin, end, shape, is_complex in _parts(layout):
+        own = numbers[..., begin:end]
+        if is_complex:
+            own = np.ascontiguousarray(own).view(complex)
+        if own.shape[-1:] != shape:
+            own = own.reshape(numbers.shape[:-1] + shape)
+        arrays[name] = own
+    return arrays
+
+
+@functools.lru_cache(256)
+def _parts(layout: Any) -> list[tuple[str, int, int, tuple[int, ...], bool]]:
+    """For each part of a state: name, first and last number, shape of its array, and is it complex?"""
+    parts, at = [], 0
+    for name, inner in zip(layout.detail[1], layout.parts, strict=True):
+        if inner.width:
+            zero = np.array(build(inner, iter([0.0] * inner.width)))
+            parts.append((name, at, at + inner.width, zero.shape, zero.dtype == complex))
+            at += inner.width
+    return parts
+
+
+def flat(arrays: dict[str, np.ndarray], count: int) -> np.ndarray:
+    """The numbers of many states, (count, width), from the parts of the state by name; a complex
+    number is two.
+    """
+    parts = [np.ascontiguousarray(x) for x in arrays.values()]
+    real = [x.view(float) if np.iscomplexobj(x) else x.astype(float, copy=False) for x in parts]
+    rows = [x.reshape(count, x.size // count if count else math.prod(x.shape[1:])) for x in real]
+    return rows[0] if len(rows) == 1 else np.concatenate(rows, axis=1)
+
+
+def lay_out(arrays: dict[str, np.ndarray], columns: np.ndarray) -> None:
+    """Write the numbers of many states, a column for each body; lanes that are left over repeat the last
+    body.
+    """
+    at = 0
+    for part in arrays.values():
+        count = len(part)
+        rows = part.reshape(count, -1) if part.dtype == float else flat({"": part}, count)
+        numbers = columns[at : at + rows.shape[1], :count]
+        for i in range(0, count, CACHED):  # one pass over memory, not one for each number
+            numbers[:, i : i + CACHED] = rows[i : i + CACHED].T
+        at += len(numbers)
+    columns[:, count:] = columns[:, count - 1 : count]
+
+
+CACHED = 2**10
+"""Bodies whose numbers stay in the cache while they are written from rows into columns."""
+
+
+def packed(value: Any) -> np.ndarray:
+    """The numbers of a state, (width,)."""
+    return np.array(leaves(value, layout_of(value)), dtype=float)

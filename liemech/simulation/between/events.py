@@ -1,0 +1,361 @@
+"""Events: zeros of functions of time and state, looked for in every step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from inspect import ismethod
+from typing import Any
+
+import numpy as np
+
+from ...errors import InvalidType, warn
+from ...formulas.pytree import NUMBER
+from ...formulas.sizes import EPSILON
+from .dense import execution_of, natively, observe
+
+Event = Callable[[float, Any], float]
+
+
+def name_of(event: Any) -> str:
+    """By which an event is known in a run that goes on, and in files."""
+    return str(getattr(event, "__qualname__", type(event).__qualname__))
+
+
+class Met(tuple[tuple[str, int], ...]):
+    """For every event its name, and how many of its zeros count towards `terminal` in a run that goes on.
+
+    events : these themselves, where they are still there; not in files, nor in other processes.
+    """
+
+    events: tuple[Event, ...] | None = None
+
+    @classmethod
+    def of(cls, events: tuple[Event, ...], counts: list[int]) -> Met:
+        """The counts of these events."""
+        met = cls([(name_of(event), n) for event, n in zip(events, counts, strict=True)])
+        met.events = events
+        return met
+
+    def __reduce__(self) -> Any:
+        return Met, (tuple(self),)
+
+    def counts(self, events: tuple[Event, ...]) -> list[int]:
+        """Zeros that count for these events: none, if they are not the same.  Where only names are
+        left, a name tells which event it is, but not that of a lambda.
+        """
+        names = [name_of(event) for event in events]
+        if self.events is not None:
+            pairs = zip(self.events, events, strict=False)
+            same = all(a is b or (ismethod(a) and a == b) for a, b in pairs)
+        else:
+            same = [name for name, _ in self] == names and not any("<lambda>" in n for n in names)
+        return [n for _, n in self] if same and len(self) == len(events) else [0] * len(events)
+
+
+NO_EVENTS = Met()
+"""The counts of a run without events."""
+
+
+Zero = tuple[int, float, int, np.ndarray]
+"""In which step, when, of which event, and the numbers of the state then."""
+
+
+class Watch:
+    """Zeros that one body has met.
+
+    values : of all events where the body stands.  found : of every event the times and the numbers
+    of the states, in the order in which the motion meets them.
+    before : how many zeros a run before this one has met.  ended : by which event.
+    """
+
+    def __init__(self, events: tuple[Event, ...], values: list[Any], before: Met) -> None:
+        self.events, self.values = events, values
+        self.before, self.ended = before.counts(events), None  # type: list[int], int | None
+        self.found: list[list[tuple[float, np.ndarray]]] = [[] for _ in events]
+        self.terminal = [int(getattr(event, "terminal", None) or 0) for event in events]
+
+    def meet(self, zeros: Iterable[Zero]) -> Zero | None:
+        """Keep zeros in the order in which the motion meets them, up to a terminal one."""
+        for zero in zeros:
+            _, at, i, numbers = zero
+            self.found[i].append((at, numbers))
+            if self.before[i] + len(self.found[i]) == self.terminal[i]:
+                self.ended = i
+                return zero
+        return None
+
+    def forget(self, t: float, sign: float, ended: bool) -> None:
+        """Forget the zeros that were met after this time, to which the run was interrupted."""
+        self.found = [
+            [(at, x) for at, x in found if (at - t) * sign <= 0.0] for found in self.found
+        ]
+        self.ended = self.ended if ended else None
+
+    @property
+    def met(self) -> Met:
+        """With what a run goes on: the zeros so far, or none of the event that ended this one."""
+        counts = [n + len(found) for n, found in zip(self.before, self.found, strict=True)]
+        if self.ended is not None:
+            counts[self.ended] = 0
+        return Met.of(self.events, counts)
+
+
+def crossed(event: Event, old: Any, new: Any) -> Any:
+    """Has an event a zero between two of its values, in the direction that it asks for?  A zero at
+    the first is none.
+    """
+    direction = float(getattr(event, "direction", None) or 0.0)
+    least, most = np.minimum(old, new), np.maximum(old, new)
+    return (least <= 0.0) & (most >= 0.0) & (old != 0.0) & (direction * (new - old) >= 0.0)
+
+
+class Events:
+    """Observer of the zeros of functions of time and state, for all bodies of a run.
+
+    each : of every body its own watch.  blind : of events that were nan the name, and the body and
+    the time of the first one.
+    """
+
+    def __init__(self, run: Any, events: tuple[Event, ...]) -> None:
+        self.run, self.events, self.floats = run, events, True
+        self.blind: dict[int, tuple[str, int, float]] = {}
+        self.each: dict[int, Watch] = {}
+        met, cut = ({}, {}) if run.fresh else (run.start.met, run.before.cut)  # type: Any, Any
+        for i in np.flatnonzero(~run.over).tolist():
+            t, state = float(run.here[0, i]), run.view.small(run.here[1:, i])
+            before, ended = met.get(i, NO_EVENTS), cut.get(i)
+            values = [self._value(i, event, t, state) for event in events]
+            if ended is not None and ended < len(
+                events
+            ):  # a zero that ended that run is none of this
+                known = [name for name, _ in before] or [name_of(event) for event in events]
+                if known[ended] == name_of(events[ended]):
+                    values[ended] = 0.0
+            self.each[i] = Watch(events, values, before)
+        layout, _ = run.view.seen(run.here[1:, :1].T)
+        self.kernels = [
+            execution_of(observe, (event, layout, NUMBER), run.asked_for, silent=True)
+            for event in events
+        ]
+
+    def _value(self, body: int, event: Event, t: float, state: Any) -> Any:
+        """The value of an event.  What it raises tells where."""
+        try:
+            value = event(t, state)
+            self.floats = self.floats and type(value) is float
+            try:
+                number = float(value)
+                if number != number:
+                    self.blind.setdefault(id(event), (name_of(event), body, t))
+                return number
+            except TypeError:
+                raise InvalidType(
+                    f"integrate: an event gives a number; {event!r} gave {value!r}"
+                ) from None
+        except Exception as error:
+            error.add_note(
+                f"[integrate: in an event at t = {t:g}; the samples before it are in `.trajectory`]"
+            )
+            if self.run.bodies:
+                error.add_note(f"[integrate: body {body}]")
+            raise
+
+    # ---------------------------------------------------------------- the steps of a piece
+
+    def see(self, piece: Any) -> dict[int, Zero]:
+        """Look at some steps, which go on where the last ones ended: of bodies that a terminal event
+        ends, the step in which it does, the time, the event, and the numbers of the state.
+
+        What an event raises has `step`, the number of the step before which all is well.
+        """
+        if not len(piece):
+            return {}
+        steps = np.arange(len(piece))
+        hits: dict[int, Zero] = {}
+        left = [
+            (int(k), int(k)) for k in steps[piece.begins]
+        ]  # steps for plain Python, and their body
+        if self.floats and all([execution.ready(0.0) for execution, _ in self.kernels]):  # noqa: C419
+            found = self._natively(piece)
+            if found is not None:
+                hits, left = found
+        for k, first in left:
+            body = int(piece.body[first])
+            if body in hits:
+                continue
+            with ExitStack() as stack:
+                for execution, _ in self.kernels:
+                    stack.enter_context(execution.plain())
+                hit = self._plainly(piece, body, k)
+            if hit is not None:
+                hits[body] = hit
+        return hits
+
+    def _natively(self, piece: Any) -> Any:
+        """Zeros in native code, and of bodies of which an event failed the first step where it did;
+        None if an event fails on the way to a zero.
+        """
+        new = self._values(piece.rows(slice(None))[:, self.run.head][:, 1:], piece.b)
+        begins = piece.begins
+        old = np.concatenate([new[:, :1], new[:, :-1]], axis=1)
+        bodies = piece.body[begins].tolist()
+        old[:, begins] = np.array([self.each[i].values for i in bodies]).T
+        failed = np.isnan(new).any(axis=0)
+        place = np.arange(len(piece))
+        starts = np.flatnonzero(begins)
+        bad = np.minimum.reduceat(np.where(failed, place, len(piece)), starts)
+        good = np.flatnonzero(place < np.repeat(bad, np.diff(np.append(starts, len(piece)))))
+        zeros = self._zeros(piece, old[:, good], new[:, good], good)
+        if zeros is None:
+            return None
+        of_each: dict[int, list[Zero]] = {}
+        for zero in zeros:
+            of_each.setdefault(int(piece.body[zero[0]]), []).append(zero)
+        met = {i: self.each[i].meet(own) for i, own in of_each.items()}
+        left = []
+        ends = np.append(starts[1:], len(piece))
+        for i, begin, end, first in zip(bodies, starts.tolist(), ends.tolist(), bad.tolist()):
+            watch = self.each[i]
+            if first < end:
+                watch.values = old[:, first].tolist()
+                left.append((first, begin))
+            else:
+                watch.values = new[:, end - 1].tolist()
+        return {i: hit for i, hit in met.items() if hit is not None}, left
+
+    def _values(self, points: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Their values at states, (n, width), and times, (n,): (events, n), nan where one failed."""
+        given = np.column_stack([self.run.view.seen(points)[1], t])
+        found = [natively(*kernel, given, 1) for kernel in self.kernels]
+        return np.array([np.where(one[:, 1] == 1.0, one[:, 0], np.nan) for one in found])
+
+    def _zeros(
+        self, piece: Any, old: np.ndarray, new: np.ndarray, good: np.ndarray
+    ) -> list[Zero] | None:
+        """The zeros in some steps, in the order in which motions meet them; None if an event or a
+        motion failed, which plain Python says again.
+
+        old, new : (events, n) their values where the steps begin and end.
+        """
+        changes = [crossed(*one) for one in zip(self.events, old, new, strict=True)]
+        event, step = np.nonzero(changes)
+        if not len(event):
+            return []
+        whole = good[step]
+
+        def value(some: np.ndarray, times: np.ndarray) -> np.ndarray:
+            values = self._values(self.run.inside(piece, whole[some], times), times)
+            found = np.take_along_axis(values, event[None, some], axis=0)[0]
+            if np.isnan(found).any():
+                raise ArithmeticError
+            return found
+
+        try:
+            ends = piece.a[whole], piece.b[whole]
+            at = roots(value, *ends, old[event, step], new[event, step])
+            numbers = self.run.inside(piece, whole, at)
+        except Exception:
+            return None
+        later = np.where(ends[1] >= ends[0], 1.0, -1.0)
+        order = np.lexsort((later * event, later * at, whole)).tolist()
+        return [(int(whole[k]), at.item(k), int(event[k]), numbers[k]) for k in order]
+
+    def _plainly(self, piece: Any, body: int, first: int) -> Zero | None:
+        """Find zeros in the steps of a body from this one on, one event after another."""
+        watch, run = self.each[body], self.run
+        for k in range(first, len(piece)):
+            if piece.body[k] != body:
+                break
+            some, a, b = np.array([k]), piece.a.item(k), piece.b.item(k)
+
+            def inside(t: float, some: np.ndarray = some) -> np.ndarray:
+                found: np.ndarray = run.inside(piece, some, np.array([t]))[0]
+                return found
+
+            try:
+                hits, state = [], run.view.small(piece.rows(some)[0, run.head][1:])
+                for i, (event, old) in enumerate(zip(self.events, watch.values, strict=True)):
+                    new = self._value(body, event, b, state)
+                    watch.values[i] = new
+                    if crossed(event, old, new):
+
+                        def value(_: Any, times: np.ndarray, event: Any = event) -> np.ndarray:
+                            return np.array(
+                                [
+                                    self._value(body, event, t, run.view.small(inside(t)))
+                                    for t in times.tolist()
+                                ]
+                            )
+
+                        given = [np.array([x]) for x in (a, b, old, new)]
+                        hits.append((float(roots(value, *given).item()), i))
+                ordered = sorted(hits, reverse=b < a)
+                hit = watch.meet([(k, at, i, inside(at)) for at, i in ordered])
+            except BaseException as error:
+                error.step = k  # type: ignore[attr-defined]
+                raise
+            if hit is not None:
+                return hit
+        return None
+
+    # ---------------------------------------------------------------- what came of it
+
+    def tell(self) -> None:
+        """Warn of events that were nan, next to which no zero is seen."""
+        for name, body, t in self.blind.values():
+            of = f" of body {body}" if self.run.bodies else ""
+            warn(
+                f"integrate: the event {name} was nan at t = {t:g}{of}; its zeros are not "
+                "seen in steps that begin or end so. Give it a number everywhere",
+                RuntimeWarning,
+            )
+
+    def forget(self) -> None:
+        """Forget zeros beyond the places where the bodies stand."""
+        for i, watch in self.each.items():
+            watch.forget(float(self.run.here[0, i]), self.run.sign[i], i in self.run.cuts)
+
+    def shown(self, body: int) -> tuple[tuple[np.ndarray, Any], ...]:
+        """Times and states of every event of a body, as a Trajectory holds them."""
+        watch = self.each.get(body)
+        found = [[] for _ in self.events] if watch is None else watch.found
+        width = self.run.here.shape[0] - 1
+        return tuple([
+            (np.array([t for t, _ in one]), self.run.view.states(np.array([x for _, x in one]).reshape(len(one), width)))
+            for one in found
+        ])  # fmt: skip
+
+
+def roots(
+    function: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    a: np.ndarray, b: np.ndarray, fa: np.ndarray, fb: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Roots of many functions, each between a and b, where its values fa and fb have not the same
+    sign, to four units in the last place: inverse quadratic interpolation where that is safe, or
+    else bisection.
+
+    function : by the numbers of some functions, and a place for each, their values.
+    Source: Chandrupatla, Advances in Engineering Software 28 (1997), 145.
+    """
+    x1, f1, x2, f2, x3, f3 = b, fb, a, fa, a, fa
+    found, left = np.where(fb == 0.0, b, a), np.flatnonzero((fb != 0.0) & (fa != 0.0))
+    x1, f1, x2, f2, x3, f3 = (x[left] for x in (x1, f1, x2, f2, x3, f3))
+    part, least = np.full(len(left), 0.5), 2.0 * EPSILON * np.maximum(np.abs(a), np.abs(b))[left]
+    while len(left):
+        x = x1 + part * (x2 - x1)
+        f = function(left, x)
+        same = np.sign(f) == np.sign(f1)
+        x3, f3, x2, f2 = np.where(same, (x1, f1, x2, f2), (x2, f2, x1, f1))
+        x1, f1 = x, f
+        found[left] = np.where(np.abs(f1) < np.abs(f2), x1, x2)
+        bound = least / np.abs(x2 - x1)
+        going = (bound <= 0.5) & (f1 != 0.0)
+        left, least, bound = left[going], least[going], bound[going]
+        x1, f1, x2, f2, x3, f3 = (x[going] for x in (x1, f1, x2, f2, x3, f3))
+        xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
+        with np.errstate(all="ignore"):
+            inner = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)  # fmt: skip
+        safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
+        part = np.minimum(1.0 - bound, np.maximum(bound, np.where(safe, inner, 0.5)))
+    return found

@@ -1,0 +1,218 @@
+"""Choice between plain Python and native code for a driver: native as soon as it is there or pays.
+Both give the same bits.
+"""
+
+from __future__ import annotations
+
+import time
+from array import array
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from ...compiler import kernel
+from ...errors import NotCompilable, NotCompiledWarning, warn
+from ...formulas.pytree import gatherer, layout_of
+from ..reports.progress import notice
+
+LOOK = 0.02
+"""Seconds of plain Python after which native code is looked for on disk."""
+
+WAIT = 0.3
+"""Seconds of plain Python after which native code is made, if as many more are to be expected."""
+
+MANY = 1000
+"""Kinds of runs that are remembered."""
+
+
+class History:
+    """Experience of this process with one driver and the layouts of its arguments.
+
+    seconds : spent on it in plain Python.  uses : of drivers before or after the steps.
+    looked : on disk.  refused : it cannot be compiled.
+    """
+
+    def __init__(self) -> None:
+        self.seconds, self.uses, self.looked, self.refused = 0.0, 0, False, False
+
+
+OFTEN = 3
+"""Uses after the first one that are worth native code: it takes 0.1 to 0.2 s to make, and saves 0.2
+to 0.8 ms each.
+"""
+
+_histories: dict[Any, History] = {}
+_told: set[str] = set()  # refusals that were shown
+
+
+COLUMNS, SHARED = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
+"""Examples of the buffers of a driver: with a column for each body, and one that all share."""
+
+
+class Execution:
+    """How one run executes one driver: nobody else calls native code of a run.
+
+    wanted : True for native code, at once or NotCompilable; False for plain Python; None to choose
+    by the time plain Python takes.
+    call : the driver and arguments like those to come; arrays and integers may be any.
+    native : the kernel; None for plain Python.  silent : is a refusal not told, because little
+    depends on it?
+    """
+
+    def __init__(
+        self,
+        wanted: bool | None,
+        progress: bool | None,
+        *call: Any,
+        lanes: int = 1,
+        silent: bool = False,
+    ) -> None:
+        self.asked, self.progress, self.call, self.lanes, self.silent = (
+            wanted,
+            progress,
+            call,
+            lanes,
+            silent,
+        )
+        self.given: Sequence[Any] = kernel.examples(call[1:])
+        self.native: kernel.Kernel | None = None
+        self.guard: Any = None  # of this call, where it has parts of its own
+        self.refresh()
+
+    def of(self, system: Any) -> Execution:
+        """The Execution for another system of the same layout; the system is the second argument of
+        every driver of steps.
+        """
+        call = *self.call[:2], system, *self.call[3:]
+        other: Execution = like(self, call=call, given=call[1:], guard=None)
+        return other
+
+    def refresh(self) -> None:
+        """For another run: native code that says what the formulas say now, if there is some."""
+        self.seconds = 0.0
+        if self.native is not None and self._unchanged(self.native.reads):
+            return
+        self.wanted = self.asked
+        self.native = (
+            kernel.known(*self.call, lanes=self.lanes) if self.wanted is not False else None
+        )
+        if self.native is None:
+            self.history = History() if self.wanted is False else _history(self.call, self.lanes)
+            if self.wanted:
+                self.compile()
+            elif self.history.refused:
+                self.wanted = False
+
+    def used(self, demanded: bool | None) -> None:
+        """For another use of a driver that runs before or after the steps: those who demand native
+        code have it here from the third use after the first one on.
+        """
+        self.refresh()
+        if self.native is None:
+            self.history.uses += 1
+            if demanded and self.history.uses > OFTEN:
+                self.compile()
+
+    def _unchanged(self, reads: Any) -> bool:
+        """Is all that was read what it was?  Calls that differ in their objects share native code,
+        and each has a guard.
+        """
+        guard = self.guard or reads.guard
+        verdict = guard.verdict(self.given)
+        if verdict is None:
+            self.guard = reads.guard_of(self.given)
+            verdict = self.guard is not None
+        return bool(verdict)
+
+    @contextmanager
+    def plain(self) -> Iterator[None]:
+        """Around what runs in plain Python: its time counts, as long as there is no native code."""
+        begun = time.perf_counter()
+        try:
+            yield
+        finally:
+            if self.native is None:
+                used = time.perf_counter() - begun
+                self.seconds += used
+                self.history.seconds += used
+
+    def ready(self, done: float) -> bool:
+        """Is there native code to go on with?  When plain Python, `done` with this part of the run,
+        has taken long enough, it is looked for on disk, and later made.
+        """
+        if self.native is None and self.wanted is None:
+            spent, left = self.history.seconds, self.seconds * (1.0 - done) / done if done else 0.0
+            if spent >= LOOK and not self.history.looked and kernel.available() is None:
+                self.history.looked = True
+                self.native = kernel.stored(*self.call, lanes=self.lanes)
+            if self.native is None and spent >= WAIT and spent + left >= 2.0 * WAIT:
+                self.compile()
+        return self.native is not None
+
+    def compile(self) -> None:
+        """Make native code, if it is not there.  Raises NotCompilable if it was demanded; else
+        warns that plain Python goes on.
+        """
+        if self.native is not None or self.wanted is False:
+            return
+        why_not = kernel.available()
+        try:
+            if why_not is not None:
+                raise NotCompilable(f"integrate: compiled=True, but {why_not}")
+            with notice(self.progress, f"liemech: compiling {self.given[0]!r} ..."):
+                self.native = kernel.kernel(*self.call, lanes=self.lanes)
+        except NotCompilable as error:
+            if self.wanted:
+                raise
+            self.wanted = False
+            if why_not is None:
+                self.history.refused = True
+                if not self.silent and str(error) not in _told:
+                    _told.add(str(error))
+                    warn(
+                        f"{error}. Running in plain Python instead, much slower", NotCompiledWarning
+                    )
+
+    def run(
+        self,
+        numbers: bytes,
+        integers: Sequence[int],
+        arrays: Sequence[np.ndarray],
+        columns: int = 1,
+        begin: int = 0,
+        end: int = 1,
+    ) -> None:
+        """Run native code for the columns from begin to end, whole lanes, of all that arrays have.
+
+        numbers : of all values in turn.
+        """
+        self.native.run(numbers, integers, arrays, columns, begin, end)  # type: ignore[union-attr]
+
+    def on_memory(self, block: bytes, buffers: Sequence[tuple[int, int]]) -> None:
+        """Run native code on one block that holds the addresses of these buffers."""
+        self.native.on_memory(block, buffers)  # type: ignore[union-attr]
+
+
+def numbers_of(*values: Any) -> bytes:
+    """The numbers of values in turn, as native code gets them; those of which every body has its own
+    lie elsewhere.
+    """
+    shared = [value for value in values if not isinstance(value, kernel.Several)]
+    return b"".join([array("d", gatherer(layout_of(value))(value)).tobytes() for value in shared])
+
+
+def like(thing: Any, **changed: Any) -> Any:
+    """A copy with other attributes: `copy.copy` takes ten times as long."""
+    made = object.__new__(type(thing))
+    made.__dict__.update(thing.__dict__ | changed)
+    return made
+
+
+def _history(call: tuple[Any, ...], lanes: int) -> History:
+    """The History of a driver and the layouts of its arguments."""
+    key = lanes, call[0], *map(kernel.kind_of, call[1:])
+    if key not in _histories and len(_histories) >= MANY:
+        _histories.clear()
+    return _histories.setdefault(key, History())

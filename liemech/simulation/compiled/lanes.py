@@ -1,0 +1,193 @@
+"""Bodies side by side: how their numbers are laid out, and the native code that takes them forwards."""
+
+from __future__ import annotations
+
+import collections
+import functools
+import os
+from typing import Any
+
+import numpy as np
+
+from ...compiler.interrupts import in_threads
+from ...compiler.kernel import Several
+from ...formulas.pytree import Layout, layout_of
+from .control import ASKED, CLOCK, GOAL, MARK, STUCK, TAKEN, Equal, Fictive
+from .driver import advance
+from .execution import COLUMNS, Execution, like, numbers_of
+from .systems import OfBodies
+
+TRIALS = 2**10
+"""Trials of all bodies together that are worth a thread."""
+
+MOST = 2**62
+"""Columns of a block, if all may be in one."""
+
+
+class Lanes:
+    """Columns of numbers: a body has one in every array.
+
+    example, state : a state and its layout.  layout : of what is carried along.  row : of time,
+    state, and what the control adds.  own : parameters of which every body has its own.
+    mark : the number of a row that changes with every step.
+    """
+
+    def __init__(
+        self, method: Any, system: Any, control: Any, layout: Layout, example: Any, extra: Any,
+        asked: bool | None, progress: bool | None, side: int,
+    ) -> None:  # fmt: skip
+        self.example, self.state, self.layout = example, layout_of(example), layout
+        timed = not isinstance(control, Equal) or control.timed
+        self.row = layout_of((0.0, example, extra)) if timed else self.state
+        self.own: list[np.ndarray] = []
+        things = []
+        for thing in (method, system):
+            if isinstance(thing, OfBodies):
+                thing = Several.of(thing.members, len(thing))
+            if isinstance(thing, Several):
+                self.own.append(thing.columns)
+            things.append(thing)
+        self.constants = numbers_of(*things, control)
+        if layout.in_memory:
+            side = 1
+        self.mark = self.row.width - 1 if isinstance(control, Fictive) else 0
+        self.arguments: Any = (*things, control, layout, self.row)
+        call = advance, *self.arguments, 1, 1, *[COLUMNS] * 4, None
+        self.stepping = Execution(asked, progress, *call, lanes=side, silent=side > 1 and timed)
+
+    def of_system(self, system: Any) -> Lanes:
+        """These lanes for another system of the same layout."""
+        method, _, *rest = self.arguments
+        made: Lanes = like(
+            self,
+            arguments=(method, system, *rest),
+            constants=numbers_of(method, system, rest[0]),
+            stepping=self.stepping.of(system),
+        )
+        return made
+
+    def of_body(self, i: int) -> Any:
+        """The arguments of a driver for one body."""
+        return *(x.values[i] if isinstance(x, Several) else x for x in self.arguments[:2]), *(
+            self.arguments[2:]
+        )
+
+    @functools.cached_property
+    def _parts(self) -> list[tuple[int, int]]:
+        """Where numbers, clocks, goals and parameters of their own are in a column."""
+        widths = self.layout.width, CLOCK.width, GOAL.width, *(len(x) for x in self.own)
+        ends = [sum(widths[: i + 1]) for i in range(len(widths))]
+        return [*zip([0, *ends[:-1]], ends, strict=True)]
+
+    def parts(self, columns: np.ndarray) -> list[np.ndarray]:
+        """Numbers, clocks, goals and parameters of their own, views of columns."""
+        return [columns[begin:end] for begin, end in self._parts]
+
+    @property
+    def height(self) -> int:
+        """How many numbers a column has."""
+        return self._parts[-1][1]
+
+    def natively(
+        self, columns: np.ndarray, out: np.ndarray, turns: int, workers: int, every: int = 1,
+        first: int = 0, end: int | None = None, size: int = MOST, worth: int = TRIALS,
+    ) -> int:  # fmt: skip
+        """Run native code for `turns` turns of whole lanes of bodies from the first on, in blocks of
+        some size, perhaps in threads.  Returns how many blocks there are in turn.
+
+        worth : steps of all bodies together that are worth a thread.
+        """
+        if self.layout.in_memory and columns.shape[1] > 1:
+            return self._one_by_one(columns, out, turns, every, first, end)
+        numbers, clocks, goals, *own = self.parts(columns)
+        given = (turns, every), (*own, goals, numbers, clocks, out)
+        call = functools.partial(self.stepping.run, self.constants, *given, columns.shape[1])
+        work = turns * every, worth
+        end = columns.shape[1] if end is None else end
+        return share_out(call, first, end, self.stepping.lanes, size, work, workers)
+
+    def _one_by_one(
+        self, columns: np.ndarray, out: np.ndarray, turns: int, every: int, first: int, end: int | None,
+    ) -> int:  # fmt: skip
+        """Run native code for bodies whose numbers lie in memory, one after another."""
+        for i in range(first, columns.shape[1] if end is None else end):
+            column, rows = columns[:, i : i + 1].copy(), out[..., i : i + 1].copy()
+            self.natively(column, rows, turns, 1, every)
+            columns[:, i : i + 1], out[..., i : i + 1] = column, rows
+        return 1
+
+    def plainly(
+        self, body: int, column: np.ndarray, out: np.ndarray, turns: int, failures: list[Any],
+        every: int = 1,
+    ) -> None:  # fmt: skip
+        """Run `turns` turns of a body in plain Python.  column : numbers, clock, goal.  out : rows,
+        (turns, ...).
+        """
+        numbers, clock, goal = [x.copy() for x in self.parts(column)[:3]]
+        rows = out.ravel()
+        with self.stepping.plain():
+            driver: Any = advance
+            driver(*self.of_body(body), turns, every, goal, numbers, clock, rows, failures)
+        out[:] = rows.reshape(out.shape)
+        column[: len(numbers)], column[len(numbers) :][: len(clock)] = numbers, clock
+
+    def march(
+        self, bodies: np.ndarray, columns: np.ndarray, out: np.ndarray, turns: int, workers: int,
+        failures: dict[int, list[Any]], native: bool,
+    ) -> None:  # fmt: skip
+        """Run `turns` trials of some bodies; a step that native code cannot make is made in plain Python.
+
+        columns : a column for each body, and for lanes that are left over.  out : (turns + 1, width,
+        columns) rows, of which the first is there.
+        """
+        clock = self.layout.width
+        if not native:
+            for k, body in enumerate(bodies.tolist()):
+                raised = failures.setdefault(body, [])
+                self.plainly(body, columns[:, k], out[1:, :, k], turns, raised)
+            return
+        self.natively(columns, out[1:], turns, workers)
+        for k in np.flatnonzero(columns[clock + MARK, : len(bodies)] == ASKED).tolist():
+            body, taken = int(bodies[k]), columns[clock + TAKEN, k]
+            raised = failures.setdefault(body, [])
+            columns[clock + MARK, k] = 0.0
+            while columns[clock + TAKEN, k] == taken and columns[clock + MARK, k] != STUCK:
+                self.plainly(body, columns[:, k], out[-1:, :, k], 1, raised)
+
+
+def share_out(
+    call: Any, first: int, end: int, side: int, size: int, work: tuple[int, int], workers: int
+) -> int:
+    """Call native code, which does not hold the interpreter's lock, for columns from the first to the end,
+    in blocks of whole lanes, `side` columns each.  Each thread takes the next block as soon as it has
+    done one.  Returns how many blocks there are in turn.
+
+    work : what there is to do for a column, and what is worth a thread.
+    """
+    many = end - first
+    threads = max(1, min(workers, many * work[0] // work[1], many // side))
+    share = -(-many // (threads * side)) * side
+    size = min(share, max(side, size // side * side))
+    if size >= many:
+        call(first, end)
+        return 1
+    blocks = range(first, end, size)
+    waiting = iter(blocks)
+
+    def take() -> None:
+        try:
+            for begin in waiting:
+                call(begin, min(begin + size, end))
+        finally:
+            collections.deque(waiting, 0)  # interrupted, nobody begins another block
+
+    in_threads([take] * threads, pool(workers, os.getpid()) if threads > 1 else None)
+    return -(-len(blocks) // threads)
+
+
+@functools.cache
+def pool(workers: int, process: int) -> Any:
+    """Threads that stay; a forked process has none of its parent's."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    return ThreadPoolExecutor(workers - 1, "liemech")

@@ -1,0 +1,245 @@
+"""Parameters of systems by their names, and the numbers of native code that they are."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import struct
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from ...errors import InvalidInput
+from ...formulas import Record
+from ...formulas.pytree import Layout, build, gatherer, layout_of, leaves
+from ...formulas.tables import Table
+
+named: Callable[[Any], tuple[str, ...]] = functools.cache(
+    lambda kind: tuple(inspect.signature(kind).parameters)
+)
+"""The names of what a class of records is made with."""
+
+
+def parameter(system: Any, name: str, caller: str = "Plan.tangent") -> Any:
+    """The value of a parameter, such as "inertia", "hamiltonian.rotor" or "forces.0.torque".
+    caller : who asks, for messages.
+    """
+    for part in name.split("."):
+        if isinstance(system, Record) and part in named(type(system)):
+            system = getattr(system, part)
+        elif type(system) in (tuple, list) and part.isdigit() and int(part) < len(system):
+            system = system[int(part)]
+        else:
+            known = ", ".join(named(type(system))) if isinstance(system, Record) else "none"
+            more = (
+                ", and the start; of the method method.name, and the step h"
+                if caller == "Plan.tangent"
+                else ""
+            )
+            raise InvalidInput(
+                f"{caller}: {part} is no parameter of {system!r}; there are {known}{more}"
+            )
+    return system
+
+
+def with_parameter(system: Any, name: str, value: Any) -> Any:
+    """This system, made with another value of a parameter."""
+    first, _, rest = name.partition(".")
+    if type(system) in (tuple, list):
+        others = [*system]
+        others[int(first)] = with_parameter(others[int(first)], rest, value) if rest else value
+        return type(system)(others)
+    given = {n: getattr(system, n) for n in named(type(system))}
+    given[first] = with_parameter(given[first], rest, value) if rest else value
+    return type(system)(**given)
+
+
+def parameters(system: Any, before: str = "") -> Iterator[str]:
+    """The names of all parameters that have numbers, of a system and of the records in it."""
+    if isinstance(system, Record):
+        inner = [(name, getattr(system, name)) for name in named(type(system))]
+    else:
+        inner = [(str(i), x) for i, x in enumerate(system)]
+    for name, value in inner:
+        if layout_of(value).width:
+            yield before + name
+        if isinstance(value, Record) or (type(value) in (tuple, list) and value):
+            yield from parameters(value, f"{before}{name}.")
+
+
+def full_name(system: Any, name: str, caller: str) -> str:
+    """The parameter that is meant: by its full name, by the end of it if there is only one, or as a
+    linkage names those of its joints, "elbow.torque".  Raises InvalidInput.
+    """
+    known = [*dict.fromkeys(parameters(system))]
+    if name in known:
+        return name
+    at_joint = getattr(system, "parameter_of_joint", None)
+    found = [x for x in known if x.endswith(f".{name}")]
+    if at_joint is not None:
+        found = at_joint(name) or found
+    if len(found) == 1:
+        return str(found[0])
+    if found:
+        raise InvalidInput(f"{caller}: {name} may be {' or '.join(found)}; give the longer name")
+    raise InvalidInput(
+        f"{caller}: {name} is no parameter of {type(system).__name__} that has numbers; there are "
+        f"{', '.join(known)}"
+    )
+
+
+class Input:
+    """A parameter of a system that may change between steps.
+
+    name : the full one.  places : where its numbers are among those of the system, at one place or
+    more; None if the system is to be made anew, because other numbers follow from this one, or
+    because its class looks at what it is given.
+    """
+
+    def __init__(self, system: Any, name: str, caller: str) -> None:
+        self.name, self.caller = name, caller
+        self.layout = layout_of(parameter(system, name, caller))
+        self.whole = layout_of(system)
+        self.width, self.gather = self.layout.width, gatherer(self.layout)
+        self.shape = shape_of(self.layout)
+        self.places = places_of(system, name, self.layout)
+        self.pack = struct.Struct(f"{self.width}d").pack_into
+
+    def numbers(self, value: Any) -> list[float]:
+        """The numbers of a value, checked.  Raises InvalidInput."""
+        if self.shape is None:
+            if layout_of(value) != self.layout:
+                raise InvalidInput(
+                    f"{self.caller}: {self.name} is a {self.layout!r:.200}; got {value!r}, which is "
+                    "laid out otherwise"
+                )
+            found: list[float] = self.gather(value)
+            return found
+        try:
+            array = value if type(value) is np.ndarray else np.array(value, dtype=float)
+            numbers: list[float] = array.ravel().tolist()
+            for x in numbers:
+                if x - x != 0.0:  # not finite
+                    raise InvalidInput(f"{self.caller}: {self.name} must be finite; got {value!r}")
+        except (TypeError, ValueError) as error:
+            if isinstance(error, InvalidInput):
+                raise
+            raise InvalidInput(
+                f"{self.caller}: {self.name} is {in_words(self.shape)}; got {value!r}"
+            ) from None
+        if array.shape != self.shape:
+            raise InvalidInput(
+                f"{self.caller}: {self.name} is {in_words(self.shape)}; got shape {array.shape}"
+            )
+        return numbers
+
+    def columns(self, value: Any, bodies: int) -> np.ndarray:
+        """The numbers of a value for all bodies, or of one for each, (width, bodies) or (width, 1)."""
+        if self.shape is None:
+            each = value if type(value) is list and len(value) == bodies else [value]
+            return np.array([self.numbers(one) for one in each]).T
+        array = np.asarray(value)
+        if array.shape != (bodies, *self.shape):
+            if array.ndim > len(self.shape):
+                raise InvalidInput(
+                    f"{self.caller}: {self.name} of {bodies} bodies is {in_words(self.shape)}, for all "
+                    f"or with a leading axis of {bodies}; got shape {array.shape}"
+                )
+            return np.array(self.numbers(value))[:, None]
+        array = array.astype(float).reshape(bodies, -1).T
+        if not np.isfinite(array).all():
+            wrong = int(np.flatnonzero(~np.isfinite(array).all(axis=0))[0])
+            raise InvalidInput(
+                f"{self.caller}: {self.name} must be finite; body {wrong} has {array[:, wrong].tolist()}"
+            )
+        return array
+
+    def value(self, numbers: Any) -> Any:
+        """The value of the parameter with these numbers."""
+        return build(self.layout, iter([float(x) for x in numbers]))
+
+    def in_system(self, system: Any, numbers: Any) -> Any:
+        """The system with this value."""
+        made = with_parameter(system, self.name, self.value(numbers))
+        if layout_of(made) != self.whole:
+            raise InvalidInput(
+                f"{self.caller}: with {self.name} = {self.value(numbers)!r} the system is one of "
+                "another kind; make a plan of it"
+            )
+        return made
+
+
+def shape_of(layout: Layout) -> tuple[int, ...] | None:
+    """The shape of a number, a vector or a matrix; None for a record."""
+    if layout.kind == "number":
+        return ()
+    if layout.plain and layout.kind == "vec":
+        return (len(layout.parts),)
+    if layout.kind == "mat":
+        return len(layout.parts), len(layout.parts[0].parts)
+    return None
+
+
+def in_words(shape: tuple[int, ...]) -> str:
+    """A shape, for messages."""
+    return f"of shape {shape}" if shape else "a number"
+
+
+# ------------------------------------------------------------------ where the numbers are
+
+
+def places_of(system: Any, name: str, layout: Layout) -> tuple[int, ...] | None:
+    """Where the numbers of a parameter are among those of the system, as other values show that are
+    tried; None if others change with it, or if one of them is refused.
+    """
+    value, whole = parameter(system, name), layout_of(system)
+    before, found = np.array(leaves(system, whole)), None
+    for scale, shift in ((0.731, 0.0), (-1.318, 1.0), (0.0, 0.0), (1e6, 3.0)):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                other = tried(value, scale, shift)
+                made = with_parameter(system, name, other)
+            if layout_of(made) != whole or layout_of(other) != layout:
+                return None
+        except Exception:
+            return None
+        numbers, after = np.array(leaves(other, layout)), np.array(leaves(made, whole))
+        if found is None:
+            windows = np.lib.stride_tricks.sliding_window_view(after, len(numbers))
+            old = np.array(leaves(value, layout))
+            found = [
+                int(i) for i in np.flatnonzero((windows == numbers).all(axis=1))
+                if (before[i : i + len(numbers)] == old).all()
+            ]  # fmt: skip
+        covered = before.copy()
+        for i in found:
+            covered[i : i + len(numbers)] = numbers
+        same = (covered == after) | (np.isnan(covered) & np.isnan(after))
+        if not found or not same.all():
+            return None
+    return tuple(found or ())
+
+
+def tried(value: Any, scale: float, shift: float) -> Any:
+    """Another value of the same kind, all of whose numbers differ."""
+    if isinstance(value, float):
+        return scale * (value or 1.0) + 0.577 * shift
+    if layout_of(value).kind in ("vec", "mat"):
+        array = np.array(value)
+        steps = 1.0 + 0.0131 * np.arange(array.size).reshape(array.shape)
+        large = float(np.abs(array).max()) or 1.0
+        other = scale * large * steps + shift * 0.1 * large * steps**2
+        return build(layout_of(value), iter(other.ravel().tolist()))
+    if isinstance(value, Table):
+        array = np.asarray(value)
+        return Table(array * (1.0 + abs(scale)))
+    if isinstance(value, Record):
+        return type(value)(
+            **{n: tried(getattr(value, n), scale, shift) for n in named(type(value))}
+        )
+    if type(value) in (tuple, list):
+        return type(value)([tried(x, scale, shift) for x in value])
+    return value

@@ -1,0 +1,156 @@
+"""An ensemble whose members have parameters of their own: as many systems, or methods, of one
+kind.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...errors import InvalidInput
+from ...formulas.of_each import Each
+from ...formulas.pytree import exchanged, inside, layout_of
+from ...formulas.remembered import Remembered
+from ...integrators.method import Method
+from ...systems.system import System
+
+BY_MEMBER = ("energy", "velocity", "momentum", "casimirs", "multipliers")
+"""Quantities that depend on the parameters, of arrays (n, bodies, ...)."""
+
+
+class OfBodies:
+    """Systems or methods of one kind, one for each body of an ensemble; what does not depend on
+    their parameters is that of the first.
+    """
+
+    called: ClassVar[str]
+
+    def __init__(self, members: tuple[Any, ...]) -> None:
+        self.members = members
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    def __getitem__(self, body: int) -> Any:
+        return self.members[body]
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.members)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or name == "members":
+            raise AttributeError(name)
+        return getattr(self.members[0], name)
+
+    def __repr__(self) -> str:
+        return f"[{self.members[0]!r}, ... {len(self.members)} {self.called}]"
+
+    @classmethod
+    def of(cls, given: Any, kind: type, example: str) -> Any:
+        """A list that a user gave, with one for each body."""
+        if isinstance(given, OfBodies):
+            return given
+        if not isinstance(given, (list, tuple)):
+            return None
+        if not given or not all(isinstance(x, kind) for x in given):
+            wrong = next((x for x in given if not isinstance(x, kind)), given)
+            raise InvalidInput(
+                f"integrate: several {cls.called} are a list such as [{example}, ...], one for "
+                f"each body; got {wrong!r}"
+            )
+        layout = layout_of(given[0])
+        for i, other in enumerate(given):
+            if layout_of(other) != layout:
+                one = cls.called.removesuffix("s")
+                raise InvalidInput(
+                    f"integrate: the {cls.called} of an ensemble differ in numbers only; {one} {i},"
+                    f" {other!r}, is of another kind than {one} 0, {given[0]!r} (numbers are floats,"
+                    " Vec and Mat; ints, texts and tuples are parts of the formulas)"
+                )
+        return cls(tuple(given))
+
+
+class Methods(OfBodies):
+    """Methods of one kind."""
+
+    called = "methods"
+
+
+class Systems(OfBodies):
+    """Systems of one kind."""
+
+    called = "systems"
+
+    def __getattr__(self, name: str) -> Any:
+        return self._by_member(name) if name in BY_MEMBER else super().__getattr__(name)
+
+    def _by_member(self, name: str) -> Callable[..., np.ndarray]:
+        """A method of the systems, for arrays (n, bodies, ...)."""
+
+        @functools.wraps(getattr(self.members[0], name))
+        def of_all(*arrays: np.ndarray) -> np.ndarray:
+            return np.stack(
+                [getattr(s, name)(*(x[:, i] for x in arrays)) for i, s in enumerate(self.members)],
+                axis=1,
+            )
+
+        return of_all
+
+    def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The constants of every body, (n, bodies, ...)."""
+        found = [
+            s.constants({name: x[:, i] for name, x in states.items()})
+            for i, s in enumerate(self.members)
+        ]
+        return {
+            name: np.stack([constants[name] for constants in found], axis=1) for name in found[0]
+        }
+
+
+def systems_of(given: Any) -> Systems | None:
+    """The systems, if there are several: a list, or one with a parameter for each member."""
+    found: Systems | None = Systems.of(_of_members(given), System, "RigidBody(...)")
+    return found
+
+
+def _of_members(system: Any) -> Any:
+    """For every member of an ensemble the system with its own parameters, if some are `each(values)`;
+    those of the edges and sites of one system stay.
+    """
+    if not isinstance(system, System) or _alike.get(system):
+        return system
+    varied = inside(system, Each)
+    from ...systems.sums_of_terms import OfTerms  # here, as few programs need it
+
+    if not varied or inside(system, OfTerms):
+        _alike.set(system, True)
+        return system
+    counts = sorted({len(x) for x in varied})
+    if len(counts) > 1:
+        raise InvalidInput(
+            f"integrate: {system!r} has parameters for {counts[0]} members and for {counts[1]}"
+        )
+    return [exchanged(system, Each, [x.of(i) for x in varied]) for i in range(counts[0])]
+
+
+_alike = Remembered()
+"""Systems that all members of an ensemble have in common."""
+
+
+def methods_of(given: Any) -> Methods | None:
+    """The methods, if there are several."""
+    found: Methods | None = Methods.of(given, Method, "ReversibleController(...)")
+    return found
+
+
+def of_body(thing: Any, body: int) -> Any:
+    """The system or the method of a body."""
+    return thing[body] if isinstance(thing, OfBodies) else thing
+
+
+def each_of(thing: Any) -> list[Any]:
+    """The systems, or the methods; one for all is one."""
+    return [*thing] if isinstance(thing, OfBodies) else [thing]

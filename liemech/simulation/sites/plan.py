@@ -1,0 +1,319 @@
+"""Which runs go by sites: those of systems whose energies are sums over graphs, with fixed steps of a
+method of one site.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...compiler.planes import Planes
+from ...errors import (
+    IncompatibleSystem,
+    IntegrationFailure,
+    InvalidInput,
+    NotCompilable,
+    warn,
+)
+from ...formulas.pytree import layout_of
+from ...groups.species import SpeciesGroup
+from ...integrators.ending_at_jumps import AT_ENDS, uncut
+from ...integrators.lie_poisson_hj import LiePoissonHamiltonJacobi
+from ...integrators.rattle_of_links import Links
+from ...integrators.sublattices import TermSplitting
+from ...systems.site_state import SiteValues, StateOfSites
+from ...systems.system import State
+from ..between.events import name_of
+from ..result import of_members
+from ..sites_carry import SiteCarry
+from ..trajectory import Trajectory
+from .chains import ChainRun, chained_method
+from .links import LinksRun, linked_method
+from .lists import with_lists
+from .states import by_site
+
+LARGE = 300
+"""Numbers of momenta beyond which a system is not written out."""
+
+SIDE_BY_SIDE = 4
+"""Members of an ensemble, which are stepped in lanes where they are written out, are so up to so many
+times as many numbers as a single system.
+"""
+
+OF_SITES = "site", "total"
+"""Names that the second argument of a function of a user's may have, which say of what it is: of one
+site, or of totals over all sites.  Any other is the state of all sites.
+"""
+
+
+def second(function: Any) -> str:
+    """The name of the argument of a function of time that comes behind it."""
+    try:
+        names = [*inspect.signature(function).parameters]
+    except (TypeError, ValueError):
+        return ""
+    return names[1] if len(names) > 1 else ""
+
+
+class SitesOfPlan:
+    """The runs by sites of one plan."""
+
+    def __init__(self, plan: Any, site: Any) -> None:
+        self.plan, self.site = plan, site
+        self.known: dict[Any, Any] = {}
+        self.chain = chained_method(plan)
+        self.fitting: set[int] = set()  # numbers of sites that its tables are known to fit
+
+    @classmethod
+    def of(cls, plan: Any) -> SitesOfPlan | None:
+        """None if the system has no site form."""
+        site = plan._one.site_form
+        if site is None or (isinstance(site, Links) and linked_method(plan) is None):
+            return None
+        return cls(plan, with_lists(plan._one, site))
+
+    def prepared(
+        self, first: State, starts: Planes, curves: bool, level: float | None = None
+    ) -> Any:
+        """Layouts and native code for starts whose first site is like this one.  curves : is the way of
+        adaptive steps needed?  level : of the derivative that its numbers carry along.
+        """
+        from .prepared import Prepared
+
+        key = layout_of(first), curves
+        if key not in self.known:
+            self.known[key] = Prepared(self.plan, self.site, first, starts, curves, level)
+        return self.known[key]
+
+    # ---------------------------------------------------------------- which runs
+
+    @functools.cached_property
+    def as_one_body(self) -> bool:
+        """Does the method accept all sites as one body?"""
+        try:
+            self.plan.method.require(self.plan._one)
+        except IncompatibleSystem:
+            return False
+        return True
+
+    @functools.cached_property
+    def functions(self) -> list[tuple[str, str, Callable[..., Any]]]:
+        """Names of the user's functions, of what they are, and the functions themselves."""
+        recorder = self.plan.recorder
+        found = [] if recorder is None else [*recorder.quantities.items()]
+        found += [(name_of(event), event) for event in self.plan.events]
+        return [(name, second(x), x) for name, x in found if not isinstance(x, str)]
+
+    @functools.cached_property
+    def of_sites(self) -> str | None:
+        """A function of one site or of totals, for which a run of any size goes by sites."""
+        if isinstance(self.site, Links):
+            return None
+        return next((name for name, of, _ in self.functions if of in OF_SITES), None)
+
+    def _require_places(self) -> None:
+        """Raise InvalidInput for a function of a site among events, and of totals where there are none."""
+        recorder, events = self.plan.recorder, self.plan.events
+        quantities = {} if recorder is None else recorder.quantities
+        for name, of, function in self.functions:
+            event = any(function is x for x in events)
+            if of == "site" and event:
+                raise InvalidInput(
+                    f"integrate: the event {name}(t, site) is of one site, and events are of totals over all "
+                    "that record= names, or of the state: events=[lambda t, total: total.spin[2]]"
+                )
+            if of == "total" and not (event and quantities):
+                raise InvalidInput(
+                    f"integrate: {name}(t, total) is an event of totals over all sites, which record= "
+                    'names: record=[("spin", lambda t, site: site.mu)]'
+                )
+
+    def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
+        """The first thing asked for that runs by sites do not have; None if they have all."""
+        plan, steps, links = self.plan, self.plan._steps, isinstance(self.site, Links)
+        whole = next((name for name, of, _ in self.functions if of not in OF_SITES), None)
+        if whole is not None and not links:
+            return (
+                f"function of the state of all sites, as {whole} is: with the arguments (t, site) it is "
+                "of one site, and summed over all; an event (t, total) is of such sums"
+            )
+        if not links:
+            self._require_places()
+        if plan.fictive:
+            return "steps in fictive time"
+        if plan.of_each:
+            return f"{next(iter(plan.of_each))} of each member"
+        if members and kept is not None:
+            return "checkpoint of members"
+        if plan.options.dense and t_eval is not None:
+            return "dense=True beside t_eval"
+        if plan.adaptive:
+            return f"adaptive {steps.method!r}" if steps.method.shortens else None
+        if self.chain is not None and (t_eval is not None or plan.options.dense or plan.events):
+            what = "events" if plan.events else "t_eval" if t_eval is not None else "dense=True"
+            return f"{what} of {plan.method!r} along a chain"
+        method = uncut(steps.way_of(0))
+        if method.noisy and (plan.events or t_eval is not None):
+            return f"events and t_eval of {method!r}, {AT_ENDS}"
+        return None
+
+    def knows(self, start: Any) -> bool:
+        """Is it a state of many sites, or one that has them in a row?"""
+        if isinstance(start, StateOfSites) or not isinstance(start, State):
+            return isinstance(start, StateOfSites)
+        given = start.arrays
+        return self.plan._one.by_site(given) is not given
+
+    def takes(self, start: Any) -> bool:
+        """Does a run from here go by sites?"""
+        if isinstance(start, SiteCarry):
+            return True
+        if not self.knows(start):
+            return False
+        if isinstance(self.site, Links) or self.chain is not None:
+            return True
+        numbers = by_site(self.plan._one, start).width // (start.bodies or 1)
+        few = self.plan._one.small * (1 if start.bodies is None else SIDE_BY_SIDE)
+        if isinstance(self.plan.method, LiePoissonHamiltonJacobi):
+            few //= 2  # written out it has the derivatives of all numbers by all others
+        return numbers > few or self.of_sites is not None or not self.as_one_body
+
+    def trajectory(
+        self, start: Any, steps: int | None, t_end: Any, t0: float, kept: Any, t_eval: Any = None
+    ) -> Trajectory | None:
+        """The run; None if the system is to be written out instead.  Raises IncompatibleSystem for
+        one that is too large for that.
+        """
+        fresh = not isinstance(start, SiteCarry)
+        if fresh and not self.knows(start):
+            return None
+        state = by_site(self.plan._one, start if fresh else start.state)
+        numbers = state.width // (state.bodies or 1)
+        if not self.takes(start):
+            return None
+        why: Any = self.missing(t_eval, kept, state.bodies is not None)
+        if why is None and state.bodies is not None:
+            return self._members(state, steps, t_end, t0, t_eval)
+        if why is None:
+            try:
+                run = self.kind(self.plan, self.site, start, t0, steps, t_end, t_eval, kept)
+                return run.trajectory()
+            except NotCompilable as error:
+                if isinstance(self.site, Links) and self.plan._steps.compiled:
+                    raise
+                why = f"{self.plan.method!r} for sites one by one ({error})"
+        if self.of_sites is not None:
+            raise IncompatibleSystem(
+                f"integrate: {self.of_sites} is of one site or of totals, and a run by sites has no {why}"
+            )
+        few = numbers <= LARGE or isinstance(self.site, Links)
+        if few and self.as_one_body and not isinstance(start, SiteCarry):
+            return None
+        raise self._too_many(why, state)
+
+    def tangent(self, start: Any, steps: Any, t_end: Any, t0: float, names: Any, given: Any) -> Any:
+        """The run with its tangent map; None if the system is to be written out instead.  Raises
+        IncompatibleSystem for one that is too large for that.
+        """
+        if isinstance(self.site, Links):
+            return None
+        if start.bodies is not None:
+            from ..derivatives.tangent import of_bodies
+
+            asked = steps, t_end, t0, names, given
+            runs = [self.tangent(self._member(start, i), *asked) for i in range(start.bodies)]
+            return None if None in runs else of_bodies(self.plan.method, runs)
+        wanted = [f"derivative by {name}" for name in names if name != "start"]
+        if self.plan.adaptive:
+            wanted.append("derivative of adaptive steps")
+        if self.chain is not None:
+            wanted.append(f"tangent map of {self.plan.method!r} along a chain")
+        one = self.plan._one
+        group = getattr(one, "configurations", one.group)
+        if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
+            wanted.append(f"tangent map of {type(one).__name__} on {group!r}")
+        why = wanted[0] if wanted else self.missing(None, None, False)
+        if why is None:
+            from ..derivatives.of_sites.tangent import tangent_by_sites
+
+            count = self.plan._count(steps, t_end, t0)
+            return tangent_by_sites(self, start, count, t0, given)
+        if start.width <= LARGE and self.as_one_body:
+            return None
+        raise self._too_many(why, start)
+
+    def back_through(
+        self, start: Any, steps: int, t0: float, given: Any, names: tuple[str, ...] = ()
+    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Derivatives by the start, (N,), and by parameters of terms, of a function whose derivatives by
+        the states after some numbers of fixed steps are `given`, {number: (N,)}; components are those
+        of tangent maps.  Raises IncompatibleSystem for what has no way back.
+        """
+        from ..derivatives.of_sites.adjoint import BackwardRun
+
+        return BackwardRun(self, by_site(self.plan._one, start), steps, t0, names).back(given)
+
+    def _too_many(self, why: str, start: Any) -> IncompatibleSystem:
+        """The error of what runs by sites do not have."""
+        return IncompatibleSystem(
+            f"integrate: there is no {why}; that is for systems of many sites, here {start.sites}, of "
+            f"which up to {LARGE} numbers are written out as one body, which takes everything"
+        )
+
+    def by_hand(self, carry: SiteCarry) -> Any:
+        """A run that goes on as it is told, without samples."""
+        return self.kind(self.plan, self.site, carry, carry.t0, 0, None, None, None)
+
+    @property
+    def kind(self) -> Any:
+        """The class of the runs."""
+        from .run import SiteRun
+        from .turns import TurnsRun
+
+        plan = self.plan
+        if isinstance(self.site, Links):
+            return LinksRun
+        if self.chain is not None:
+            return ChainRun
+        by_colour = not plan.adaptive and isinstance(uncut(plan._steps.way_of(0)), TermSplitting)
+        return TurnsRun if by_colour else SiteRun
+
+    @staticmethod
+    def _member(start: Any, i: int) -> Any:
+        """One member of an ensemble."""
+        return type(start)(*(None if x is None else x[i] for x in start.parts.values()))
+
+    def _members(
+        self, start: Any, steps: Any, t_end: Any, t0: float, t_eval: Any
+    ) -> Trajectory | None:
+        """The runs of the members of an ensemble, one after the other.  One that fails stays where it
+        came to.
+        """
+        runs: list[Any] = []
+        stopped: dict[int, Any] = {}
+        for i in range(start.bodies):
+            try:
+                one = self._member(start, i)
+                runs.append(self.trajectory(one, steps, t_end, t0, None, t_eval))
+            except IntegrationFailure as error:
+                stopped[i] = error
+                run = getattr(error, "trajectory", None)
+                if run is None:  # it has not begun
+                    error.add_note(f"[integrate: member {i}]")
+                    raise
+                runs.append(run)
+            if runs[-1] is None:
+                return None
+        if stopped:
+            first = min(stopped)
+            warn(
+                f"integrate: {len(stopped)} of {len(runs)} members stopped early, the first is member "
+                f"{first} after {runs[first].steps} steps. {stopped[first]}",
+                RuntimeWarning,
+            )
+        made: Trajectory = of_members(runs, stopped)
+        return made
