@@ -75,9 +75,11 @@ def started_by_sites(plan: Any, start: Any) -> Any:
     from .sites.states import by_site, first_of
 
     sites: Any = plan._sites
-    start = by_site(plan._one, arguments.known(plan._one, start))
+    known = arguments.known(plan._one, start)
+    start = by_site(plan._one, known)
     first = first_of(start)
-    if plan.recorder and isinstance(sites.site, Links):  # functions of the state of all bodies
+    points = not {*start.parts} <= {*known.parts}  # which are bodies to the steps
+    if isinstance(sites.site, Links) and (plan.recorder or points):  # functions of all bodies
         return start
     wanted = arguments.with_parts(sites.site, first, needed(plan, sites.site, first)).arrays
     return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
