@@ -57,6 +57,9 @@ NEAR = 2.0**-20
 LINEAR = 2.0**-50
 """A correction below this part, of an iteration that converges linearly, is the last one."""
 
+BENT = 2.0**-10
+"""A change of the derivative of a load by the rate, relative, that leaves the equations as they are."""
+
 AT_LOADS = 50
 """Corrections of the velocities that loads depend on, at the end of a step."""
 
@@ -79,7 +82,7 @@ class Rows(Record):
     Fixed are: inertia and its inverse, weight, `ends` of a joint (first and second body, is there a
     second one, the kind), `alive` (which conditions count), `touch` (of a body a joint of which it is the
     first one, a joint of which it is the second one, each with 1, or 0 if there is none), `tie` (of a joint
-    a later one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
+    another one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
     is none), `own` (the parameters of a joint of each
     kind: the joint itself, or the first of a kind that it is not, so that formulas have numbers),
     `acting` and `on` (the kind of what acts on a body, and its parameters, likewise).
@@ -119,8 +122,8 @@ class Rows(Record):
     impulse: int
     wrench: int
     rate: int
-    effort: int
     gain: int
+    slant: int
     field: int
     push: int
     wanted: int
@@ -145,7 +148,7 @@ class Rows(Record):
             held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
             second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
-            wrench=12, rate=freedoms, effort=freedoms, gain=freedoms * freedoms, field=6,
+            wrench=12, rate=freedoms, gain=freedoms * freedoms, slant=freedoms * freedoms, field=6,
             push=w, wanted=w, given=6 * w, bent=36 if bent else 0,
             paces=n if moving else 0, block=0,
         )  # fmt: skip
@@ -166,7 +169,7 @@ class Links(System):
     there any?  most, freedoms : conditions of a joint, at most, and
     coordinates that loads act along.  full : are inertias matrices?
     bodies, joints : how many.  sides : on which of the two sides of joints the body of a `tie` is,
-    of the first and of the later one, where it is the same for all of them; else -1.
+    of the one and of the other joint, where it is the same for all of them; else -1.
     more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
     couplings : pairs of joints that a body ties together, beside `tie`, with the sides on which it is,
     and the block.  pivots, belows, updates : what elimination does, see `order_of`.  places : in a row.
@@ -348,14 +351,13 @@ class RattleOfLinks(Record):
         one from there to the next jump, as in `EndingAtJumps.step`: what it remembers of steps of
         another length is forgotten.
         """
-        work = below(sites, 2 * memory.width)
-        each(sites, copied, sites, here, there, memory)
-        state = memory.parts[0]
-        old = below(sites, there * memory.width)
-        pasts = below(old, state.width)
+        places = sites, here, there, memory
         if self.ending is None:
-            self.substeps_of(system, t, h, sites, old, pasts, work, state)
+            self.substeps_of(system, t, h, *places)
             return
+        each(sites, copied, *places)
+        places, work = (sites, there, there, memory), below(sites, 2 * memory.width)
+        pasts = below(sites, there * memory.width + memory.parts[0].width)
         now, end, lasting, going = t, t + h, h, True
         while going:
             to = system.next_jump(work, now, end, self.ending)
@@ -364,47 +366,56 @@ class RattleOfLinks(Record):
                 each(sites, forgotten, pasts, self.stages, self.most)
             lasting = s
             seen = with_fields(system, window=(begin, s, self.ending.beyond))
-            self.substeps_of(seen, begin, s, sites, old, pasts, work, state)
+            self.substeps_of(seen, begin, s, *places)
             now, going = to, where(h > 0.0, to < end, to > end)
         if lasting != h:
             each(sites, forgotten, pasts, self.stages, self.most)
 
     def substeps_of(
-        self, system: Any, t: float, h: float, sites: Any, old: Any, pasts: Any, work: Any,
-        state: Layout,
-    ) -> None:  # fmt: skip
-        """The substeps of a step."""
+        self, system: Any, t: float, h: float, sites: Any, here: int, there: int, memory: Layout
+    ) -> None:
+        """The substeps of a step; what was before the first of them lies in the other copy."""
+        state, width = memory.parts[0], memory.width
+        work, past = below(sites, 2 * width), below(sites, here * width + state.width)
         for s in range(int(self.substeps)):
             share, node = entry(self.shares, 2 * s), entry(self.shares, 2 * s + 1)
-            self.substep(system, t + node * h, share * h, sites, old, pasts, s, work, state)
+            begun = here * width if s == 0 else there * width
+            self.substep(
+                system, t + node * h, share * h, sites, begun, there * width, past, s, work, state
+            )
 
     def substep(
-        self, system: Any, t: float, h: float, sites: Any, old: Any, pasts: Any, s: int, work: Any,
-        state: Layout,
+        self, system: Any, t: float, h: float, sites: Any, begun: int, there: int, past: Any, s: int,
+        work: Any, state: Layout,
     ) -> None:  # fmt: skip
         """One step of LieRATTLE: in the first turn, at the start of a run, the field alone; in the
         second the displacement, in the third what leads off the constraint.
+
+        begun, there : the rows of the state before it, and of the one to which it leads.
         """
-        ready = below(work, system.rows.note)
+        ready, old, new = below(work, system.rows.note), below(sites, begun), below(sites, there)
         turn = 1 if at(ready, 0, 2, NUMBER) == 1.0 else 0
         put(ready, 0, 2, 0.0, NUMBER)
         while turn < 3:
             if system.loaded and turn > 0:
-                self.loads(system, t, turn, h, sites, old, work, state)
+                before = below(sites, begun if turn == 1 else there)
+                self.loads(system, t, turn, h, sites, before, new, work, state)
             if turn == 1:
-                each(sites, guessed, system, h, old, pasts, s, work, state)
+                each(sites, guessed, system, h, old, past, s, work, state)
             if turn == 1 or (turn > 0 and not system.loaded):
                 self.solve(system, t, turn, h, sites, old, work, state)
             if turn == 1:
-                each(sites, moved_body, system, self.retraction, h, old, work, state)
+                each(sites, moved_body, system, self.retraction, h, old, new, work, state)
             if turn < 2:
-                each(sites, joints_here, system.at_time(t + h * float(turn)), old, work, state)
+                seen = below(sites, begun if turn == 0 else there)
+                now = system.at_time(t + h * float(turn))
+                each(sites, joints_here, now, seen, work, state)
                 scattered(system, work)
                 if system.on_all is not None and system.on_all.potential is not None:
-                    pulled_together(system, old, work, state)
-                each(sites, kicked, system, 0.5 * h * float(turn), old, work, state)
+                    pulled_together(system, seen, work, state)
+                each(sites, kicked, system, 0.5 * h * float(turn), seen, new, work, state)
             turn = turn + 1
-        each(sites, ended, system, old, pasts, s, work, state)
+        each(sites, ended, system, past, new, s, work, state)
         put(ready, 0, 2, 1.0, NUMBER)
 
     def solve(
@@ -446,7 +457,7 @@ class RattleOfLinks(Record):
                     each(sites, tied, system, there, system.most, work)
                     coupled(system, work, there, system.most)
                     bad = factored(system, work, sign, system.most)
-                solved(sites, system, work, system.most)
+                solved(system, work, system.most)
                 each(sites, wrench_of_impulses, system, work)
                 scattered(system, work)
                 if turn == 2:
@@ -481,13 +492,15 @@ class RattleOfLinks(Record):
             raise NoConvergence("no solution grows out of h = 0 up to this step")
 
     def loads(
-        self, system: Any, t: float, turn: int, h: float, sites: Any, old: Any, work: Any,
+        self, system: Any, t: float, turn: int, h: float, sites: Any, old: Any, new: Any, work: Any,
         state: Layout,
     ) -> None:  # fmt: skip
         """In turn 1 loads as they are at the beginning, which go to the field.  In turn 2 the kick by
         them at the velocity that it leads to, on the constraint: Newton's method for the rates of the
-        joints, and the velocities of bodies under a load of their own, together with the impulses;
-        and then, as without loads, the impulses that take away what leads off the constraint.
+        joints, together with the impulses that take away what leads off the constraint, of which the
+        last correction has those that count; while the loads bend no more than before, with the
+        derivative as it was.  Under loads on bodies it is for their velocities as well, and those
+        impulses are found at the end, as without loads.
         Of a load on all bodies by one formula the derivative has the blocks of single bodies only.
         """
         rows, n = system.rows, system.most + system.freedoms
@@ -506,7 +519,7 @@ class RattleOfLinks(Record):
                 self.load_of_all(system, t, k, old, work, state)
                 each(sites, pushed_there, system, t, k, old, work, state)
             if last:
-                each(sites, loaded_body, system, float(turn), old, work, state)
+                each(sites, loaded_body, system, float(turn), old, new, work, state)
                 if turn == 1:
                     break
                 k, last = 0.0, False
@@ -515,11 +528,14 @@ class RattleOfLinks(Record):
                 put(below(work, rows.note), 0, 0, -1.0, NUMBER)
                 raise NoConvergence("no velocity found that fits the loads at the end of a step")
             each(sites, loaded_velocity, system, old, work, state)
-            each(sites, excess_of_rates, system, work)
-            each(sites, tied, system, rows.first, n, work)
-            coupled(system, work, rows.first, n)
-            factored(system, work, 1.0, n)
-            solved(sites, system, work, n)
+            if system.pushed or tried == 0 or bends(system, work):
+                each(sites, excess_of_rates, system, work)
+                each(sites, tied, system, rows.first, n, work)
+                coupled(system, work, rows.first, n)
+                factored(system, work, 1.0, n)
+            else:
+                each(sites, excess_again, system, work)
+            solved(system, work, n)
             each(sites, wrench_of_corrections, system, work)
             scattered(system, work)
             if k == 0.0:
@@ -537,6 +553,9 @@ class RattleOfLinks(Record):
                 small = off <= enough * enough * size
                 noisy = tried > 1 and off >= apart and off <= NOISE * NOISE * size
                 last = last and (small or noisy or off == 0.0)
+            elif last:
+                each(sites, kicked_by_loads, system, old, work, state)
+                break
 
     def load_of_all(
         self, system: Any, t: float, h: float, old: Any, work: Any, state: Layout
@@ -617,7 +636,9 @@ def loaded_velocity(system: Any, old: Any, work: Any, state: Layout) -> None:
     """
     rows, mu = system.rows, plain(load(old, 0, state).mu)
     if system.freedoms > 0:
-        mu = mu + pull_on(system, work)
+        push = pull_on(system, work)
+        save(below(work, rows.free), 0, push, SIX)
+        mu = mu + push
     if system.pushed:
         w, kick = load(below(work, rows.wanted), 0, SIX), load(below(work, rows.push), 0, SIX)
         off = times(system.inertia(work), w) - mu - kick
@@ -625,6 +646,12 @@ def loaded_velocity(system: Any, old: Any, work: Any, state: Layout) -> None:
     else:
         xi = times(system.inverse(work), mu)
     save(below(work, rows.velocity), 0, xi, SIX)
+
+
+def kicked_by_loads(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """The state after the kick by loads at joints with which its velocity was found."""
+    one, push = load(old, 0, state), load(below(work, system.rows.free), 0, SIX)
+    save(old, 0, fitted(BodyState(one.mu + push, one.g), state), state)
 
 
 def corrected_velocity(system: Any, work: Any) -> None:
@@ -638,7 +665,7 @@ def corrected_velocity(system: Any, work: Any) -> None:
     save(told, 1, dot(w, times(J, w)), NUMBER)
 
 
-def loaded_body(system: Any, turn: float, old: Any, work: Any, state: Layout) -> None:
+def loaded_body(system: Any, turn: float, old: Any, new: Any, work: Any, state: Layout) -> None:
     """In turn 1 weight, springs and loads; in turn 2 the state after the kick by loads, and its
     velocity.
     """
@@ -650,7 +677,7 @@ def loaded_body(system: Any, turn: float, old: Any, work: Any, state: Layout) ->
         push = push + load(below(work, rows.push), 0, SIX)
     force, mu = load(place, 0, SIX), one.mu + where(turn > 1.0, 1.0, 0.0) * push
     save(place, 0, force + where(turn > 1.0, 0.0, 1.0) * push, SIX)
-    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    save(new, 0, fitted(BodyState(mu, one.g), state), state)
     save(below(work, rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
 
 
@@ -776,16 +803,18 @@ def along_slope(system: Any, part: float, work: Any) -> None:
     save(below(work, system.rows.unknown), 0, part * slope, layout)
 
 
-def moved_body(system: Any, retraction: Any, h: float, old: Any, work: Any, state: Layout) -> None:
+def moved_body(
+    system: Any, retraction: Any, h: float, old: Any, new: Any, work: Any, state: Layout
+) -> None:
     """The state after the first kick and the displacement."""
     rows, one = system.rows, load(old, 0, state)
     force, held = load(below(work, rows.force), 0, SIX), load(below(work, rows.held), 0, SIX)
     x = load(below(work, rows.unknown), 0, SIX)
     kicked = BodyState(one.mu + ((0.5 * h) * force - held), one.g)
-    save(old, 0, fitted(system.displaced(retraction, kicked, x), state), state)
+    save(new, 0, fitted(system.displaced(retraction, kicked, x), state), state)
 
 
-def kicked(system: Any, h: float, old: Any, work: Any, state: Layout) -> None:
+def kicked(system: Any, h: float, old: Any, new: Any, work: Any, state: Layout) -> None:
     """The field, the state after a kick h by it, and its velocity."""
     rows, one = system.rows, load(old, 0, state)
     force = weight_of(system, work, one.g) + pull_on(system, work)
@@ -795,7 +824,7 @@ def kicked(system: Any, h: float, old: Any, work: Any, state: Layout) -> None:
         force = force + system.on_body(work, lambda it: it.pull(plain(one.g)))
     mu = one.mu + h * force
     mu = vec(*[where(h == 0.0, a, b) for a, b in zip(one.mu, mu)])  # rests of rounding as well
-    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    save(new, 0, fitted(BodyState(mu, one.g), state), state)
     save(below(work, rows.force), 0, force, SIX)
     save(below(work, rows.velocity), 0, times(system.inverse(work), plain(mu)), SIX)
 
@@ -817,9 +846,9 @@ def weight_of(system: Any, work: Any, g: Any) -> Vec:
     return vec(0.0, 0.0, 0.0, *[-(weight * plain(g)[2, j]) for j in range(3)])
 
 
-def ended(system: Any, old: Any, pasts: Any, s: int, work: Any, state: Layout) -> None:
+def ended(system: Any, pasts: Any, place: Any, s: int, work: Any, state: Layout) -> None:
     """The momentum without what leads off the constraint, and the past with this step."""
-    rows, one, layout = system.rows, load(old, 0, state), vector(6 + system.most)
+    rows, one, layout = system.rows, load(place, 0, state), vector(6 + system.most)
     mu = one.mu - pull_on(system, work)
     unknown = load(below(work, rows.unknown), 0, layout)
     past = [load(pasts, 3 * s + i, layout) for i in range(3)]
@@ -828,9 +857,9 @@ def ended(system: Any, old: Any, pasts: Any, s: int, work: Any, state: Layout) -
         vec(*[where(fresh, a, b) for a, b in zip(unknown, y)])
         for y in followed(tuple(past), unknown)
     ]
-    save(old, 0, fitted(BodyState(mu, one.g), state), state)
+    save(place, 0, fitted(BodyState(mu, one.g), state), state)
     for i in range(3):
-        save(pasts, 3 * s + i, new[i], layout)
+        save(below(place, state.width), 3 * s + i, new[i], layout)
 
 
 # ------------------------------------------------------------------ formulas of one joint
@@ -967,7 +996,7 @@ def save_pushed(system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: 
 
 
 def tied(system: Any, begins: int, n: int, work: Any) -> None:
-    """The two blocks of a joint and a later one that a body ties it to."""
+    """The two blocks of a joint and another one that a body ties it to."""
     rows, layout, square = system.rows, matrix(n, 6), matrix(n, n)
     other, mine, theirs, there = load(below(work, rows.tie), 0, TIE)
     one, two = system.sides
@@ -1048,7 +1077,7 @@ def efforts_there(system: Any, t: float, h: float, old: Any, work: Any, state: L
     g, k = poses_of(system, old, work, state)
     rates = load(below(work, rows.rate), 0, vector(n))
     kicks, gain = system.of_kind(work, lambda one: kick_of(one, t, h, one.seen(t, g, k), rates))
-    save(below(work, rows.gain), 0, gain, matrix(n, n))
+    save(below(work, rows.slant), 0, gain, matrix(n, n))
     save_push(system, work, kicks)
 
 
@@ -1070,19 +1099,35 @@ def excess_of_rates(system: Any, work: Any) -> None:
     alive = load(below(work, rows.alive), 0, vector(m))
     here: list[Any] = []
     pushed: list[Any] = []
-    xi: list[Any] = []
+    gain: Any = ()
+    if system.freedoms > 0:
+        gain = load(below(work, rows.slant), 0, matrix(system.freedoms, system.freedoms))
+        save(below(work, rows.gain), 0, gain, matrix(system.freedoms, system.freedoms))
     for place, body in ((rows.first, first), (rows.second, second)):
         own = load(below(work, place), 0, matrix(n, 6))
         moved = system.answers_of(work, body, own)
-        kicks: list[Any] = []
-        if system.freedoms > 0:
-            gain = load(below(work, rows.gain), 0, matrix(system.freedoms, system.freedoms))
-            kicks = [
-                -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)])
-                for i in range(system.freedoms)
-            ]
+        kicks = [
+            -vectors.sum([gain[b, i] * moved[m + b] for b in range(system.freedoms)])
+            for i in range(system.freedoms)
+        ]
         here, pushed = [*here, own], [*pushed, [*moved[:m], *kicks]]
-        xi = [*xi, at(below(work, rows.velocity), body, 0, SIX)]
+    save(below(work, rows.rest), 0, rates_off(system, work, here), vector(n))
+    blank = vec(*[1.0 - x for x in alive], *[1.0 for _ in range(system.freedoms)])
+    save_pushed(system, work, pushed, here, blank, n)
+
+
+def excess_again(system: Any, work: Any) -> None:
+    """How far rates are off, alone."""
+    rows, n = system.rows, system.most + system.freedoms
+    here = [load(below(work, place), 0, matrix(n, 6)) for place in (rows.first, rows.second)]
+    save(below(work, rows.rest), 0, rates_off(system, work, here), vector(n))
+
+
+def rates_off(system: Any, work: Any, here: Any) -> Vec:
+    """The rate off the constraint, and how far rates are from those at which their kick was found."""
+    rows, m = system.rows, system.most
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    xi = [at(below(work, rows.velocity), body, 0, SIX) for body in (first, second)]
     rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
     if system.rheonomic:
         rest = [x + pace for x, pace in zip(rest, system.paces_of(work))]
@@ -1090,9 +1135,20 @@ def excess_of_rates(system: Any, work: Any) -> None:
     if system.freedoms > 0:
         rates = load(below(work, rows.rate), 0, vector(system.freedoms))
         off = [x - w for x, w in zip(rest[m:], rates)]
-    blank = vec(*[1.0 - x for x in alive], *[1.0 for _ in range(system.freedoms)])
-    save_pushed(system, work, pushed, here, blank, n)
-    save(below(work, rows.rest), 0, vec(*rest[:m], *off), vector(n))
+    return vec(*rest[:m], *off)
+
+
+def bends(system: Any, work: Any) -> bool:
+    """Has the derivative of loads by rates changed by more than a part that Newton's method does not
+    notice?
+    """
+    layout, changed = matrix(system.freedoms, system.freedoms), 0.0
+    new, used = below(work, system.rows.slant), below(work, system.rows.gain)
+    for j in range(int(system.joints)):
+        for a, b in zip(at(new, j, 0, layout), at(used, j, 0, layout)):
+            for x, y in zip(a, b):
+                changed = where(abs(x - y) > BENT * abs(y), 1.0, changed)
+    return changed > 0.0
 
 
 def wrench_of_corrections(system: Any, work: Any) -> None:
@@ -1214,27 +1270,27 @@ def factored(system: Any, work: Any, sign: float, n: int) -> float:
     """
     square, blocks = matrix(n, n), below(work, system.rows.block)
     diagonals, bad, same = below(work, system.rows.diagonal), -1.0, 1.0
-    for k in range(int(system.joints)):
+    for p in range(int(system.joints)):
+        k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
         before = at(diagonals, k, 0, vector(n))
         inverse, turned, far = inverted(at(blocks, k, 0, square), before, sign)
         same = same * turned
         if not far and bad < 0.0:
             bad = float(k)
         put(blocks, k, 0, inverse, square)
-        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+        for b in range(begin, end):
+            site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
+            put(blocks, site, slot, inverse @ at(blocks, site, slot, square), square)
+        for b in range(begin, end):
             site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
-            factor = at(blocks, site, slot, square) @ inverse
-            put(blocks, site, slot, factor, square)
-            begin, end = whole(system.belows, 7 * b + 5), whole(system.belows, 7 * b + 6)
-            for u in range(begin, end):
+            below_it = at(blocks, site, slot, square)
+            first, last = whole(system.belows, 7 * b + 5), whole(system.belows, 7 * b + 6)
+            for u in range(first, last):
                 site, slot = whole(system.updates, 4 * u), whole(system.updates, 4 * u + 1)
                 above = at(blocks, site, slot, square)
                 site = whole(system.updates, 4 * u + 2)
                 slot = whole(system.updates, 4 * u + 3)
-                put(blocks, site, slot, at(blocks, site, slot, square) - factor @ above, square)
-        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
-            site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
-            put(blocks, site, slot, inverse @ at(blocks, site, slot, square), square)
+                put(blocks, site, slot, at(blocks, site, slot, square) - below_it @ above, square)
     return system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
 
 
@@ -1278,32 +1334,26 @@ def of_three(m: Mat) -> tuple[list[float], list[Vec]]:
     return [a, minor, a * x + b * y + c * z], [*rows, vec(z, b * g - a * h, minor)]
 
 
-def solved(sites: Any, system: Any, work: Any, n: int) -> None:
+def solved(system: Any, work: Any, n: int) -> None:
     """The impulses, from what the conditions miss and the blocks after elimination."""
     rows, square, layout = system.rows, matrix(n, n), vector(n)
     blocks, rest = below(work, rows.block), below(work, rows.rest)
     impulse, count = below(work, rows.impulse), int(system.joints)
-    for k in range(count):
-        x = at(rest, k, 0, layout)
-        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+    for p in range(count):
+        k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
+        x = at(blocks, k, 0, square) @ at(rest, k, 0, layout)
+        put(impulse, k, 0, x, layout)
+        for b in range(begin, end):
             i = whole(system.belows, 7 * b)
             site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
             put(rest, i, 0, at(rest, i, 0, layout) - at(blocks, site, slot, square) @ x, layout)
-    each(sites, scaled, system, work, n)
     for left in range(count):
-        k = count - 1 - left
-        for b in range(whole(system.pivots, k), whole(system.pivots, k + 1)):
+        k, begin, end = (whole(system.pivots, 3 * (count - 1 - left) + i) for i in range(3))
+        for b in range(begin, end):
             i = whole(system.belows, 7 * b)
             site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
             shared = at(blocks, site, slot, square) @ at(impulse, i, 0, layout)
             put(impulse, k, 0, at(impulse, k, 0, layout) - shared, layout)
-
-
-def scaled(system: Any, work: Any, n: int) -> None:
-    """D^-1 times what is left of a joint's right side."""
-    rest = load(below(work, system.rows.rest), 0, vector(n))
-    inverse = load(below(work, system.rows.block), 0, matrix(n, n))
-    save(below(work, system.rows.impulse), 0, inverse @ rest, vector(n))
 
 
 def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:

@@ -14,6 +14,7 @@ from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.derived import is_derived
 from ..formulas.pytree import layout_of, leaves, with_fields
 from ..formulas.signatures import bare
+from ..formulas.sites import padded
 from ..formulas.tables import Table, of_whole
 from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import Links, Rows
@@ -104,14 +105,13 @@ class LinkedForm:
     """A linkage in memory.
 
     links : for the formulas.  fixed : the rows of numbers that do not change, (rows, places).  more :
-    how many rows there are behind them.  order, joints : the joint in each place, and its formulas.
+    how many rows there are behind them.  joints : the formulas of the joint in each place.
     has_loops : do joints close loops?
     """
 
     links: Links
     fixed: np.ndarray
     more: int
-    order: tuple[int, ...]
     joints: tuple[LinkedJoint, ...]
     has_loops: bool
 
@@ -136,11 +136,10 @@ def linked(linkage: Any) -> LinkedForm:
             number = next(j for j, (joint, _) in enumerate(counted) if joint is one.joint)
             acting[number][which] = tuple(replace(force, joint=0) for force in one.forces)
     ends = [(joint.first, -1 if joint.second is None else joint.second) for joint, _ in counted]
-    order, filling = eliminated_in(ends)
     joints = [
-        LinkedJoint(replace(counted[j][0], first=0, second=1, name=None), *acting[j]) for j in order
+        LinkedJoint(replace(joint, first=0, second=1, name=None), *some)
+        for (joint, _), some in zip(counted, acting)
     ]
-    ends = [ends[j] for j in order]
     layouts = [layout_of(joint) for joint in joints]
     kinds = tuple(dict.fromkeys(layouts))
     most = max(joint.joint.conditions for joint in joints)
@@ -161,7 +160,7 @@ def linked(linkage: Any) -> LinkedForm:
         inverse = np.linalg.inv(J) if full else 1.0 / J
         fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
     fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
-    tables, blocks, ties = tables_of(ends, filling, places)
+    tables, blocks, ties = tables_of(ends, places)
     mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
     more: list[int] = []
     for j, bodies_of in enumerate(ends):
@@ -170,15 +169,17 @@ def linked(linkage: Any) -> LinkedForm:
                 more += [b, j, side]
             elif b >= 0:
                 mine[b, side] = j, 1.0
+    ahead = 0
     for place in range(places):
         j = place if place < len(joints) else 0
         first, second = ends[j]
-        kept = counted[order[j]][1]
+        kept = counted[j][1]
         head = [first, max(second, 0), float(second >= 0), kinds.index(layouts[j])]
         touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
         alive = [float(i in kept) for i in range(most)]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
-        tie = ties.get(place, (0, 0.0, 0.0, 0.0))
+        tie = ties.get(place, (ahead if ahead < padded(places) else 0, 0.0, 0.0, 0.0))
+        ahead = tie[0] + 1  # so that lanes without a tie ask for what lies beside that of others
         field = acts[place if place < len(acts) else 0]
         theirs = [field if layout_of(field) == kind
                   else next(one for one in acts if layout_of(one) == kind) for kind in fields]  # fmt: skip
@@ -204,7 +205,6 @@ def linked(linkage: Any) -> LinkedForm:
         links,
         fixed,
         rows.block - rows.note + blocks * size * size,
-        order,
         tuple(joints),
         has_loops(ends),
     )
@@ -242,8 +242,9 @@ def inertia_of(link: Any, full: bool) -> np.ndarray:
 
 def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[list[int]]]:
     """An order in which joints are eliminated: first, again and again, one of which one body alone has
-    other joints left, which ties no others together; of loops one that is tied to the fewest others.
-    And for each place in it the later places that it is tied to then.
+    other joints left, which ties no others together, those at all ends of a tree in turn, for what
+    follows from one end waits for nothing at the others; of loops one that is tied to the fewest others.
+    And for each place in it the later joints that it is tied to then.
 
     ends : of each joint its bodies; -1 is the ground.
 
@@ -257,10 +258,10 @@ def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[li
                 at.setdefault(b, set()).add(j)
     order: list[int] = []
     left: list[set[int]] = []
-    free = [j for j, bodies in enumerate(ends) if _is_free(bodies, at)]
-    known = set(free)
+    free = [(0, j) for j, bodies in enumerate(ends) if _is_free(bodies, at)]
+    known = {j for _, j in free}
     while free:
-        j = heapq.heappop(free)
+        turn, j = heapq.heappop(free)
         near = set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
         order.append(j)
         left.append(near)
@@ -275,7 +276,7 @@ def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[li
                 and _is_free(ends[k], at)
             ):
                 known.add(k)
-                heapq.heappush(free, k)
+                heapq.heappush(free, (turn + 1, k))
     loops = {j: set().union(*[at[b] for b in ends[j] if b >= 0]) - {j}
              for j in range(len(ends)) if j not in known}  # fmt: skip
     heap = [(len(some), j) for j, some in loops.items()]
@@ -292,7 +293,7 @@ def eliminated_in(ends: list[tuple[int, int]]) -> tuple[tuple[int, ...], list[li
             loops[k] -= {j, k}
             heapq.heappush(heap, (len(loops[k]), k))
     place = {j: p for p, j in enumerate(order)}
-    return tuple(order), [sorted(place[k] for k in some) for some in left]
+    return tuple(order), [sorted(some, key=place.__getitem__) for some in left]
 
 
 def _is_free(bodies: tuple[int, int], at: dict[int, set[int]]) -> bool:
@@ -317,51 +318,49 @@ def has_loops(ends: list[tuple[int, int]]) -> bool:
     return False
 
 
-def tables_of(
-    ends: list[tuple[int, int]], filling: list[list[int]], places: int
-) -> tuple[list[Table], int, dict[int, tuple[int, float, float, float]]]:
+def tables_of(ends: list[tuple[int, int]], places: int) -> tuple[list[Table], int, dict[int, Tie]]:
     """The plan of elimination, as lists of numbers: couplings, pivots, belows and updates of `Links`;
-    how many blocks a place has; and of each joint the tie to a later one, of which the place has the
+    how many blocks a place has; and of each joint the tie to another one, of which the place has the
     blocks.
 
     couplings : how many; of each the joints j and k, the sides of j and k on which they have a body
     in common, where the block is, and 0, 1 if it is added to what is there, -1 if it is zero.
-    pivots : of each joint where its belows begin, and where they end.
+    pivots : the joints in turn, each with where its belows begin, and where they end.
     belows : of each the later joint i, where the blocks (i, k) and (k, i) are, and where its updates
     begin and end.  updates : of each where the block (k, j) is, and (i, j), which loses (i, k) (k, j).
     """
+    order, filling = eliminated_in(ends)
     blocks: dict[tuple[int, int], tuple[int, int]] = {(k, k): (k, 0) for k in range(len(ends))}
-    ties: dict[int, tuple[int, float, float, float]] = {}
+    pairs = [(k, i) for k, later in zip(order, filling) for i in later]
+    ties = ties_of(ends, pairs)
     number = 0
-    for k, later in enumerate(filling):
-        for i in later:
-            both = _sides(ends[k], ends[i])
-            if k not in ties and both:
-                ties[k] = i, float(both[0][0]), float(both[0][1]), 1.0
-                blocks[i, k], blocks[k, i] = (k, 1), (k, 2)
-                continue
-            for pair in ((i, k), (k, i)):
-                blocks[pair] = number % places, 3 + number // places
-                number += 1
+    for k, i in pairs:
+        owner, other = (k, i) if ties.get(k, NO_TIE)[0] == i else (i, k)
+        if ties.get(owner, NO_TIE)[0] == other:
+            blocks[other, owner], blocks[owner, other] = (owner, 1), (owner, 2)
+            continue
+        for pair in ((i, k), (k, i)):
+            blocks[pair] = number % places, 3 + number // places
+            number += 1
     couplings: list[list[int]] = []
     for (j, k), there in blocks.items():
         if j == k:
             continue
         common = _sides(ends[j], ends[k])
-        if ties.get(j, (-1,))[0] == k or ties.get(k, (-1,))[0] == j:
-            one, other = ties[min(j, k)][1:3]
-            known = (int(one), int(other)) if j < k else (int(other), int(one))
+        mine, theirs = ties.get(j, NO_TIE), ties.get(k, NO_TIE)
+        if k == mine[0] or j == theirs[0]:
+            known = mine[1:3] if k == mine[0] else theirs[2:0:-1]
             couplings += [[j, k, *s, *there, 1] for s in common if s != known]
             continue
         for turn, sides in enumerate(common or [(0, 0)]):
             couplings.append([j, k, *sides, *there, min(turn, 1) if common else -1])
-    pivots, belows, updates = [0], [], []  # type: list[int], list[list[int]], list[list[int]]
-    for k, later in enumerate(filling):
+    pivots, belows, updates = [], [], []  # type: list[int], list[list[int]], list[list[int]]
+    for k, later in zip(order, filling):
+        pivots += [k, len(belows), len(belows) + len(later)]
         for i in later:
             begin = len(updates)
             updates += [[*blocks[k, j], *blocks[i, j]] for j in later]
             belows.append([i, *blocks[i, k], *blocks[k, i], begin, len(updates)])
-        pivots.append(len(belows))
     found = (
         [len(couplings), *np.ravel(couplings)],
         pivots,
@@ -372,7 +371,31 @@ def tables_of(
     return [of_whole([*some, 0]) for some in found], most + 1, ties
 
 
-def sides_of(ties: dict[int, tuple[int, float, float, float]]) -> tuple[int, int]:
+Tie = tuple[int, float, float, float]
+"""Another joint, the sides of both on which they have a body in common, and 1."""
+
+NO_TIE: Tie = (-1, 0.0, 0.0, 0.0)
+
+
+def ties_of(ends: list[tuple[int, int]], pairs: list[tuple[int, int]]) -> dict[int, Tie]:
+    """For each joint at most one of the pairs that it is in.  Where all pairs of joints that a body
+    ties together have the body as the first of one and the second of the other, as in chains and
+    trees, either all of the ones or all of the others have the ties.
+    """
+    tied = [(*pair, sides) for pair in pairs for sides in _sides(ends[pair[0]], ends[pair[1]])[:1]]
+    choices: list[dict[int, Tie]] = []
+    for wanted in ((0, 1), (1, 0), None):
+        ties: dict[int, Tie] = {}
+        for k, i, sides in tied:
+            for owner, other, (s, t) in ((k, i, sides), (i, k, sides[::-1])):
+                if wanted in (None, (s, t)) and owner not in ties:
+                    ties[owner] = other, float(s), float(t), 1.0
+                    break
+        choices.append(ties)
+    return max(choices, key=len)
+
+
+def sides_of(ties: dict[int, Tie]) -> tuple[int, int]:
     """The sides on which ties have their body, where they are the same for all; else -1."""
     found = [{int(tie[side]) for tie in ties.values()} for side in (1, 2)]
     one, two = (some.pop() if len(some) == 1 else -1 for some in found)

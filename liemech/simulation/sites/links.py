@@ -84,7 +84,7 @@ def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
         and linkage._has_potential(x) is linkage._has_potential(force)
     ]  # fmt: skip
     side = "springs" if linkage._has_potential(force) else "loads"
-    column = form.order.index(number)
+    column = number
     joint = form.joints[column]
     found = places_of(joint, f"{side}.{len(before)}.{rest}", one.layout)
     if found is None or len(found) != 1:
@@ -394,7 +394,7 @@ class LinksRun(SiteRun):
                 f"{method}: no velocity found that fits the loads at the end of a step; try "
                 f"h = {0.25 * self.h:g}"
             )
-        label = system.label(system.linked.order[int(joint)])
+        label = system.label(int(joint))
         why = f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
         if isinstance(system, BoundBody) and system.conditions <= FEW:
             seen = self.shape.shown_rows(self._memory)
