@@ -38,6 +38,7 @@ from .fission import CHEAP, Pass, divided
 from .ir_numbers import F64, I32, I64, Num
 from .joins import Open, come_from
 from .rounds import Rounds
+from .rows_of_blocks import SquareBlocks
 
 ROWS = 7
 """The place among the words of a crew where the number of rows of scratch memory is."""
@@ -159,6 +160,7 @@ class SiteLoops:
             Meeting.of: self.of,
             Meeting.at: self.at,
             Meeting.pairs: self.pairs,
+            **SquareBlocks(self).intrinsics,
         }
 
     # -------------------------------------------------------------- the loop

@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..compiler.planes import at, below, each, load, put, save
+from ..compiler.square_blocks import block_at, lead_block, lessen_block, put_block, save_block
 from ..errors import NoConvergence
 from ..formulas import (
     Mat,
@@ -295,6 +296,9 @@ def first_jump(one: Any, t: float, to: float, every: bool) -> float:
         to = table.jump_ahead(t, to, every)
     return to
 
+
+BLOCKS = 3
+"""Blocks of a place: that of its joint, and two of the tie to another one."""
 
 TIE = carried_layout((0, 0.0, 0.0, 0.0))
 KIND = carried_layout(0)
@@ -992,12 +996,12 @@ def save_pushed(system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: 
     save(
         below(work, rows.diagonal), 0, vec(*[abs(row[i]) for i, row in enumerate(block)]), vector(n)
     )
-    save(below(work, rows.block), 0, mat(*block), matrix(n, n))
+    save_block(below(work, rows.block), BLOCKS, 0, mat(*block))
 
 
 def tied(system: Any, begins: int, n: int, work: Any) -> None:
     """The two blocks of a joint and another one that a body ties it to."""
-    rows, layout, square = system.rows, matrix(n, 6), matrix(n, n)
+    rows, layout = system.rows, matrix(n, 6)
     other, mine, theirs, there = load(below(work, rows.tie), 0, TIE)
     one, two = system.sides
     found: list[Any] = []
@@ -1016,7 +1020,7 @@ def tied(system: Any, begins: int, n: int, work: Any) -> None:
     blocks = below(work, rows.block)
     for slot, left, right in ((1, b, p), (2, a, q)):
         block = mat(*[vec(*[there * dot(x, y) for y in right]) for x in left])
-        save(blocks, slot, block, square)
+        save_block(blocks, BLOCKS, slot, block)
 
 
 def chosen(second: float, a: Mat, b: Mat) -> Mat:
@@ -1245,52 +1249,42 @@ def coupled(system: Any, work: Any, begins: int, n: int) -> None:
     """The blocks of pairs of joints that a body ties together; those that elimination fills are
     zero.
     """
-    rows, layout, square = system.rows, matrix(n, 6), matrix(n, n)
+    rows, layout = system.rows, matrix(n, 6)
     blocks, table = below(work, rows.block), system.couplings
     for p in range(whole(table, 0)):
-        begin = 1 + 7 * p
-        j, k = whole(table, begin), whole(table, begin + 1)
-        mine, theirs = whole(table, begin + 2), whole(table, begin + 3)
-        site, slot = whole(table, begin + 4), whole(table, begin + 5)
+        j, k, mine, theirs, block, kind = (whole(table, 1 + 6 * p + i) for i in range(6))
         side = rows.second - rows.first
         a = at(below(work, begins + side * mine), j, 0, layout)
         b = at(below(work, rows.first_pushed + side * theirs), k, 0, layout)
         found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
-        kind = whole(table, begin + 6)
         if kind == 1:
-            found = at(blocks, site, slot, square) + found
+            found = block_at(blocks, block, n) + found
         if kind < 0:
             found = 0.0 * found
-        put(blocks, site, slot, found, square)
+        put_block(blocks, block, found)
 
 
 def factored(system: Any, work: Any, sign: float, n: int) -> float:
     """Elimination of the blocks, in place; the first joint whose conditions depend on those before
     it, or the last joint if the determinant has lost its sign; -1 if all is well.
     """
-    square, blocks = matrix(n, n), below(work, system.rows.block)
-    diagonals, bad, same = below(work, system.rows.diagonal), -1.0, 1.0
+    blocks, diagonals = below(work, system.rows.block), below(work, system.rows.diagonal)
+    bad, same = -1.0, 1.0
     for p in range(int(system.joints)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
         before = at(diagonals, k, 0, vector(n))
-        inverse, turned, far = inverted(at(blocks, k, 0, square), before, sign)
+        inverse, turned, far = inverted(block_at(blocks, BLOCKS * k, n), before, sign)
         same = same * turned
         if not far and bad < 0.0:
             bad = float(k)
-        put(blocks, k, 0, inverse, square)
+        put_block(blocks, BLOCKS * k, inverse)
         for b in range(begin, end):
-            site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
-            put(blocks, site, slot, inverse @ at(blocks, site, slot, square), square)
+            lead_block(blocks, whole(system.belows, 5 * b + 2), inverse)
         for b in range(begin, end):
-            site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
-            below_it = at(blocks, site, slot, square)
-            first, last = whole(system.belows, 7 * b + 5), whole(system.belows, 7 * b + 6)
+            left, first, last = (whole(system.belows, 5 * b + i) for i in (1, 3, 4))
             for u in range(first, last):
-                site, slot = whole(system.updates, 4 * u), whole(system.updates, 4 * u + 1)
-                above = at(blocks, site, slot, square)
-                site = whole(system.updates, 4 * u + 2)
-                slot = whole(system.updates, 4 * u + 3)
-                put(blocks, site, slot, at(blocks, site, slot, square) - below_it @ above, square)
+                right, place = whole(system.updates, 2 * u), whole(system.updates, 2 * u + 1)
+                lessen_block(blocks, place, left, right, n)
     return system.joints - 1.0 if same < 0.0 and bad < 0.0 else bad
 
 
@@ -1336,23 +1330,21 @@ def of_three(m: Mat) -> tuple[list[float], list[Vec]]:
 
 def solved(system: Any, work: Any, n: int) -> None:
     """The impulses, from what the conditions miss and the blocks after elimination."""
-    rows, square, layout = system.rows, matrix(n, n), vector(n)
+    rows, layout = system.rows, vector(n)
     blocks, rest = below(work, rows.block), below(work, rows.rest)
     impulse, count = below(work, rows.impulse), int(system.joints)
     for p in range(count):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
-        x = at(blocks, k, 0, square) @ at(rest, k, 0, layout)
+        x = block_at(blocks, BLOCKS * k, n) @ at(rest, k, 0, layout)
         put(impulse, k, 0, x, layout)
         for b in range(begin, end):
-            i = whole(system.belows, 7 * b)
-            site, slot = whole(system.belows, 7 * b + 1), whole(system.belows, 7 * b + 2)
-            put(rest, i, 0, at(rest, i, 0, layout) - at(blocks, site, slot, square) @ x, layout)
-    for left in range(count):
-        k, begin, end = (whole(system.pivots, 3 * (count - 1 - left) + i) for i in range(3))
+            i, left = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 1)
+            put(rest, i, 0, at(rest, i, 0, layout) - block_at(blocks, left, n) @ x, layout)
+    for back in range(count):
+        k, begin, end = (whole(system.pivots, 3 * (count - 1 - back) + i) for i in range(3))
         for b in range(begin, end):
-            i = whole(system.belows, 7 * b)
-            site, slot = whole(system.belows, 7 * b + 3), whole(system.belows, 7 * b + 4)
-            shared = at(blocks, site, slot, square) @ at(impulse, i, 0, layout)
+            i, right = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 2)
+            shared = block_at(blocks, right, n) @ at(impulse, i, 0, layout)
             put(impulse, k, 0, at(impulse, k, 0, layout) - shared, layout)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..compiler.square_blocks import wide
 from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.derived import is_derived
 from ..formulas.pytree import layout_of, leaves, with_fields
@@ -17,7 +18,7 @@ from ..formulas.signatures import bare
 from ..formulas.sites import padded
 from ..formulas.tables import Table, of_whole
 from ..groups.se3 import SE3
-from ..integrators.rattle_of_links import Links, Rows
+from ..integrators.rattle_of_links import BLOCKS, Links, Rows
 from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
 from .joint_forces import AtJoint
 from .joints import REST6
@@ -204,7 +205,7 @@ def linked(linkage: Any) -> LinkedForm:
     return LinkedForm(
         links,
         fixed,
-        rows.block - rows.note + blocks * size * size,
+        rows.block - rows.note - (-blocks * size * wide(size) // padded(places)),
         tuple(joints),
         has_loops(ends),
     )
@@ -320,7 +321,7 @@ def has_loops(ends: list[tuple[int, int]]) -> bool:
 
 def tables_of(ends: list[tuple[int, int]], places: int) -> tuple[list[Table], int, dict[int, Tie]]:
     """The plan of elimination, as lists of numbers: couplings, pivots, belows and updates of `Links`;
-    how many blocks a place has; and of each joint the tie to another one, of which the place has the
+    how many blocks there are; and of each joint the tie to another one, of which the place has the
     blocks.
 
     couplings : how many; of each the joints j and k, the sides of j and k on which they have a body
@@ -330,18 +331,16 @@ def tables_of(ends: list[tuple[int, int]], places: int) -> tuple[list[Table], in
     begin and end.  updates : of each where the block (k, j) is, and (i, j), which loses (i, k) (k, j).
     """
     order, filling = eliminated_in(ends)
-    blocks: dict[tuple[int, int], tuple[int, int]] = {(k, k): (k, 0) for k in range(len(ends))}
+    blocks = {(k, k): BLOCKS * k for k in range(len(ends))}
     pairs = [(k, i) for k, later in zip(order, filling) for i in later]
     ties = ties_of(ends, pairs)
-    number = 0
+    count = BLOCKS * padded(places)
     for k, i in pairs:
         owner, other = (k, i) if ties.get(k, NO_TIE)[0] == i else (i, k)
         if ties.get(owner, NO_TIE)[0] == other:
-            blocks[other, owner], blocks[owner, other] = (owner, 1), (owner, 2)
+            blocks[other, owner], blocks[owner, other] = BLOCKS * owner + 1, BLOCKS * owner + 2
             continue
-        for pair in ((i, k), (k, i)):
-            blocks[pair] = number % places, 3 + number // places
-            number += 1
+        blocks[i, k], blocks[k, i], count = count, count + 1, count + 2
     couplings: list[list[int]] = []
     for (j, k), there in blocks.items():
         if j == k:
@@ -350,25 +349,24 @@ def tables_of(ends: list[tuple[int, int]], places: int) -> tuple[list[Table], in
         mine, theirs = ties.get(j, NO_TIE), ties.get(k, NO_TIE)
         if k == mine[0] or j == theirs[0]:
             known = mine[1:3] if k == mine[0] else theirs[2:0:-1]
-            couplings += [[j, k, *s, *there, 1] for s in common if s != known]
+            couplings += [[j, k, *s, there, 1] for s in common if s != known]
             continue
         for turn, sides in enumerate(common or [(0, 0)]):
-            couplings.append([j, k, *sides, *there, min(turn, 1) if common else -1])
+            couplings.append([j, k, *sides, there, min(turn, 1) if common else -1])
     pivots, belows, updates = [], [], []  # type: list[int], list[list[int]], list[list[int]]
     for k, later in zip(order, filling):
         pivots += [k, len(belows), len(belows) + len(later)]
         for i in later:
             begin = len(updates)
-            updates += [[*blocks[k, j], *blocks[i, j]] for j in later]
-            belows.append([i, *blocks[i, k], *blocks[k, i], begin, len(updates)])
+            updates += [[blocks[k, j], blocks[i, j]] for j in later]
+            belows.append([i, blocks[i, k], blocks[k, i], begin, len(updates)])
     found = (
         [len(couplings), *np.ravel(couplings)],
         pivots,
         np.ravel(belows),
         np.ravel(updates),
     )
-    most = max(2, *[slot for _, slot in blocks.values()])
-    return [of_whole([*some, 0]) for some in found], most + 1, ties
+    return [of_whole([*some, 0]) for some in found], count, ties
 
 
 Tie = tuple[int, float, float, float]
