@@ -1,3 +1,6 @@
+from .models.given_motion import JointPath as JointPath
+from .models.given_motion import MovingSupport as MovingSupport
+from .models.given_motion import Shaking as Shaking
 from .models.joint_forces import Damper as Damper
 from .models.joint_forces import DryFriction as DryFriction
 from .models.joint_forces import JointForce as JointForce
@@ -6,6 +9,7 @@ from .models.joint_forces import Motor as Motor
 from .models.joint_forces import Spring as Spring
 from .models.joint_forces import Stops as Stops
 from .models.joints import BallJoint as BallJoint
+from .models.joints import FixedJoint as FixedJoint
 from .models.joints import FloatingJoint as FloatingJoint
 from .models.joints import PlanarJoint as PlanarJoint
 from .models.joints import PrismaticJoint as PrismaticJoint

@@ -360,7 +360,7 @@ def bricard(end: float = 0.4) -> Mechanism:
     )
     start = linkage.independent(parts)
     state = start.assembled(parts)
-    zero = np.array(start.motion_at(None, 0).at.angles(state.g))[0]
+    zero = np.array(start.motion_at(None, 0).at.angles(0.0, state.g))[0]
     return Mechanism(
         start, state, ("hinge 1",), end, 1000, np.array([zero + q]),
         "minimal coordinate, DOP853 to 1e-12",

@@ -97,6 +97,10 @@ class LieRATTLE(Remembering):
 
     def at_node(self, system: Any, state: BodyState, h: float) -> tuple[Vec, Any]:
         """The force, and the derivative of the constraint by rows."""
+        if system.constraint.rheonomic:
+            raise IncompatibleSystem(
+                f"{self!r}: joints in a given motion go with steps of fixed length, without tangents"
+            )
         g = plain(state.g)
         return system.force(g), system.rows(g)
 

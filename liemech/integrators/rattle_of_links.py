@@ -130,15 +130,17 @@ class Rows(Record):
     wanted: int
     given: int
     bent: int
+    paces: int
     block: int
 
     @classmethod
     def of(
-        cls, full: bool, most: int, freedoms: int, own: int, on: int, pushed: bool, bent: bool
-    ) -> Rows:
+        cls, full: bool, most: int, freedoms: int, own: int, on: int, pushed: bool, bent: bool,
+        moving: bool,
+    ) -> Rows:  # fmt: skip
         """Those of inertias that are matrices, or not; so many conditions and coordinates of a
         joint, and numbers of its own; of what acts on a body, whether there are loads on bodies, and
-        one on all of them by one formula.
+        one on all of them by one formula; of joints in a given motion.
         """
         n, J, w = most + freedoms, 36 if full else 6, 6 if pushed else 0
         widths = dict(
@@ -148,7 +150,8 @@ class Rows(Record):
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
             second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
             wrench=12, rate=freedoms, gain=freedoms * freedoms, slant=freedoms * freedoms, field=6,
-            push=w, wanted=w, given=6 * w, bent=36 if bent else 0, block=0,
+            push=w, wanted=w, given=6 * w, bent=36 if bent else 0,
+            paces=n if moving else 0, block=0,
         )  # fmt: skip
         places, row = {}, 0
         for name, width in widths.items():
@@ -163,7 +166,8 @@ class Links(System):
 
     kinds : layouts of the kinds of joints.  fields : of what acts on bodies beside joints, if
     anything does; on_all : what acts on all of them by one formula, or None.  window : time and
-    length of the step that tables see, if they jump.  most, freedoms : conditions of a joint, at most, and
+    length of the step that tables see, if they jump.  clock : the time that joints in a given motion see; rheonomic : are
+    there any?  most, freedoms : conditions of a joint, at most, and
     coordinates that loads act along.  full : are inertias matrices?
     bodies, joints : how many.  sides : on which of the two sides of joints the body of a `tie` is,
     of the one and of the other joint, where it is the same for all of them; else -1.
@@ -177,6 +181,8 @@ class Links(System):
     fields: tuple[Any, ...]
     on_all: Any
     window: tuple[Any, ...]
+    clock: tuple[Any, ...]
+    rheonomic: bool
     rows: Rows
     most: int
     freedoms: int
@@ -229,6 +235,8 @@ class Links(System):
         """A formula of the joint, as a record of its kind."""
         before = sum([kind.width for kind in self.kinds[:k]])
         one = self.seen(load(below(work, self.rows.own + before), 0, self.kinds[k]))
+        if self.rheonomic:
+            one = one.at_time(*self.clock)
         if k == len(self.kinds) - 1:
             return formula(one)
         if load(below(work, self.rows.ends), 0, ENDS)[3] == k:
@@ -268,6 +276,14 @@ class Links(System):
                 to = first_jump(at(below(work, row), i, 0, kinds[k]), t, to, every)
             row = row + kinds[k].width
         return to
+
+    def at_time(self, t: float) -> Any:
+        """The bodies and joints at time t."""
+        return with_fields(self, clock=(t,)) if self.rheonomic else self
+
+    def paces_of(self, work: Any) -> Any:
+        """The rates of a joint's conditions, and of motions along which loads act, by its given motion."""
+        return load(below(work, self.rows.paces), 0, vector(self.most + self.freedoms))
 
     def seen(self, one: Any) -> Any:
         """A value, with tables as the step sees them."""
@@ -391,12 +407,13 @@ class RattleOfLinks(Record):
             if turn == 1:
                 each(sites, guessed, system, h, old, past, s, work, state)
             if turn == 1 or (turn > 0 and not system.loaded):
-                self.solve(system, turn, h, sites, old, work, state)
+                self.solve(system, t, turn, h, sites, old, work, state)
             if turn == 1:
                 each(sites, moved_body, system, self.retraction, h, old, new, work, state)
             if turn < 2:
                 seen = below(sites, begun if turn == 0 else there)
-                each(sites, joints_here, system, seen, work, state)
+                now = system.at_time(t + h * float(turn))
+                each(sites, joints_here, now, seen, work, state)
                 scattered(system, work)
                 if system.on_all is not None and system.on_all.potential is not None:
                     pulled_together(system, seen, work, state)
@@ -406,8 +423,9 @@ class RattleOfLinks(Record):
         put(ready, 0, 2, 1.0, NUMBER)
 
     def solve(
-        self, system: Any, turn: int, h: float, sites: Any, old: Any, work: Any, state: Layout
-    ) -> None:
+        self, system: Any, t: float, turn: int, h: float, sites: Any, old: Any, work: Any,
+        state: Layout,
+    ) -> None:  # fmt: skip
         """In turn 1 displacements and impulses: the solution that grows out of zero with h, as
         `LieRATTLE` finds it.  While corrections are small the derivative is that of the first of
         them.  In turn 2 the impulses that take away what leads off the constraint.
@@ -426,10 +444,16 @@ class RattleOfLinks(Record):
                     each(sites, excess_of, system, work)
                 elif anew:
                     each(sites, correction_of_body, system, retraction, k, old, work, state)
-                    each(sites, correction_of_joint, system, 1.0 if h > 0.0 else -1.0, work)
+                    each(
+                        sites,
+                        correction_of_joint,
+                        system.at_time(t + k),
+                        1.0 if h > 0.0 else -1.0,
+                        work,
+                    )
                 else:
                     each(sites, mismatch_of_body, system, retraction, k, old, work, state)
-                    each(sites, mismatch_of_joint, system, work)
+                    each(sites, mismatch_of_joint, system.at_time(t + k), work)
                 if anew:
                     there, sign = rows.first_there if turn == 1 else rows.first, 1.0
                     if turn == 1:
@@ -493,7 +517,7 @@ class RattleOfLinks(Record):
         enough = TOLERANCE if system.on_all is None else LINEAR  # without the whole derivative
         while True:
             if system.freedoms > 0:
-                each(sites, efforts_there, system, t, k, old, work, state)
+                each(sites, efforts_there, system.at_time(t), t, k, old, work, state)
                 scattered(system, work)
             if system.pushed:
                 self.load_of_all(system, t, k, old, work, state)
@@ -877,6 +901,10 @@ def joints_here(system: Any, old: Any, work: Any, state: Layout) -> None:
     layout = matrix(n, 6)
     save(below(work, rows.first), 0, mat(*first, *motions[0]), layout)
     save(below(work, rows.second), 0, mat(*second, *[held * row for row in motions[1]]), layout)
+    if system.rheonomic:
+        paces = system.of_kind(work, lambda one: one.paces(g, k, system.most, system.freedoms))
+        own = [a * x for a, x in zip(alive, paces)]
+        save(below(work, rows.paces), 0, vec(*own, *paces[system.most :]), vector(n))
     push = vec(*[0.0] * 12)
     if system.springs:
         push = system.of_kind(work, lambda one: one.springs_push(g, k))
@@ -1013,6 +1041,8 @@ def excess_of(system: Any, work: Any) -> None:
         here, pushed = [*here, own], [*pushed, [times(inverse, row) for row in own]]
         xi = [*xi, at(below(work, rows.velocity), body, 0, SIX)]
     rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
+    if system.rheonomic:
+        rest = [x + pace for x, pace in zip(rest, system.paces_of(work))]
     save_pushed(system, work, pushed, here, vec(*[1.0 - x for x in alive]), n)
     save(below(work, rows.rest), 0, vec(*rest), vector(n))
 
@@ -1033,6 +1063,8 @@ def rates_here(system: Any, work: Any) -> None:
     first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
     one, two = [at(below(work, rows.velocity), b, 0, SIX) for b in (first, second)]
     rates = [dot(a, one) + dot(b, two) for a, b in zip(*motions_of(system, work))]
+    if system.rheonomic:
+        rates = [x + pace for x, pace in zip(rates, system.paces_of(work)[system.most :])]
     save(below(work, rows.rate), 0, vec(*rates), vector(system.freedoms))
 
 
@@ -1101,6 +1133,8 @@ def rates_off(system: Any, work: Any, here: Any) -> Vec:
     first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
     xi = [at(below(work, rows.velocity), body, 0, SIX) for body in (first, second)]
     rest = [dot(a, xi[0]) + dot(b, xi[1]) for a, b in zip(*here)]
+    if system.rheonomic:
+        rest = [x + pace for x, pace in zip(rest, system.paces_of(work))]
     off: list[Any] = []
     if system.freedoms > 0:
         rates = load(below(work, rows.rate), 0, vector(system.freedoms))

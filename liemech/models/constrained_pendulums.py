@@ -5,14 +5,19 @@ links, the four-bar linkage.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, dot, mat, record, sum, vec
+from ..formulas import Mat, Vec, dot, mat, record, sqrt, sum, vec
 from ..groups.rotation_coefficients import exp_coefficients
+from ..integrators.rattle_of_links import Links
 from ..systems.constrained import SeparableConstrainedSystem
+from .joints import RigidRod
+from .link import Link
+from .linkage import Linkage
+from .linked_joints import LinkedForm
 from .pendulums import check_positive
 
 
@@ -107,13 +112,15 @@ class ChainPendulum(SeparableConstrainedSystem):
     q : the positions of the masses one after the other, (N dimension,), in m.  p : their momenta.
     The constraints are (|q_i - q_i-1|^2 - l_i^2)/(2 l_i), in m, so that the multipliers are the
     tensions of the rods, in N.  Conserved: the energy and, in space, the angular momentum about the
-    vertical.
+    vertical.  RATTLE and its compositions step more than `small` numbers by loops over masses and
+    rods, as a Linkage of RigidRods between points.
 
     Source: Hairer, Lubich, Wanner, VII.1 (the N-fold pendulum); Landau and Lifshitz, Mechanics, 3rd
     ed., section 5.
     """
 
     linear_velocity: ClassVar[bool] = True
+    small: ClassVar[int] = 12  # of positions: longer chains step by loops over masses and rods
 
     masses: Vec = vec(1.0, 1.0)
     lengths: Vec = vec(1.0, 1.0)
@@ -141,6 +148,59 @@ class ChainPendulum(SeparableConstrainedSystem):
     def degrees(self) -> int:  # type: ignore[override]
         """The number of coordinates."""
         return len(self.masses) * self.dimension
+
+    # ---------------------------------------------------------------- many masses
+
+    @cached_property
+    def linked(self) -> LinkedForm:
+        """The masses as bodies that nothing turns, whose rods end in their centres."""
+        bodies, rods, makes = Link, RigidRod, Linkage  # type: Any, Any, Any
+        links = [bodies(m, [m * l * l] * 3) for m, l in zip(self.masses, self.lengths)]
+        joints = [
+            rods(k, k - 1 if k else None, length=l, name=f"rod {k}")
+            for k, l in enumerate(self.lengths)
+        ]
+        found: LinkedForm = makes(links, joints, self.gravity).linked
+        return found
+
+    def label(self, joint: int) -> str:
+        """A rod, in messages."""
+        return f"rod {joint}"
+
+    @property
+    def site_form(self) -> Links | None:
+        """That of a long chain."""
+        return self.linked.links if self.degrees > self.small else None
+
+    @property
+    def _axes(self) -> list[int]:
+        """Those of space that positions have."""
+        return [0, 1, 2] if self.dimension == 3 else [0, 2]
+
+    def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """Positions and momenta as poses and momenta of bodies, with an axis of places."""
+        if self.site_form is None or "q" not in arrays:
+            return arrays
+        count, lead = len(self.masses), np.shape(arrays["q"])[:-1]
+        mu = np.zeros((*lead, self.linked.places, 6))
+        g = np.zeros((*lead, self.linked.places, 4, 4))
+        g[:] = np.eye(4)
+        points = (*lead, count, self.dimension)
+        for k, axis in enumerate(self._axes):
+            mu[..., :count, 3 + axis] = np.reshape(arrays["p"], points)[..., k]
+            g[..., :count, axis, 3] = np.reshape(arrays["q"], points)[..., k]
+        return {"mu": mu, "g": g}
+
+    def as_users_see(self, arrays: dict[str, Any]) -> dict[str, Any]:
+        """The inverse of `by_site`."""
+        if "g" not in arrays:
+            return arrays
+        mu, g, count = arrays["mu"], arrays["g"], len(self.masses)
+        axes, flat = self._axes, (*g.shape[:-3], self.degrees)
+        q = g[..., :count, axes, 3].reshape(flat)
+        return {"q": q, "p": mu[..., :count, [3 + k for k in axes]].reshape(flat)}
+
+    # ---------------------------------------------------------------- formulas
 
     def _links(self, q: Vec) -> list[Vec]:
         """The vectors along the rods."""
@@ -192,6 +252,35 @@ class ChainPendulum(SeparableConstrainedSystem):
             parts = [unit if j == i else -unit if j == i - 1 else 0.0 * unit for j in range(n)]
             rows = [*rows, vec(*[x for part in parts for x in part])]
         return mat(*rows)
+
+    def hidden_constraint(self, q: Vec, p: Vec) -> Vec:
+        """(q_i - q_i-1).(v_i - v_i-1)/l_i, (N,), in m/s.  q, p : (n,)."""
+        speeds = self._links(self._over_masses(p))
+        return vec(*[dot(r, v) / l for r, v, l in zip(self._links(q), speeds, self.lengths)])
+
+    def _terms(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:
+        """The scales of both constraints: those of the base class, whose rows are mostly zeros."""
+        d, v, sizes, speeds = self.dimension, self._over_masses(p), [], []  # type: Any, Any, Any, Any
+        for i, (r, l) in enumerate(zip(self._links(q), self.lengths)):
+            some = [(i, k) for k in range(d)] + [(i - 1, k) for k in range(d) if i > 0]
+            s = sum([abs(r[k] / l) * abs(q[d * j + k]) for j, k in some])
+            falls = self.gravity * abs(r[d - 1] / l) * (2.0 if i > 0 else 1.0)
+            sizes = [*sizes, s]
+            speeds = [
+                *speeds,
+                sum([abs(r[k] / l) * abs(v[d * j + k]) for j, k in some]) + sqrt(s * abs(falls)),
+            ]
+        return vec(*sizes), vec(*speeds)
+
+    def _check_rank(self, where: str, q: np.ndarray, p: np.ndarray, one: bool) -> None:
+        """Rods of a chain are independent as long as none is a point."""
+        if (
+            self.degrees <= self.small
+            or not np.diff(q.reshape(len(q), -1, self.dimension), axis=1, prepend=0.0)
+            .any(axis=2)
+            .all()
+        ):
+            super()._check_rank(where, q, p, one)
 
     def hanging(self, directions: Vec) -> Vec:
         """The positions of a chain whose rods point where it is said, unit vectors one after the

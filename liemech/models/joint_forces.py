@@ -222,17 +222,32 @@ class AtJoint(Record):
 
     def coordinates(self, force: Any, t: float, g: Vec) -> Vec:
         """The coordinates of the joint, in the turn about which a force looks."""
-        q = self.joint.coordinates(*both(self.joint, g))
+        q = self.angles(t, g)
         angles = self.joint.turns and self.joint.freedoms < 3
         return seen_about(q, force.about(t)) if angles else q
 
-    def angles(self, g: Vec) -> Vec:
-        """The coordinates, as the joint sees them."""
-        return self.joint.coordinates(*both(self.joint, g))
+    def angles(self, t: float, g: Vec) -> Vec:
+        """The coordinates, as the joint sees them at time t."""
+        return self.joint.at_time(t).coordinates(*both(self.joint, g))
 
-    def rates(self, g: Vec, xi: Vec) -> Vec:
+    def rates(self, t: float, g: Vec, xi: Vec) -> Vec:
         """The rates of the motions.  xi : of all bodies, (6 N,)."""
-        return rates_of(self.joint, g, xi)
+        return rates_of(self.joint.at_time(t), g, xi)
+
+    def led(self, t: float, g: Vec, multipliers: Vec) -> float:
+        """The power that a given motion of the joint brings in, lam . dc/dt."""
+        total = 0.0
+        for lam, pace in zip(multipliers, self.joint.at_time(t).paces(*both(self.joint, g))):
+            total = total + lam * pace
+        return total
+
+    def drive(self, t: float, g: Vec, multipliers: Vec) -> Vec:
+        """The torques or forces along the coordinates of a path, lam . dc/dq."""
+        joint = self.joint.at_time(t)
+        first, second = both(joint, g)
+        return vec(
+            *[dot(multipliers, vec(*row)) for row in joint.paces_by_coordinates(first, second)]
+        )
 
     def missed(self, g: Mat, k: Mat) -> Vec:
         """The conditions of the joint, which are zero, at the poses of its bodies."""
@@ -242,13 +257,13 @@ class AtJoint(Record):
         """Their rates, which are zero, at the velocities of its bodies."""
         return vec(*[dot(one, xi) + dot(two, eta) for one, two in self.joint.rows(g, k)])
 
-    def wrench(self, g: Vec, multipliers: Vec) -> Vec:
+    def wrench(self, t: float, g: Vec, multipliers: Vec) -> Vec:
         """The force of the conditions on the first body and their torque about its point, seen from
         space, (6,).  multipliers : of all conditions of the joint.
         """
         first, second = both(self.joint, g)
         total = REST6
-        for lam, (row, _) in zip(multipliers, self.joint.rows(first, second)):
+        for lam, (row, _) in zip(multipliers, self.joint.at_time(t).rows(first, second)):
             total = total - lam * row
         at = getattr(self.joint, "at_first", REST)
         torque, force = total[:3], total[3:]
@@ -287,7 +302,8 @@ class AtJoint(Record):
 
     def push(self, t: float, g: Vec, rates: Vec) -> Any:
         """The joint, the rows of its motions, and the efforts along them."""
-        return self.joint, self.joint.motions(*both(self.joint, g)), self.efforts(t, g, rates)
+        motions = self.joint.at_time(t).motions(*both(self.joint, g))
+        return self.joint, motions, self.efforts(t, g, rates)
 
 
 def acting(force: Any, joint: Any) -> tuple[int, ...]:
@@ -303,7 +319,7 @@ def seen_about(q: Vec, middle: float) -> Vec:
 
 def rates_of(joint: Joint, g: Vec, xi: Vec) -> Vec:
     """The rates of a joint's motions.  xi : of all bodies, (6 N,)."""
-    return vec(
+    found = vec(
         *[
             dot(one, body(xi, joint.first))
             if joint.second is None
@@ -311,6 +327,8 @@ def rates_of(joint: Joint, g: Vec, xi: Vec) -> Vec:
             for one, two in joint.motions(*both(joint, g))
         ]
     )
+    paces = joint.paces_of_motions(*both(joint, g))
+    return found + vec(*paces) if len(paces) > 0 else found
 
 
 def body(xi: Vec, number: int) -> Vec:

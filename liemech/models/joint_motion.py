@@ -30,7 +30,7 @@ class JointAngle(Record):
     direction: float
 
     def __call__(self, t: float, state: Any) -> float:
-        q, joint = self.at.angles(state.g), self.at.joint
+        q, joint = self.at.angles(t, state.g), self.at.joint
         if joint.turns and joint.freedoms < 3:
             q = seen_about(q, self.level)
         return q[self.freedom] - self.level
@@ -69,7 +69,7 @@ class JointMotion:
         """The angle in rad, of a slider the shift in m.  Angles of hinges and Cardan joints go on
         over whole turns: from sample to sample by the turn that is nearest to what the rates say.
         """
-        q, joint = self.at.angles(self.run.g), self.at.joint
+        q, joint = self.at.angles(self._t, self.run.g), self.at.joint
         if joint.turns and joint.freedoms < 3:
             rate = self._rates
             lead = (len(q), *[1] * (q.ndim - 1))
@@ -104,16 +104,38 @@ class JointMotion:
         """The work of these forces from the first sample on, in J, by a cubic spline through the
         power: of order 4 in the time between samples, of order 1 where the torque jumps.  (n,)
         """
+        return self._summed(self.power)
+
+    @cached_property
+    def drive(self) -> np.ndarray:
+        """The torque in N m, of a slider the force in N, by which a joint follows its path."""
+        joint: Any = self.at.joint
+        if not getattr(joint, "path", ()):
+            raise InvalidInput(f"{self.linkage.label(self.number)} follows no path")
+        return self._alone(np.asarray(self.at.drive(self._t, self.run.g, self._multipliers)))
+
+    @cached_property
+    def given_power(self) -> np.ndarray:
+        """The power that the given motion of the joint brings in, lam . dc/dt, in W.  (n,)"""
+        return np.asarray(self.at.led(self._t, self.run.g, self._multipliers))
+
+    @cached_property
+    def given_work(self) -> np.ndarray:
+        """Its work from the first sample on, as `work`, in J.  (n,)"""
+        return self._summed(self.given_power)
+
+    def _summed(self, power: np.ndarray) -> np.ndarray:
+        """The work of a power."""
         from scipy.interpolate import CubicSpline
 
         if len(self.run) < 4:
-            change = 0.5 * (self.power[1:] + self.power[:-1]).T * np.diff(self.run.t)
+            change = 0.5 * (power[1:] + power[:-1]).T * np.diff(self.run.t)
             sums = np.cumsum(change.T, axis=0)
-            return np.concatenate([np.zeros((1, *self.power.shape[1:])), sums])
+            return np.concatenate([np.zeros((1, *power.shape[1:])), sums])
         if self.run.t[-1] < self.run.t[0]:  # a run backwards in time
-            spline = CubicSpline(self.run.t[::-1], self.power[::-1]).antiderivative()
+            spline = CubicSpline(self.run.t[::-1], power[::-1]).antiderivative()
             return np.asarray(spline(self.run.t) - spline(self.run.t[0]))
-        return np.asarray(CubicSpline(self.run.t, self.power).antiderivative()(self.run.t))
+        return np.asarray(CubicSpline(self.run.t, power).antiderivative()(self.run.t))
 
     @cached_property
     def reaction(self) -> np.ndarray:
@@ -137,7 +159,7 @@ class JointMotion:
 
     @cached_property
     def _rates(self) -> np.ndarray:
-        return np.asarray(self.at.rates(self.run.g, self.linkage.velocity(self.run.mu)))
+        return np.asarray(self.at.rates(self._t, self.run.g, self.linkage.velocity(self.run.mu)))
 
     @cached_property
     def _efforts(self) -> np.ndarray:
@@ -147,13 +169,17 @@ class JointMotion:
 
     @cached_property
     def _wrench(self) -> np.ndarray:
+        return np.asarray(self.at.wrench(self._t, self.run.g, self._multipliers))
+
+    @cached_property
+    def _multipliers(self) -> np.ndarray:
         counted = self.linkage.constraint.counted
         begin = sum(len(kept) for _, kept in counted[: self.number])
         kept = counted[self.number][1]
         own = np.asarray(self.run.multipliers)[..., begin : begin + len(kept)]
         whole = np.zeros((*own.shape[:-1], self.at.joint.conditions))
         whole[..., list(kept)] = own
-        return np.asarray(self.at.wrench(self.run.g, whole))
+        return whole
 
     def _alone(self, x: np.ndarray) -> np.ndarray:
         """Of one freedom without its axis."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotDefined
 from ..formulas import Mat, Record, Vec, atan2, cross, dot, mat, record, sqrt, transpose, vec
+from ..formulas.pytree import with_fields
 from ..groups.lie_group import LieGroup
 from ..groups.se3 import join
 from ..groups.so3 import SO3
@@ -112,6 +113,18 @@ class Joint(Record):
         coordinates.  q, slope : (freedoms,).
         """
         return slope
+
+    def at_time(self, t: float) -> Any:
+        """The joint at time t: of one in no given motion the joint itself."""
+        return self
+
+    def paces(self, g: Mat, k: Mat) -> list[Any]:
+        """The rates of the conditions by a given motion alone; none where there is no such motion."""
+        return []
+
+    def paces_of_motions(self, g: Mat, k: Mat) -> list[Any]:
+        """The rates of `motions` by a given motion alone; none where there is no such motion."""
+        return []
 
 
 @record
@@ -284,13 +297,7 @@ class PrismaticJoint(Joint):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        attitude = np.array(self.attitude)
-        if attitude.shape != (3, 3) or not SO3().contains(self.attitude):
-            raise InvalidInput(
-                "PrismaticJoint: attitude must be a rotation from the second body to the first, "
-                "(3, 3), R^T R = 1 and det R = 1; got "
-                f"{attitude.tolist()}. SO3().exp(rotation vector) gives one"
-            )
+        require_attitude(self)
 
     def value(self, g: Mat, k: Mat) -> Vec:
         """The components of x_2 - x_1 across the axis, and three cosines of axes that stay at right
@@ -333,6 +340,17 @@ class PrismaticJoint(Joint):
     def _others(self, k: Mat) -> tuple[Vec, ...]:
         """The axes of the first body as the second one carries them."""
         return tuple([turned(k, row) for row in self.attitude])
+
+
+def require_attitude(joint: Any) -> None:
+    """Refuse an attitude that is no rotation."""
+    attitude = np.array(joint.attitude)
+    if attitude.shape != (3, 3) or not SO3().contains(joint.attitude):
+        raise InvalidInput(
+            f"{type(joint).__name__}: attitude must be a rotation from the second body to the first, "
+            f"(3, 3), R^T R = 1 and det R = 1; got {attitude.tolist()}. SO3().exp(rotation vector) "
+            "gives one"
+        )
 
 
 TURNS = (0, 1), (1, 2), (2, 0)
@@ -441,6 +459,42 @@ class FloatingJoint(Joint):
 
 
 @record
+class FixedJoint(Joint):
+    """A weld: a BallJoint between bodies that do not turn against each other; six conditions.
+
+    at_first, at_second : the same point in each body, (3,), in m.  Both bodies have parallel axes;
+    `attitude` is the rotation from the second body to the first, (3, 3), if they have not.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 4.4.
+    """
+
+    conditions: ClassVar[int] = 6
+
+    at_first: Vec = ORIGIN
+    at_second: Vec = ORIGIN
+    attitude: Mat = mat(*AXES)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_attitude(self)
+
+    def value(self, g: Mat, k: Mat) -> Vec:
+        """x_1 - x_2, and three cosines of axes that stay at right angles."""
+        x = place(g, self.at_first) - place(k, self.at_second)
+        e, o = [turned(g, axis) for axis in AXES], [turned(k, row) for row in self.attitude]
+        return vec(*x, *[dot(e[i], o[j]) for i, j in TURNS])
+
+    def rows(self, g: Mat, k: Mat) -> tuple[tuple[Vec, Vec], ...]:
+        """Of the points, and of the axes."""
+        points = [(along(g, self.at_first, n), -along(k, self.at_second, n)) for n in AXES]
+        return (*points, *[crossed(g, AXES[i], k, self.attitude[j]) for i, j in TURNS])
+
+    def relative(self, q: Vec) -> Mat:
+        """The pose that is held.  q : (0,)."""
+        return hung(transpose(self.attitude), self.at_first, self.at_second)
+
+
+@record
 class RigidRod(Joint):
     """A point of one body stays at a distance of a point of the other:
     (|x_1 - x_2|^2 - L^2)/(2 L) = 0, one condition, in m.
@@ -488,6 +542,24 @@ class Joints(Constraint):
 
     joints: tuple[Any, ...]
     kept: tuple[tuple[int, ...], ...] | None = None
+
+    def at_time(self, t: float) -> Joints:
+        """These conditions at time t."""
+        return with_fields(self, joints=tuple([joint.at_time(t) for joint in self.joints]))
+
+    @property
+    def rheonomic(self) -> bool:
+        """Do they change with time?"""
+        return any(joint.at_time(1.0) is not joint for joint in self.joints)
+
+    def paces(self, g: Vec) -> list[Any]:
+        """dc/dt, (m,); nothing if conditions do not change with time."""
+        found: list[Any] = []
+        if self.rheonomic:
+            for joint, kept in self.counted:
+                own = joint.paces(*both(joint, g))
+                found = [*found, *[own[i] if len(own) > 0 else 0.0 for i in kept]]
+        return found
 
     @property
     def counted(self) -> list[tuple[Any, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -23,6 +24,7 @@ from ..systems.lie_poisson import BodyState, LiePoissonSystem
 from ..systems.mechanical import MechanicalSystem
 from ..systems.potential import Potential
 from .body_forces import of_bodies
+from .given_motion import MovedJoint, MovingSupport, moved, require_motion
 from .joint_forces import (
     AtJoint,
     JointForce,
@@ -91,6 +93,9 @@ class Linkage(ConstrainedBody):
     forces : at joints: springs, dampers, motors, such as Spring("elbow", 3.0).  potential, load :
     a Potential and a Force on SE(3) of single bodies, by names or numbers, {"hand": Drag(0.1)}; or
     one of all bodies together, a formula of all g and xi.
+    motions : that are given: {"hinge": Shaking([0.0, 0.0, 0.1], 50.0)}, a MovingSupport, moves the place
+    that holds a joint; {"crank": plan}, a JointPath or a PiecewisePolynomial of the time, is followed by its
+    coordinates; {None: ...} moves the ground, with all joints at it.
     kept : the conditions of each joint that count, as `independent` finds them; None: all.
     frames : that are fixed in links, such as that of a tool; `frame` tells where they are.  shapes :
     by which links are shown; without them they are boxes.
@@ -119,6 +124,7 @@ class Linkage(ConstrainedBody):
     forces: tuple[Any, ...] = ()
     potential: Any = field(default=None, kw_only=True, repr=False)
     load: Any = field(default=None, kw_only=True, repr=False)
+    motions: Any = field(default=(), kw_only=True, repr=False)
     kept: tuple[tuple[int, ...], ...] | None = field(default=None, kw_only=True, repr=False)
     frames: tuple[Frame, ...] = field(default=(), kw_only=True, repr=False)
     shapes: tuple[LinkShape, ...] = field(default=(), kw_only=True, repr=False)
@@ -161,6 +167,8 @@ class Linkage(ConstrainedBody):
         _require_unlike("joints", joints)
         object.__setattr__(self, "links", links)
         object.__setattr__(self, "joints", joints)
+        joints = self._moved()
+        object.__setattr__(self, "joints", joints)
         springs, others = self._at_joints()
         group = ProductGroup(*[SE3()] * len(links))
         free = LiePoissonSystem(group, KineticEnergy(_inertia(links)))
@@ -176,6 +184,57 @@ class Linkage(ConstrainedBody):
         object.__setattr__(self, "body", MechanicalSystem(free, energy, load=load))
         object.__setattr__(self, "constraint", Joints(joints, self.kept))
         super().__post_init__()
+
+    def _moved(self) -> tuple[Any, ...]:
+        """The joints in their given motions."""
+        given: Any = self.motions
+        if isinstance(given, Mapping):
+            given = tuple(given.items())
+        if not isinstance(given, tuple) or not all(
+            isinstance(pair, tuple) and len(pair) == 2 for pair in given
+        ):
+            raise InvalidType(
+                'Linkage: motions are given by joint, such as {"crank": plan}; got '
+                f"{self.motions!r}"
+            )
+        object.__setattr__(self, "motions", given)
+        if any(isinstance(joint, MovedJoint) for joint in self.joints):  # of another linkage
+            return self.joints
+        supports: dict[int, Any] = {}
+        paths: dict[int, Any] = {}
+        for name, one in given:
+            require_motion("None" if name is None else name, one)
+            support = isinstance(one, MovingSupport)
+            numbers = [number_of(self.joints, name)] if name is not None else [
+                j for j, joint in enumerate(self.joints) if joint.second is None
+            ]  # fmt: skip
+            if name is None and not support:
+                raise InvalidType(f"Linkage: the ground moves by a MovingSupport; got {one!r}")
+            for j in numbers:
+                if j in (supports if support else paths):
+                    raise InvalidInput(f"Linkage: two motions are given for {self.label(j)}")
+                (supports if support else paths)[j] = one
+        return tuple(
+            moved(joint, supports.get(j), paths.get(j), self.label(j))
+            if j in supports or j in paths
+            else joint
+            for j, joint in enumerate(self.joints)
+        )
+
+    @property
+    def rheonomic(self) -> bool:
+        """Are motions of joints given?"""
+        return len(self.motions) > 0
+
+    def at_time(self, t: float) -> Linkage:
+        """The linkage with given motions as they are at time t, to be looked at."""
+        if not self.rheonomic:
+            return self
+        found = copy(self)
+        joints = tuple(joint.at_time(float(t)) for joint in self.joints)
+        object.__setattr__(found, "joints", joints)
+        object.__setattr__(found, "constraint", self.constraint.at_time(float(t)))
+        return found
 
     @classmethod
     def from_urdf(
@@ -237,11 +296,16 @@ class Linkage(ConstrainedBody):
                     f"Linkage: {force!r} acts along freedom {freedom} of {self.label(number)}; "
                     f"a {type(joint).__name__} has {joint.freedoms}, numbered from 0"
                 )
-            found[not isinstance(force, JointPotential)].setdefault(number, []).append(force)
+            found[not self._has_potential(force)].setdefault(number, []).append(force)
         springs, others = (
             tuple(AtJoint(self.joints[j], tuple(some[j])) for j in sorted(some)) for some in found
         )
         return springs, others
+
+    def _has_potential(self, force: JointForce) -> bool:
+        """Is the energy of a force part of that of the linkage?  Not at joints in a given motion."""
+        joint = self.joints[number_of(self.joints, force.joint)]
+        return isinstance(force, JointPotential) and not isinstance(joint, MovedJoint)
 
     def number(self, joint: str | int) -> int:
         """The number of a joint that is given by its name, or by its number."""
@@ -278,13 +342,13 @@ class Linkage(ConstrainedBody):
 
     @property
     def site_form(self) -> Links | None:
-        """That of many bodies."""
-        many = 6 * len(self.links) > self.small
+        """That of many bodies, and of those in a given motion."""
+        many = 6 * len(self.links) > self.small or self.rheonomic
         return self.linked.links if many else None
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
         """Parts of states with an axis of places, of which some have no body."""
-        if self.site_form is None or arrays["mu"].shape[-1] == 6:
+        if self.site_form is None or arrays["g"].shape[-2:] == (4, 4):
             return arrays
         places, count = self.linked.places, len(self.links)
         lead = np.shape(arrays["mu"])[:-1]
@@ -307,12 +371,14 @@ class Linkage(ConstrainedBody):
 
     # ---------------------------------------------------------------- poses
 
-    def assembled(self, poses: Any, velocities: Any = None) -> BodyState:
+    def assembled(self, poses: Any, velocities: Any = None, *, t: float = 0.0) -> BodyState:
         """The consistent start nearest to the poses and velocities of the bodies.
 
         poses : (N, 4, 4).  velocities : body velocities (w, v), (N, 6), in rad/s and m/s; at rest
-        if left out.
+        if left out.  t : when, for motions that are given.
         """
+        if self.rheonomic and t != 0.0:
+            return self.vouched(self.at_time(t).assembled(poses, velocities))
         count = len(self.links)
         g = real_array(poses, "Linkage.assembled: poses")
         xi = (
@@ -338,6 +404,7 @@ class Linkage(ConstrainedBody):
         angles: Any = None,
         rates: Any = None,
         near: Any = None,
+        t: float = 0.0,
     ) -> BodyState:
         """A start for `integrate`: of momenta and poses as `ConstrainedBody.state` takes them, or of
         the angles and rates of joints.
@@ -345,10 +412,14 @@ class Linkage(ConstrainedBody):
         angles, rates : by the names or numbers of joints, such as {"elbow": 0.3}: angles in rad and
         shifts in m, and their rates; a vector where a joint leaves several free.  Those left out are
         zero; in loops they are what the loops ask for, of rates those of the least kinetic energy.
-        near : poses, (N, 4, 4), from which those of loops are looked for.
+        near : poses, (N, 4, 4), from which those of loops are looked for.  t : when, for motions that are
+        given; joints that follow a path have its angles and rates.
         Raises NoConvergence where a loop cannot be closed, InvalidInput for rates that the joints do
         not allow.
         """
+        if self.rheonomic and t != 0.0:
+            there = self.at_time(t)
+            return self.vouched(there.state(mu, g, xi=xi, angles=angles, rates=rates, near=near))
         if angles is None and rates is None:
             if near is not None:
                 raise InvalidInput("Linkage.state: near goes with angles or rates")
@@ -358,14 +429,11 @@ class Linkage(ConstrainedBody):
                 "Linkage.state: give angles and rates, or momenta and poses, not both"
             )
         q, speeds = self._by_number("angles", angles), self._by_number("rates", rates)
+        free = [0 if _follows(joint) else joint.freedoms for joint in self.joints]
         start = hung_from_each_other(self, q) if near is None else self._near("state: near", near)
-        tree = sum(joint.conditions for joint in self.joints) + sum(
-            joint.freedoms for joint in self.joints
-        )
+        tree = sum(joint.conditions for joint in self.joints) + sum(free)
         if tree <= 6 * len(self.links):  # no loops: what is not given is zero
-            speeds = {
-                j: speeds.get(j, np.zeros(joint.freedoms)) for j, joint in enumerate(self.joints)
-            }
+            speeds = {j: speeds.get(j, np.zeros(n)) for j, n in enumerate(free) if n}
         poses = closed(self, start, q)
         xi = velocity_with(self, small(poses.ravel()), speeds)
         momentum = np.array(self.body.body.lagrangian.momentum(xi))
@@ -400,6 +468,11 @@ class Linkage(ConstrainedBody):
             x = np.atleast_1d(real_array(value, f"Linkage.state: {what}[{joint!r}]"))
             check_finite(x, f"Linkage.state: {what}[{joint!r}]")
             free = self.joints[number].freedoms
+            if _follows(self.joints[number]):
+                raise InvalidInput(
+                    f"Linkage.state: {what}[{joint!r}]: {self.label(number)} follows a path, which says "
+                    "where it begins; leave it out"
+                )
             if x.shape != (free,):
                 raise InvalidInput(
                     f"Linkage.state: {what}[{joint!r}] has shape {x.shape}; a "
@@ -526,7 +599,7 @@ class Linkage(ConstrainedBody):
         ground = np.broadcast_to(np.eye(4), (*lead, 4, 4)), np.zeros((*lead, 6))
         for number, (joint, kept) in enumerate(self.constraint.counted):
             at, name = AtJoint(joint, ()), joint.name or f"joint {number}"
-            if kept:
+            if kept and not isinstance(joint, MovedJoint):  # those ask for the time
                 one = g[..., joint.first, :, :], xi[..., joint.first, :]
                 two = ground
                 if joint.second is not None:
@@ -547,8 +620,8 @@ class Linkage(ConstrainedBody):
     def _conserved(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Energy and momenta."""
         kept = super().constants(states)
-        if self.load is not None:
-            return kept
+        if self.load is not None or self.rheonomic:
+            return {}
         directions = self._symmetries(states["g"])
         if len(directions):
             kept["spatial momentum"] = self.total_momentum(states["mu"], states["g"]) @ directions.T
@@ -575,6 +648,11 @@ class Linkage(ConstrainedBody):
                 changes.append(rows @ turns / np.where(sizes > 0.0, sizes, 1.0))
         _, sizes, directions = np.linalg.svd(np.concatenate(changes))
         return directions[np.r_[sizes, np.zeros(6)][:6] <= SURVIVES]
+
+
+def _follows(joint: Any) -> bool:
+    """Does a joint follow a path?"""
+    return isinstance(joint, MovedJoint) and len(joint.path) > 0
 
 
 def number_of(items: tuple[Any, ...], item: str | int, what: str = "joint") -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from ..compiler.square_blocks import wide
 from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.derived import is_derived
-from ..formulas.pytree import layout_of, leaves
+from ..formulas.pytree import layout_of, leaves, with_fields
 from ..formulas.signatures import bare
 from ..formulas.sites import padded
 from ..formulas.tables import Table, of_whole
@@ -39,6 +39,16 @@ class LinkedJoint(Record):
     joint: Any
     springs: tuple[Any, ...]
     loads: tuple[Any, ...]
+
+    def at_time(self, t: float) -> Any:
+        """The joint at time t."""
+        return with_fields(self, joint=self.joint.at_time(t))
+
+    def paces(self, g: Mat, k: Mat, most: int, freedoms: int) -> Vec:
+        """The rates of conditions, and of motions along which loads act, by a given motion alone."""
+        moving = self.joint.paces_of_motions(g, k) if freedoms > 0 and len(self.loads) > 0 else []
+        own = filled(self.joint.paces(g, k), most, 0.0)
+        return vec(*own, *filled(moving, freedoms, 0.0))
 
     def value(self, g: Mat, k: Mat, most: int) -> list[Any]:
         """The conditions, and zeros."""
@@ -139,7 +149,10 @@ def linked(linkage: Any) -> LinkedForm:
     own = sum(kind.width for kind in kinds)
     bent = on_all is not None and on_all.load is not None
     pushed = bent or any(one.loads for one in acts)
-    rows = Rows.of(full, most, freedoms, own, sum(kind.width for kind in fields), pushed, bent)
+    moving = given.constraint.rheonomic
+    rows = Rows.of(
+        full, most, freedoms, own, sum(kind.width for kind in fields), pushed, bent, moving
+    )
     places = EIGHT * -(-max(len(given.links), len(joints)) // EIGHT)
     fixed = np.zeros((rows.note, places))
     bodies = [given.links[b if b < len(given.links) else 0] for b in range(places)]
@@ -185,7 +198,7 @@ def linked(linkage: Any) -> LinkedForm:
     size = most + freedoms
     trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
     links = Links(
-        SE3(), kinds, fields, on_all, (), rows, most, freedoms, full,
+        SE3(), kinds, fields, on_all, (), (), moving, rows, most, freedoms, full,
         any(joint.springs for joint in joints), pushed, float(len(given.links)), float(len(joints)), trace, sides_of(ties),
         of_whole([len(more) // 3, *more]), *tables,
     )  # fmt: skip
@@ -335,7 +348,7 @@ def tables_of(ends: list[tuple[int, int]], places: int) -> tuple[list[Table], in
         common = _sides(ends[j], ends[k])
         mine, theirs = ties.get(j, NO_TIE), ties.get(k, NO_TIE)
         if k == mine[0] or j == theirs[0]:
-            known = mine[1:3] if k == mine[0] else theirs[2:0:-1]
+            known: Any = mine[1:3] if k == mine[0] else theirs[2:0:-1]
             couplings += [[j, k, *s, there, 1] for s in common if s != known]
             continue
         for turn, sides in enumerate(common or [(0, 0)]):

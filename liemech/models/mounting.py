@@ -38,7 +38,7 @@ def hung_from_each_other(linkage: Any, coordinates: dict[int, np.ndarray]) -> np
     while len(poses) <= len(linkage.links):
         for number, joint in enumerate(linkage.joints):
             known = joint.first in poses, joint.second in poses
-            if joint.freedoms and sum(known) == 1:
+            if (joint.freedoms or joint.conditions == 6) and sum(known) == 1:
                 q = vec(*coordinates.get(number, np.zeros(joint.freedoms)).tolist())
                 relative = joint.relative(q)
                 if known[1]:
@@ -104,6 +104,14 @@ def velocity_with(linkage: Any, g: Any, wanted: dict[int, np.ndarray]) -> np.nda
     numbers = sorted(wanted)
     G, D = np.array(linkage.jacobian(g)), rows_of_motions(linkage, g, numbers)
     rates = np.concatenate([np.zeros(len(G)), *[wanted[number] for number in numbers]])
+    if linkage.rheonomic:  # by given motions alone
+        rates[: len(G)] -= np.array(linkage.constraint.paces(g))
+        begin = len(G)
+        for number in numbers:
+            joint = linkage.joints[number]
+            paces = joint.paces_of_motions(*both(joint, g))
+            rates[begin : begin + len(paces)] -= np.array(paces)
+            begin += joint.freedoms
     inverse = np.asarray(linkage._inverse.todense() if linkage._sparse else linkage._inverse)
     root = np.linalg.cholesky(inverse)
     xi = root @ np.linalg.lstsq(np.concatenate([G, D]) @ root, rates, rcond=DEPENDENT)[0]

@@ -497,7 +497,7 @@ class StraightRun(EqualRun):
         text = f"after {self.reached} of {self.done + self.steps} steps, {t}"
         return f"{text}; {len(self._gathered()[0])} samples are in `.trajectory`"
 
-    def _filled(self, samples: Straight) -> int:
+    def _stopped_stay(self, samples: Straight) -> int:
         """Let bodies that stopped stay in later samples; how many samples are there?"""
         taken = self.clocks[TAKEN]
         many = int(samples.samples_after(max(self.reached, taken[~self.over].max(initial=0.0))))
@@ -518,7 +518,7 @@ class StraightRun(EqualRun):
         """
         samples = self.observers[0]
         self._stand_here()
-        many = self._filled(samples)
+        many = self._stopped_stay(samples)
         numbers = np.moveaxis(samples.array[: many - samples.first, :, : self.count], 1, -1)
         if self.asked is None:
             t = times(self.zero.item(0), samples.numbers[samples.first : many], self.way.h)

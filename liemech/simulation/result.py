@@ -193,7 +193,13 @@ def _states_of_sites(run: Any) -> Any:
             rows = own if here is not None else seen.reshape(n, run.wide, -1)[..., : run.count]
             arrays = unpacked(shape.state, np.moveaxis(rows, 1, -1))
             wanted = arrays if recorder is None else recorder.parts
-            found = run.plan._one.as_users_see({name: arrays[name] for name in wanted})
+            asked = arrays if set(wanted) - set(arrays) else {name: arrays[name] for name in wanted}
+            found = run.plan._one.as_users_see(asked)
+            found = {
+                name: x
+                for name, x in found.items()
+                if asked is not arrays or name in wanted or recorder is None
+            }
             for name, some in ({} if recorder is None else recorder.chosen).items():
                 at = some if here is None else [here.index(i) for i in some]
                 found[name] = arrays[name][:, at]

@@ -107,7 +107,7 @@ class ConstrainedSystem(CanonicalSystem):
 
     # ---------------------------------------------------------------- what follows
 
-    @final
+    @derived
     def hidden_constraint(self, q: Vec, p: Vec) -> Vec:
         """G(q) H_p(q, p), (m,): the speed at which the constraints would fail.  q, p : (n,)."""
         return self.constraint_jacobian(q) @ self.velocity(q, p)
@@ -151,9 +151,9 @@ class ConstrainedSystem(CanonicalSystem):
         the force f gives over s, where a = sum_i |(H_pp G^T)_ik f_i|: so a body at rest may move by
         rounding.
         """
-        G, v = self.constraint_jacobian(q), self.velocity(q, p)
         sizes, speeds = self._terms(q, p)
-        pairs = zip((*self.constraint(q), *(G @ v)), (*sizes, *speeds))
+        both = (*self.constraint(q), *self.hidden_constraint(q, p))
+        pairs = zip(both, (*sizes, *speeds))
         return vec(*[abs(x) / where(size > 0.0, size, 1.0) for x, size in pairs])
 
     def _terms(self, q: Vec, p: Vec) -> tuple[Vec, Vec]:

@@ -189,11 +189,10 @@ class BoundBody(System):
         mu : (dim,), g : an element.  t : in s, for loads that change with it.
         Source: Hairer, Lubich, Wanner, VII.1.2; the slides, (1.9), on a group.
         """
-        rows, xi = self.rows(g), self.velocity(mu)
+        rows, xi = self.rows_at(t, g), self.velocity(mu)
         pull = self.configurations.ad_star(xi, mu) + self.body.applied(t, xi, g)
         curved = derivative(
-            lambda s: vec(*speeds(self, self.rows(self.configurations.compose_exp(g, s * xi)), xi)),
-            0.0,
+            lambda s: vec(*self._slips(t + s, self.configurations.compose_exp(g, s * xi), xi)), 0.0
         )
         needed = [a + b for a, b in zip(curved, speeds(self, rows, self.velocity(pull)))]
         through = led(self, rows)
@@ -202,6 +201,19 @@ class BoundBody(System):
         ]
         return solved_sparse(self, joint(self, through, pushed), needed)[0]
 
+    def rows_at(self, t: float, g: Any) -> Any:
+        """G by conditions and blocks, at time t."""
+        if not self.constraint.rheonomic:
+            return self.rows(g)
+        return self.constraint.at_time(t).rows(self.configurations, g)
+
+    def _slips(self, t: float, g: Any, xi: Vec) -> list[Any]:
+        """G xi + dc/dt, condition by condition."""
+        found = speeds(self, self.rows_at(t, g), xi)
+        if self.constraint.rheonomic:
+            found = [a + b for a, b in zip(found, self.constraint.at_time(t).paces(g))]
+        return found
+
     # ---------------------------------------------------------------- how it moves
 
     @final
@@ -209,7 +221,7 @@ class BoundBody(System):
         """(xi, f + F - G* lam): the velocity on T*G, by index reduction."""
         xi = self.velocity(state.mu)
         push = self.body.applied(t, xi, state.g) - pulled(
-            self, self.rows(state.g), self.multipliers(state.mu, state.g, t)
+            self, self.rows_at(t, state.g), self.multipliers(state.mu, state.g, t)
         )
         return vec(*xi, *push)
 
@@ -271,7 +283,12 @@ class BoundBody(System):
         least = 1.0 / abs(inverse).sum(axis=1).max()
         energy = momentum @ (inverse @ momentum) + np.sqrt(least * (force @ (inverse @ force)))
         scale = np.sqrt(energy * (G @ inverse @ G.T).diagonal())
-        self._require_zero("G(g) J^-1 mu", G @ (inverse @ momentum), scale)
+        slip = G @ (inverse @ momentum) + self._paces(g)
+        self._require_zero("G(g) J^-1 mu", slip, scale + np.abs(self._paces(g)))
+
+    def _paces(self, g: Any) -> Any:
+        """dc/dt, (m,), or 0."""
+        return np.array(self.constraint.paces(g)) if self.constraint.rheonomic else 0.0
 
     def _require_zero(self, what: str, value: np.ndarray, scale: np.ndarray) -> None:
         if (np.abs(value) > CONSISTENT * scale).any():
@@ -298,7 +315,8 @@ class BoundBody(System):
         """
         G, inverse = self._matrix(self.rows(g)), self._inverse
         for _ in range(2):  # the second time for rounding
-            momentum = momentum - G.T @ _solved(G @ inverse @ G.T, G @ (inverse @ momentum))
+            off = G @ (inverse @ momentum) + self._paces(g)
+            momentum = momentum - G.T @ _solved(G @ inverse @ G.T, off)
         return momentum
 
     def _given(self, what: str, mu: Any, g: Any, xi: Any) -> BodyState:
@@ -471,11 +489,11 @@ class ConstrainedBody(BoundBody):
         return len(value)
 
     @final
-    def conditions_at(self, mu: Vec, g: Element) -> tuple[Vec, Vec]:
-        """c(g) and G(g) J^-1 mu, (m,) each: both are zero along the motion.  mu : (dim,), g : an
-        element.
+    def conditions_at(self, mu: Vec, g: Element, t: float = 0.0) -> tuple[Vec, Vec]:
+        """c(g) and its rate G(g) J^-1 mu + dc/dt, (m,) each: both are zero along the motion.
+        mu : (dim,), g : an element.  t : in s, for conditions that change with it.
         """
-        return self.constraint.value(g), self.jacobian(g) @ self.velocity(mu)
+        return self.constraint.at_time(t).value(g), vec(*self._slips(t, g, self.velocity(mu)))
 
     @final
     def consistent(self, mu: Any = None, g: Any = None, *, xi: Any = None) -> BodyState:

@@ -45,6 +45,19 @@ class Constraint(Record):
             lambda eta: self.value(group.compose_exp(g, eta)), vec(*[0.0 for _ in range(group.dim)])
         )
 
+    def at_time(self, t: float) -> Any:
+        """The conditions at time t: the same, unless they change with time."""
+        return self
+
+    def paces(self, g: Any) -> list[Any]:
+        """dc/dt, (m,); nothing, unless they change with time."""
+        return []
+
+    @property
+    def rheonomic(self) -> bool:
+        """Do they change with time?"""
+        return False
+
     def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
         """The factors of the group that each condition depends on, by their numbers; all by
         default.

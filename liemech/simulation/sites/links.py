@@ -18,9 +18,10 @@ from ...formulas.tables import Table
 from ...integrators.composition import Composition
 from ...integrators.ending_at_jumps import EndingAtJumps, cuts
 from ...integrators.lie_rattle import LieRATTLE, near_a_dead_point, thrown_back
+from ...integrators.rattle import RATTLE
 from ...integrators.rattle_of_links import Links, RattleOfLinks
-from ...models.joint_forces import JointPotential
-from ...systems.lie_poisson import BodyState
+from ...retractions import Exponential
+from ...systems.constrained_body import BoundBody
 from ...systems.system import small_state
 from ..between.dense import flat, unpacked
 from ..between.events import Events
@@ -29,7 +30,7 @@ from ..compiled.control import FRESH, GOAL, MARK, TAKEN, TIME
 from ..compiled.parameters import places_of
 from ..result import AsItIs
 from .run import SiteRun
-from .states import as_users_see, state_of_rows
+from .states import as_users_see, one_of, state_of_rows
 
 NOTHING = np.zeros(0)
 """Totals over sites, of which there are none."""
@@ -57,12 +58,13 @@ def linked_method(plan: Any) -> RattleOfLinks | None:
     base = method
     if isinstance(method, Composition):
         base, shares = method.base, zip(method.tableau.gamma, method.tableau.nodes)
-    if not isinstance(base, LieRATTLE):
+    if not isinstance(base, (LieRATTLE, RATTLE)):
         return None
+    retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
     rows = [(share, node) for share, node in shares]
     table = Table(np.ravel(rows))
     return RattleOfLinks(
-        base.retraction, table, float(len(rows)), len(rows), site.most, repr(method), ending
+        retraction, table, float(len(rows)), len(rows), site.most, repr(method), ending
     )
 
 
@@ -79,9 +81,9 @@ def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
     before = [
         x for x in linkage.forces[: int(k)]
         if linkage.number(x.joint) == number
-        and isinstance(x, JointPotential) is isinstance(force, JointPotential)
+        and linkage._has_potential(x) is linkage._has_potential(force)
     ]  # fmt: skip
-    side = "springs" if isinstance(force, JointPotential) else "loads"
+    side = "springs" if linkage._has_potential(force) else "loads"
     column = number
     joint = form.joints[column]
     found = places_of(joint, f"{side}.{len(before)}.{rest}", one.layout)
@@ -146,7 +148,7 @@ class EventsOfLinks:
         )
         self.asked_for = run.plan._steps.compiled
         arrays = run.states(run.shape.shown_rows(run._memory)[None])
-        self.view = AsItIs(small_state(BodyState, {name: x[0] for name, x in arrays.items()}))
+        self.view = AsItIs(small_state(one_of(arrays), {name: x[0] for name, x in arrays.items()}))
         self.here = np.append(run.begun, flat(arrays, 1)[0])[:, None]
         self.all = Events(self, run.plan.events)
 
@@ -374,7 +376,7 @@ class LinksRun(SiteRun):
             seen = self.seen.array[: n * self.wide, : self.count]
             states, of = self.states(seen.reshape(n, self.wide, self.count)), self.plan._one
             one, asked = SimpleNamespace(bodies=None, system=of), self.plan._steps.compiled
-            found = recorder.values(one, BodyState, self.asked[:n], states, asked)
+            found = recorder.values(one, one_of(states), self.asked[:n], states, asked)
             self.found = {name: found[name] for name in recorder.quantities}
             self.told_of = n
         return self.found
@@ -383,7 +385,7 @@ class LinksRun(SiteRun):
         """The reason for which a step failed, and at which joint."""
         if failures and not isinstance(failures[-1], NoConvergence):
             return failures[-1]
-        rows, system = self.site.rows, self.plan._one
+        rows, system = self.site.rows, self.plan._one  # type: Any, Any
         joint, reached, _ = self.work[rows.note : rows.note + 3, 0].tolist()
         self.work[rows.note] = 0.0
         method = repr(self.plan.method)
@@ -394,10 +396,10 @@ class LinksRun(SiteRun):
             )
         label = system.label(int(joint))
         why = f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
-        if system.conditions <= FEW:
+        if isinstance(system, BoundBody) and system.conditions <= FEW:
             seen = self.shape.shown_rows(self._memory)
             state = as_users_see(system, state_of_rows(self.shape.state, seen))
-            count = len(system.links)
+            count = len(self.plan._one.links)
             force = vec(*self.work[rows.force : rows.force + 6, :count].T.ravel().tolist())
             given = system, state.mu, state.g
             why = thrown_back(*given, force, self.h) or near_a_dead_point(*given[::2]) or why

@@ -27,14 +27,20 @@ def by_site(system: Any, start: Any) -> StateOfSites:
     """A state as users give it, with an axis of sites."""
     if isinstance(start, StateOfSites):
         return start
-    return state_of(kind_of(start.arrays), system.by_site(start.arrays))
+    arrays = system.by_site(start.arrays)
+    return state_of(kind_of(arrays), arrays)
 
 
 def as_users_see(system: Any, state: Any) -> Any:
     """The inverse of `by_site`."""
     given = state.arrays
     seen = system.as_users_see(given)
-    return state if seen is given else small_state(OF_ONE[type(state)], seen)
+    return state if seen is given else small_state(one_of(seen), seen)
+
+
+def one_of(arrays: Any) -> type[State]:
+    """The kind of states of a body, a point, that have these parts."""
+    return OF_ONE[kind_of(arrays)]
 
 
 def kind_of(states: Any) -> Any:

@@ -1,0 +1,233 @@
+"""Joints in a given motion: shaken supports, turning ones, joints that follow a path, beside DOP853 in
+minimal coordinates.
+"""
+
+import numpy as np
+import pytest
+from orders import slope
+from scipy.integrate import solve_ivp
+
+import liemech as lm
+from liemech.formulas import cos, mat, sin, vec
+from liemech.joints import Damper, JointPath, MovingSupport, Shaking, Spring
+
+TURN, GRAVITY = [0.0, 1.0, 0.0], 9.80665
+
+
+@lm.record
+class Swing(JointPath):
+    """An angle that swings."""
+
+    amplitude: float
+    frequency: float
+
+    def coordinates(self, t):
+        """amplitude sin(frequency t)."""
+        return self.amplitude * sin(self.frequency * t)
+
+
+@lm.record
+class Turntable(MovingSupport):
+    """A place on a table that turns about e3."""
+
+    rate: float
+    radius: float
+
+    def pose(self, t):
+        """At the angle rate t."""
+        c, s = cos(self.rate * t), sin(self.rate * t)
+        return mat(
+            vec(c, -s, 0.0, self.radius * c),
+            vec(s, c, 0.0, self.radius * s),
+            vec(0.0, 0.0, 1.0, 0.0),
+            vec(0.0, 0.0, 0.0, 1.0),
+        )
+
+
+def exact(rate, start, t_end):
+    return solve_ivp(rate, [0.0, t_end], start, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+
+
+def ends(linkage, method, start, steps, t_end, compiled=True):
+    return lm.integrate(linkage, method, start, h=t_end / steps, steps=steps, compiled=compiled)
+
+
+def kapitza(amplitude, frequency, phase=0.0):
+    one = lm.joints.chain(1, axis=TURN)
+    shaken = Shaking([0.0, 0.0, amplitude], frequency, phase)
+    return lm.joints.Linkage(one.links, one.joints, motions={0: shaken})
+
+
+def test_kapitza():
+    a, w = 0.1, 60.0
+    shaken = kapitza(a, w)
+    moment = shaken.links[0].inertia[0] + 0.25
+
+    def rate(t, x):
+        return x[1], -0.5 / moment * (GRAVITY - a * w * w * np.sin(w * t)) * np.sin(x[0])
+
+    start, t_end = shaken.state(angles={0: 2.8}, rates={0: 0.3}), 0.1
+    reference = exact(rate, [2.8, 0.3], t_end)
+    errors, runs = [], []
+    for steps in (16, 32, 64):
+        run = ends(shaken, lm.LieRATTLE(), start, steps, t_end)
+        runs.append(run)
+        found = run.joint(0)
+        errors.append(np.hypot(found.angle[-1] - reference[0], found.rate[-1] - reference[1]))
+    assert slope([16, 32, 64], errors) == pytest.approx(-2.0, abs=0.1)
+    c, rates = shaken.conditions_at(run.mu, run.g, run.t)
+    assert np.abs(c).max() < 1e-15 and np.abs(rates).max() < 1e-13 * a * w
+    balance = [r.energy[-1] - r.energy[0] - r.joint(0).given_work[-1] for r in runs]
+    assert abs(balance[-1]) < 1e-3 * np.ptp(run.energy)
+    assert abs(balance[-2] / balance[-1]) > 3.5
+    # the force of the joint carries weight and inertia
+    q, rate_of = run.joint(0).angle, run.joint(0).rate
+    bend = np.array([rate(t, (x, y))[1] for t, x, y in zip(run.t, q, rate_of)])
+    lift = GRAVITY - a * w * w * np.sin(w * run.t)
+    lift = lift + 0.5 * (np.sin(q) * bend + np.cos(q) * rate_of**2)
+    assert np.allclose(run.joint(0).reaction[:, 2], lift, rtol=1e-11)
+
+
+def test_upside_down():
+    """Fast shaking holds a pendulum upright: a w > sqrt(2 g l), of a rod l = 2/3 of its length."""
+    for frequency, stays in ((60.0, True), (25.0, False)):
+        start = (shaken := kapitza(0.1, frequency, np.pi / 2)).state(angles={0: 3.0})
+        run = ends(shaken, lm.LieRATTLE(), start, 1200, 3.0)
+        assert bool(np.abs(run.joint(0).angle - np.pi).max() < 1.0) is stays
+
+
+@pytest.mark.slow
+def test_path():
+    """The first of two rods follows an angle; its torque is that of inverse dynamics."""
+    A, W = 0.7, 3.0
+    rods = lm.joints.chain(2, axis=TURN)
+    driven = lm.joints.Linkage(
+        rods.links, rods.joints, motions={0: Swing(A, W)}, forces=[Damper(1, 0.2), Spring(1, 1.5)]
+    )
+    moment = rods.links[0].inertia[0] + 0.25
+
+    def all_of(t, x):
+        q, rate, _ = x
+        p, pd, pdd = A * np.sin(W * t), A * W * np.cos(W * t), -A * W * W * np.sin(W * t)
+        own = -0.2 * rate - 1.5 * q
+        bend = -0.5 * (np.cos(q) * pdd + np.sin(q) * pd**2) - 0.5 * GRAVITY * np.sin(p + q) + own
+        bend = bend / moment
+        torque = (moment + 1.0) * pdd + 1.5 * GRAVITY * np.sin(p) + own
+        torque = torque + 0.5 * (np.cos(q) * bend - np.sin(q) * (pd + rate) ** 2)
+        return (rate, bend - pdd, torque * pd), torque
+
+    start, t_end = driven.state(angles={1: 0.4}), 0.5
+    w = driven.state(angles={1: 0.4}, rates={1: 0.0})
+    assert np.array_equal(start.mu, w.mu) and np.any(start.mu)
+    reference = exact(lambda t, x: all_of(t, x)[0], [0.4, 0.0, 0.0], t_end)
+    wanted, errors = [*reference, all_of(t_end, reference)[1]], []
+    for steps in (10, 20, 40):
+        run = ends(driven, lm.Composition(lm.LieRATTLE(), order=4), start, steps, t_end)
+        first, second = run.joint(0), run.joint(1)
+        found = [second.angle[-1], second.rate[-1], first.given_work[-1], first.drive[-1]]
+        errors.append(np.abs(np.subtract(found, wanted)))
+    assert errors[-1][:2].max() < 1e-7 and errors[-1][3] < 1e-6 and errors[-1][2] < 2e-6
+    assert slope([10, 20, 40], np.array(errors)[:, 0]) == pytest.approx(-4.0, abs=0.3)
+    assert np.allclose(first.angle, A * np.sin(W * run.t), atol=1e-14)
+    lost = first.given_work[-1] + second.only(Damper).work[-1]
+    assert run.energy[-1] - run.energy[0] == pytest.approx(lost, abs=5e-6)
+    with pytest.raises(lm.errors.InvalidInput, match="follows a path"):
+        driven.state(angles={0: 0.1})
+    with pytest.raises(lm.errors.InvalidInput, match="follows no path"):
+        _ = second.drive
+
+
+@pytest.mark.slow
+def test_ground_that_turns():
+    """A pendulum at the rim of a turntable, with a damper at its hinge: the rates that forces see are
+    those against the table.
+    """
+    table, radius, c = 4.0, 0.3, 0.5
+    one = lm.joints.chain(1, axis=TURN)
+    turned = lm.joints.Linkage(
+        one.links, one.joints, motions={None: Turntable(table, radius)}, forces=[Damper(0, c)]
+    )
+    moment, thin = one.links[0].inertia[0] + 0.25, one.links[0].inertia[2]
+
+    def rate(t, x):
+        q, w = x
+        spun = table**2 * ((moment - thin) * np.sin(q) * np.cos(q) - 0.5 * radius * np.cos(q))
+        return w, (spun - 0.5 * GRAVITY * np.sin(q) - c * w) / moment
+
+    start = turned.state(angles={0: 0.3}, rates={0: 1.0})
+    run = ends(turned, lm.Composition(lm.LieRATTLE(), order=4), start, 40, 0.5)
+    assert [run.joint(0).angle[-1], run.joint(0).rate[-1]] == pytest.approx(
+        exact(rate, [0.3, 1.0], 0.5), abs=2e-6
+    )
+    lost = run.joint(0).given_work[-1] + run.joint(0).work[-1]
+    assert run.energy[-1] - run.energy[0] == pytest.approx(lost, abs=1e-5)
+
+
+def test_table_and_start_later():
+    """A motion by a table begins at the time that is given, and backwards leads back."""
+    plan = lm.PiecewisePolynomial.cubic([0.0, 0.5, 1.0], [0.0, 0.8, 0.3], outside="hold")
+    rods = lm.joints.chain(2, axis=TURN)
+    driven = lm.joints.Linkage(rods.links, rods.joints, motions={0: plan})
+    start = driven.state(angles={1: 0.4}, t=0.25)
+    there = lm.Plan(driven, lm.LieRATTLE(), h=0.01, compiled=False).run(start, t0=0.25, steps=6)
+    assert there.joint(0).angle == pytest.approx([plan(t) for t in there.t], abs=1e-14)
+    end = driven.state(there.mu[-1], there.g[-1], t=float(there.t[-1]))
+    back = lm.Plan(driven, lm.LieRATTLE(), h=-0.01, compiled=False).run(end, t0=0.31, steps=6)
+    assert np.abs(back.g[-1] - there.g[0]).max() < 1e-13
+    with pytest.raises(lm.errors.InconsistentState):
+        driven.state(there.mu[-1], there.g[-1])
+
+
+def test_welds_carry():
+    """Two rods welded in one line are one rod of twice the length."""
+    rod = lm.joints.Link.rod(1.0, 1.0, 0.02)
+    up, down = [0.0, 0.0, 0.5], [0.0, 0.0, -0.5]
+    hinge = lm.joints.RevoluteJoint(0, None, up, [0.0] * 3, TURN, TURN, name="hinge")
+    two = lm.joints.Linkage([rod, rod], [hinge, lm.joints.FixedJoint(1, 0, up, down, name="weld")])
+    across = 2.0 * (rod.inertia[0] + 0.25)
+    whole = lm.joints.Link(2.0, [across, across, 2.0 * rod.inertia[2]])
+    top = lm.joints.RevoluteJoint(0, None, [0.0, 0.0, 1.0], [0.0] * 3, TURN, TURN, name="hinge")
+    one = lm.joints.Linkage([whole], [top])
+    runs = [
+        lm.integrate(
+            x, lm.LieRATTLE(), x.state(angles={"hinge": 1.0}), h=0.01, steps=5, compiled=False
+        )
+        for x in (two, one)
+    ]
+    a, b = (run.joint("hinge") for run in runs)
+    assert np.allclose(a.angle, b.angle, atol=1e-12) and np.allclose(
+        a.reaction, b.reaction, atol=1e-9
+    )
+    assert runs[0].joint("weld").moment.any()
+
+
+def test_refusals():
+    rods = lm.joints.chain(2, axis=TURN)
+    make = lambda motions: lm.joints.Linkage(rods.links, rods.joints, motions=motions)  # noqa: E731
+    shaken = Shaking([0.0, 0.0, 0.1], 9.0)
+    for wrong, told in (
+        ({0: 3.0}, "is a MovingSupport such as Shaking"),
+        ([shaken], "given by joint"),
+        ({7: shaken}, "no joint 7"),
+        ({None: Swing(0.1, 2.0)}, "the ground moves by a MovingSupport"),
+        ({None: shaken, 0: shaken}, "two motions are given for joint 0"),
+    ):
+        with pytest.raises(lm.errors.LiemechError, match=told):
+            make(wrong)
+    balls = lm.joints.chain(1)
+    with pytest.raises(lm.errors.InvalidInput, match="leaves 3 free"):
+        lm.joints.Linkage(balls.links, balls.joints, motions={0: Swing(0.1, 2.0)})
+    moved = make({0: shaken})
+    with pytest.raises(lm.errors.IncompatibleSystem, match="given motion"):
+        plan = lm.Plan(moved, lm.LieRATTLE(), h=0.01, compiled=False)
+        plan.tangent(moved.state(angles={}), steps=1)
+
+
+def test_compiled_is_plain():
+    shaken = kapitza(0.1, 60.0)
+    start = shaken.state(angles={0: 2.8}, rates={0: 0.3})
+    other = ends(shaken, lm.RKMK(order=4), start, 100, 0.1, compiled=False)
+    near = ends(shaken, lm.Composition(lm.LieRATTLE(), order=4), start, 100, 0.1)
+    assert np.abs(other.g[-1] - near.g[-1]).max() < 1e-8  # multipliers of conditions that change
+    plain, native = (ends(shaken, lm.LieRATTLE(), start, 20, 0.1, mode) for mode in (False, True))
+    assert np.array_equal(plain.g, native.g) and np.array_equal(plain.mu, native.mu)
