@@ -93,9 +93,11 @@ class SitesOfPlan:
 
     def started(self, plan: Any, start: Any) -> Any:
         """The start with the parts that a run of this plan needs."""
-        start = by_site(plan._one, arguments.known(plan._one, start))
+        known = arguments.known(plan._one, start)
+        start = by_site(plan._one, known)
         first = first_of(start)
-        if plan.recorder and isinstance(self.site, Links):  # functions of the state of all bodies
+        points = not {*start.parts} <= {*known.parts}  # which are bodies to the steps
+        if isinstance(self.site, Links) and (plan.recorder or points):  # functions of all bodies
             return start
         wanted = arguments.with_parts(self.site, first, needed(plan, self.site, first)).arrays
         return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
