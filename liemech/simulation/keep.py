@@ -314,6 +314,24 @@ class Dense:
         return self.array[: self.filled]
 
 
+class DenseOfBodies(Every):
+    """Whole rows of all steps of many bodies, for the motion between them."""
+
+    def __init__(self, run: Any) -> None:
+        self.run, heads = run, np.zeros((run.lanes.row.width, run.count))
+        heads[run.head] = run.here
+        self.samples = Samples(len(heads), heads)
+
+    def see(self, piece: Piece) -> None:
+        """Keep rows."""
+        self.samples.add(piece.body, piece.rows(slice(None)))
+
+    def of(self, i: int) -> np.ndarray:
+        """The rows of a body so far."""
+        rows, counts = self.rows
+        return rows[: counts[i], i].copy()
+
+
 class Quantities:
     """Functions of the samples that the first observer of a run has, kept instead of these: as the run
     goes, of what it hands on, or at its end.

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..formulas.pytree import build, layout_of
 from ..systems.system import small_state, state_of
-from .between.dense import flat, unpacked
+from .between.dense import DenseOutput, DenseOutputs, flat, unpacked
 from .stopped import NONE, Stopped
 from .trajectory import TangentTrajectory, Trajectory
 
@@ -298,6 +298,10 @@ def beside(runs: list[Any]) -> dict[str, Any]:
         "compiled": all(run.compiled for run in runs),
         "rejected": None if first.rejected is None else sum(run.rejected for run in runs),
     }
+    if isinstance(first.dense, DenseOutput | DenseOutputs):
+        found["dense"] = DenseOutputs(
+            tuple([one for run in runs for one in getattr(run.dense, "bodies", (run.dense,))])
+        )
     if getattr(first, "tau", None) is not None:
         found["tau"] = clock(runs, "tau")
     if getattr(first, "z", None) is not None:

@@ -506,13 +506,13 @@ class Run(Course):
         rows, counts = self.observers[0].rows
         shown, failed = rows, self.failed
         if failed.any() or (counts < len(rows)).any():
-            shown = self._filled(rows, counts, failed)
+            shown = self._all_as_long(rows, counts, failed)
         t = shown[..., 0]
         if not self.own_times and (t == t[:, :1]).all():
             t = t[:, 0].copy()
         return t, shown[..., 1:]
 
-    def _filled(self, rows: np.ndarray, counts: np.ndarray, failed: np.ndarray) -> np.ndarray:
+    def _all_as_long(self, rows: np.ndarray, counts: np.ndarray, failed: np.ndarray) -> np.ndarray:
         """Rows of samples, in which who has less of them than others stays where it came to."""
         heads = self.here.T
         late = failed & (self.asked is None) & (counts > 0)

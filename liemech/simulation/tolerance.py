@@ -18,7 +18,7 @@ from ..formulas.vectors import Vec
 from ..integrators.ending_at_jumps import jumps_between
 from ..systems.tabulated import has_inputs
 from . import arguments
-from .between.dense import DenseOutput, flat, packed
+from .between.dense import DenseOutput, DenseOutputs, flat, packed
 from .carry import Carry
 from .compiled.control import (
     ANEW,
@@ -39,7 +39,7 @@ from .compiled.execution import like
 from .compiled.lanes import Lanes
 from .compiled.systems import OfBodies
 from .jumps import stretches, until_jumps
-from .keep import At, Dense, Every
+from .keep import At, Dense, DenseOfBodies, Every
 from .run import Run
 
 
@@ -107,13 +107,10 @@ class ToleranceRun(Run):
     def aim(self, ends: list[Any], steps: Any) -> None:
         own, given = self.plan.of_each, self.plan.options
         limit = limit_of(steps, ends[0])
-        if given.dense and (self.bodies or self.recorded):
-            what = (
-                "is for one body at a time"
-                if self.bodies
-                else "keeps the states; record no functions of them"
+        if given.dense and self.recorded:
+            raise InvalidInput(
+                "integrate: dense=True keeps the states; record no functions of them"
             )
-            raise InvalidInput(f"integrate: dense=True {what}")
         way, numbers = self.way, {}  # type: Any, dict[str, Any]
         for name, all_bodies, check in (
             ("rtol", way.rtol, lambda x: arguments.tolerance(x, "rtol", arguments.RTOL)),
@@ -136,21 +133,17 @@ class ToleranceRun(Run):
         return super()._times(t_eval)
 
     @property
-    def keeps_rows(self) -> bool:
-        """Are all steps of one body kept?"""
+    def dense(self) -> bool:
+        """Is the motion between all steps kept?"""
         dense = self.plan.options.dense
-        return not self.bodies and (dense is True or (self.asked is None and not self.recorded))
+        by_itself = dense is None and not self.bodies and self.asked is None and not self.recorded
+        return dense is True or by_itself
 
     @property
     def curves(self) -> bool:
         """Do rows have the way between the steps?"""
-        dense, asked = self.plan.options.dense, self.asked
-        if (
-            not self.bodies
-            and dense is not False
-            and (dense or asked is None)
-            and not self.recorded
-        ):
+        asked = self.asked
+        if self.dense:
             return True
         inside = asked is not None and ((asked != self.t0) & (asked != self.t_end)).any()
         return bool(inside or self.plan.events)
@@ -219,7 +212,9 @@ class ToleranceRun(Run):
         return lanes
 
     def observe(self) -> list[Any]:
-        found: list[Any] = [Dense(self)] if self.keeps_rows else []
+        kept = DenseOfBodies if self.bodies else Dense
+        all_steps = self.dense or not (self.bodies or self.asked is not None or self.recorded)
+        found: list[Any] = [kept(self)] if all_steps else []
         if self.asked is not None:
             return [At(self, self.asked), *found]
         return found or [Every(self, 1)]
@@ -261,15 +256,19 @@ class ToleranceRun(Run):
         reached = np.where(self.over, self.t0, self.clocks[TIME])
         h = (reached - self.t0) / np.maximum(1.0, steps)
         if i is None:
-            return {"h": float(np.mean(h)), "rejected": int(rejected.sum())}
+            dense = DenseOutputs(tuple(map(self._dense, range(self.count)))) if self.dense else None
+            return {"h": float(np.mean(h)), "rejected": int(rejected.sum()), "dense": dense}
         found: dict[str, Any] = {"h": float(h[i]), "rejected": int(rejected[i])}
-        dense, last = self.plan.options.dense, self.observers[-1]
-        kept = dense is True or (dense is None and self.asked is None and not self.recorded)
-        if kept and isinstance(last, Dense):
-            (system, method), rows = self.of(i), last.rows
-            given = self.lanes.example, rows, method.dense_order, self.asked_for
-            found["dense"] = DenseOutput(system, method.retraction, *given)
+        if self.dense:
+            found["dense"] = self._dense(i)
         return found
+
+    def _dense(self, i: int) -> DenseOutput:
+        """The motion of a body."""
+        (system, method), last = self.of(i), self.observers[-1]
+        rows = last.of(i) if self.bodies else last.rows
+        given = self.lanes.example, rows, method.dense_order, self.asked_for
+        return DenseOutput(system, method.retraction, *given)
 
     def carry_of(self, i: int) -> Any:
         beside = self.clocks[TIME, i] != self.here[0, i] and not self.clocks[ANEW, i]

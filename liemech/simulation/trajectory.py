@@ -18,7 +18,7 @@ from ..formulas.pytree import fields_of
 from ..integrators.ending_at_jumps import ending_at_jumps
 from ..systems.site_state import StateOfSites
 from ..systems.system import State, System, small_state
-from .between.dense import Between, DenseOutput, ShortSteps, flat
+from .between.dense import Between, DenseOutput, DenseOutputs, ShortSteps, flat
 from .carry import SiteCarry
 from .compiled.systems import OfBodies, Systems, of_body
 from .origin import Origin
@@ -64,7 +64,7 @@ class Trajectory:
     compiled: bool = False
     stopped: Mapping[int, Stop] = field(default_factory=lambda: NONE)
     rejected: int | None = None
-    dense: DenseOutput | None = None
+    dense: DenseOutput | DenseOutputs | None = None
     events: tuple[tuple[np.ndarray, State], ...] = ()
     carry: Any = field(default_factory=lambda: None)
     observed: tuple[str, ...] = ()
@@ -306,11 +306,12 @@ class Trajectory:
 
         Between adaptive steps by the polynomial of the method, between fixed steps by a
         shorter step from the last sample; of many sites always by a shorter step.
+        Of an ensemble all bodies at these times, (m, bodies, ...).
         """
         return self._motion(t)
 
     @cached_property
-    def _motion(self) -> Between | SitesBetween:
+    def _motion(self) -> Between | DenseOutputs | SitesBetween:
         """The motion between the samples."""
         if self.dense is not None:
             return self.dense
@@ -326,8 +327,8 @@ class Trajectory:
         far = abs(self.h) * (1.0 + 1e-6)
         if example is None or self.rejected is not None or np.abs(np.diff(self.t)).max() > far:
             raise InvalidInput(
-                "Trajectory.at needs a run of one body that kept all its steps: adaptive ones do "
-                "with dense=True, fixed ones with every=1"
+                "Trajectory.at needs a run that kept all its steps: adaptive ones do with dense=True, "
+                "fixed ones of one body with every=1"
             )
         method = ending_at_jumps(self.method, self.system, self.breaks)
         states = {name: self.states[name] for name in example.arrays}  # as in the state
@@ -434,11 +435,7 @@ class Trajectory:
         """
         if self.dense is None or rest.dense is None:
             return {"dense": None}
-        return {
-            "dense": replace(
-                rest.dense, rows=np.concatenate([self.dense.rows, rest.dense.rows[1:]])
-            )
-        }
+        return {"dense": self.dense.then(rest.dense)}
 
     def view(self, show: Any = None) -> Scene:
         """The run as a moving picture: `run.view().show()` opens it, notebooks show it.  show : as

@@ -104,7 +104,8 @@ class Motion:
         if not n:
             raise InvalidInput("a scene needs at least one sample; this run has none")
         states, bodies, t = run.states, run.bodies, run.t
-        if smooth and 1 < n < frames and isinstance(run, Trajectory) and run.dense is not None:
+        few = smooth and t.ndim == 1 and 1 < n < frames
+        if few and isinstance(run, Trajectory) and run.dense is not None:
             t = np.linspace(run.t[0], run.t[-1], frames)
             states = run.at(t).parts
         states = {name: rows for name, rows in states.items() if rows is not None}

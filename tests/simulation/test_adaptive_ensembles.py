@@ -346,3 +346,57 @@ def test_breaks_without_samples_between(method: Any, bodies: int) -> None:
         ]
         assert runs[1].compiled and runs[0].t[-1] == runs[1].t[-1] == t_end
         assert np.array_equal(runs[0].mu, runs[1].mu)
+
+
+# --- the motion between the steps
+# ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("own", [False, True])
+def test_motions_between_steps_are_those_of_every_body_alone(own: bool, compiled: bool) -> None:
+    systems = [lm.RigidBody([1.0, 1.5, 2.0 + 0.1 * i * own]) for i in range(5)]
+    options = {"rtol": 1e-6, "compiled": compiled, "progress": False, "dense": True}
+    plan = lm.Plan(systems if own else BODY, METHOD, **options)
+    start, times = (
+        BODY.state(mu=MU[:5], g=np.broadcast_to(np.eye(3), (5, 3, 3))),
+        np.linspace(0, 2, 9),
+    )
+    run = plan.run(start, t_end=2.0)
+    seen = run.at(times)
+    assert len(run) == 2 and seen.mu.shape == (9, 5, 3) and run.at(0.3).g.shape == (5, 3, 3)
+    for i, system in enumerate(systems):
+        alone = system.state(mu=MU[i], g=np.eye(3))
+        one = lm.Plan(system, METHOD, **options).run(alone, t_end=2.0).at(times)
+        assert np.array_equal(seen.mu[:, i], one.mu) and np.array_equal(seen.g[:, i], one.g)
+    assert np.array_equal(plan.run(start, t_end=2.0, t_eval=[0.5, 2.0]).at(times).mu, seen.mu)
+
+
+def test_motions_between_steps_are_joined_saved_and_divided(tmp_path: Path) -> None:
+    plan, start, times = native(dense=True), BODY.state(mu=MU[:40]), np.linspace(0.0, 2.0, 9)
+    whole = plan.run(start, t_end=2.0)
+    seen = whole.at(times).mu
+    half = plan.run(start, t_end=1.0)
+    joined = half.then(plan.resume(half, t_end=2.0))
+    assert np.array_equal(joined.at(times[:4]).mu, half.at(times[:4]).mu)
+    assert np.abs(joined.at(times).mu - seen).max() < 1e-3
+    whole.save(tmp_path / "run.npz")
+    assert np.array_equal(lm.Trajectory.load(tmp_path / "run.npz").at(times).mu, seen)
+    with ThreadPoolExecutor(2) as executor:
+        assert np.array_equal(plan.run(start, t_end=2.0, executor=executor).at(times).mu, seen)
+
+
+def test_motions_between_steps_end_where_every_body_ends() -> None:
+    def level(t: float, state: Any) -> Any:
+        return state.mu[1]
+
+    level.terminal = True  # type: ignore[attr-defined]
+    start = BODY.state(mu=MU[:8])
+    run = native(dense=True, events=(level,)).run(start, t_end=4.0)
+    for i, motion in enumerate(run.dense.bodies):
+        assert motion.t[-1] == run.t[-1, i]
+        assert np.array_equal(motion(motion.t[-1]).mu, run.mu[-1, i])
+    ends = native(dense=True).run(start, t_end=np.linspace(1.0, 2.0, 8))
+    assert ends.at(1.0).mu.shape == (8, 3)
+    with pytest.raises(lm.errors.InvalidInput, match=r"body 0: t = 1.5 is outside the run"):
+        ends.at(1.5)

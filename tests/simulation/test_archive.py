@@ -388,7 +388,7 @@ def test_files_are_like_other_files(tmp_path: Path) -> None:
     finally:
         os.umask(before)
     program = (  # killed while it writes
-        "import os, sys, liemech as lm\nfrom liemech.simulation import files\n"
+        "import os, sys, liemech as lm\nfrom liemech.simulation.files import arrays as files\n"
         "os.fsync = lambda handle: os.kill(os.getpid(), 9)\n"
         f"lm.Trajectory.load({str(path)!r}).save({str(path)!r})"
     )

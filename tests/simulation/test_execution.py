@@ -112,7 +112,7 @@ def test_short_runs_do_not_compile_and_a_number_of_them_does(fresh: Any) -> None
 def test_code_on_disk_is_used_soon(fresh: Any, tmp_path: Any) -> None:
     program = """
 import liemech as lm
-from liemech.simulation import execution
+from liemech.simulation.compiled import execution
 execution.LOOK, execution.WAIT = 0.0, 1e9  # nothing is ever compiled
 body = lm.RigidBody([1.0, 1.5, 2.0])
 start = body.state(mu=[0.5, 0.0, 0.5])

@@ -56,7 +56,6 @@ TOGETHER: tuple[tuple[Any, str, dict[str, Any]], ...] = (
     (ONE, "fixed", {"precision": "double-double", "compensated": True}),
     (TWO, "fixed", {"executor": ThreadPoolExecutor(1), "checkpoint": "run.npz"}),
     (ONE, "fixed", {"executor": ThreadPoolExecutor(1)}),
-    (TWO, "adaptive", {"dense": True}),
     (ONE, "adaptive", {"dense": True, "record": ["energy"]}),
 )
 """For each row of the second table a run that is so."""

@@ -19,7 +19,7 @@ SCRIPT = """
 import os
 import numpy as np
 import liemech as lm
-from liemech.simulation import spread
+from liemech.simulation.at_work import spread
 from mpi4py.futures import MPIPoolExecutor
 
 if __name__ == "__main__":

@@ -66,79 +66,106 @@ def spread(plan: Any, start: Any, executor: Any, **how: Any) -> Any:
     chunks = _chunks(
         start.bodies, how.get("steps") or 1000, getattr(executor, "_max_workers", None)
     )
-    jobs = [
-        (_part_of(plan, first, end), _members(start, first, end), _times_of(how, first, end))
-        for first, end in chunks
-    ]
-    found: dict[int, Any] = {}
-    tries = [0] * len(jobs)
-    running: dict[Any, int] = {}
+    work = Work(plan, start, chunks, how, executor)
+    try:
+        with Bar(plan.options.progress, start.bodies, "body") as bar:
+            work.run(bar)
+    except BaseException as error:
+        work.leave()
+        if not isinstance(error, KeyboardInterrupt):
+            raise
+        raise work.interrupted() from None
+    return work.whole()
 
-    # a file that tells workers of this machine that nobody waits for them any more
-    unless = os.path.join(tempfile.gettempdir(), f"liemech-{secrets.token_hex(16)}.stop")
 
-    def here(i: int) -> None:
-        found[i] = _run(*jobs[i])
+class Work:
+    """The chunks of an ensemble, on their way through an executor.
 
-    def hand_out(i: int) -> None:
-        tries[i] += 1
+    jobs : of each chunk a plan, a start and how it runs.  found : what came of it.  tries : how often it
+    was handed out.  running : the chunks that workers have, by their futures.
+    """
+
+    def __init__(
+        self, plan: Any, start: Any, chunks: list[Any], how: dict[str, Any], executor: Any
+    ) -> None:
+        self.plan, self.chunks, self.executor = plan, chunks, executor
+        self.jobs = [
+            (_part_of(plan, first, end), _members(start, first, end), _times_of(how, first, end))
+            for first, end in chunks
+        ]
+        self.found: dict[int, Any] = {}
+        self.tries = [0] * len(self.jobs)
+        self.running: dict[Any, int] = {}
+        # a file that tells workers of this machine that nobody waits for them any more
+        name = f"liemech-{secrets.token_hex(16)}.stop"
+        self.unless = os.path.join(tempfile.gettempdir(), name)
+
+    def hand_out(self, i: int) -> None:
+        """Give a chunk to the executor; compute it here if that is broken or keeps losing it."""
+        self.tries[i] += 1
         try:
-            if tries[i] <= TRIES:
-                running[executor.submit(_run, *jobs[i], unless)] = i
+            if self.tries[i] <= TRIES:
+                self.running[self.executor.submit(_run, *self.jobs[i], self.unless)] = i
                 return
         except futures.BrokenExecutor:
             pass
         warn(
-            f"integrate: the executor lost chunk {i} of {len(jobs)}; it is computed here",
+            f"integrate: the executor lost chunk {i} of {len(self.jobs)}; it is computed here",
             RuntimeWarning,
         )
-        here(i)
+        self.found[i] = _run(*self.jobs[i])
 
-    try:
-        with Bar(plan.options.progress, start.bodies, "body") as bar:
-            for i in range(len(jobs)):
-                hand_out(i)
-            while running:
-                done, _ = futures.wait(running, timeout=LOOK, return_when=futures.FIRST_COMPLETED)
-                for future in done:
-                    i = running.pop(future)
-                    try:
-                        found[i] = future.result()
-                    except (Exception, futures.CancelledError) as error:
-                        if tries[i] >= TRIES and not isinstance(error, futures.BrokenExecutor):
-                            raise
-                        hand_out(i)
-                    if i in found:
-                        bar.advance(chunks[i][1] - chunks[i][0])
-    except BaseException as error:
+    def run(self, bar: Bar) -> None:
+        """Hand out all chunks, and those again whose workers were lost, until all are done."""
+        for i in range(len(self.jobs)):
+            self.hand_out(i)
+        while self.running:
+            done, _ = futures.wait(self.running, timeout=LOOK, return_when=futures.FIRST_COMPLETED)
+            for future in done:
+                i = self.running.pop(future)
+                try:
+                    self.found[i] = future.result()
+                except (Exception, futures.CancelledError) as error:
+                    if self.tries[i] >= TRIES and not isinstance(error, futures.BrokenExecutor):
+                        raise
+                    self.hand_out(i)
+                if i in self.found:
+                    bar.advance(self.chunks[i][1] - self.chunks[i][0])
+
+    def leave(self) -> None:
+        """Take what is done, and tell workers that nobody waits for the rest."""
         left = set()
-        for future, i in running.items():
+        for future, i in self.running.items():
             if future.cancel():
                 continue
             if not future.done():
                 left.add(future)
             elif future.exception() is None:
-                found[i] = future.result()
-        _end(left, unless)
-        if not isinstance(error, KeyboardInterrupt):
-            raise
-        whole = {i: run for i, run in found.items() if isinstance(run, Trajectory)}
+                self.found[i] = future.result()
+        _end(left, self.unless)
+
+    def interrupted(self) -> IntegrationInterrupted:
+        """The interruption, with the chunks that were done."""
+        done = {i: run for i, run in self.found.items() if isinstance(run, Trajectory)}
         stopped = IntegrationInterrupted(
-            f"integrate: interrupted; {len(whole)} of {len(jobs)} chunks of bodies were done; they "
+            f"integrate: interrupted; {len(done)} of {len(self.jobs)} chunks of bodies were done; they "
             "are in `.trajectory`, where the other bodies stand at their starts"
         )
-        parts = [whole[i] if i in whole else _waiting(*jobs[i]) for i in range(len(jobs))]
-        stopped.trajectory = _joined(plan, chunks, parts)
-        raise stopped from None
-    for i, result in sorted(found.items()):
-        if isinstance(result, Exception):
-            first, end = chunks[i]
-            result.add_note(
-                f"[integrate: in the chunk of bodies {first} to "
-                f"{end - 1}, which are counted from 0 there]"
-            )
-            raise result
-    return _joined(plan, chunks, [found[i] for i in range(len(jobs))])
+        parts = [done[i] if i in done else _waiting(*job) for i, job in enumerate(self.jobs)]
+        stopped.trajectory = _joined(self.plan, self.chunks, parts)
+        return stopped
+
+    def whole(self) -> Any:
+        """The run of all bodies.  Raises what the run of a chunk has raised."""
+        for i, result in sorted(self.found.items()):
+            if isinstance(result, Exception):
+                first, end = self.chunks[i]
+                result.add_note(
+                    f"[integrate: in the chunk of bodies {first} to "
+                    f"{end - 1}, which are counted from 0 there]"
+                )
+                raise result
+        return _joined(self.plan, self.chunks, [self.found[i] for i in range(len(self.jobs))])
 
 
 def _run(plan: Any, start: Any, how: dict[str, Any], unless: str | None = None) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from collections.abc import Callable
@@ -195,6 +196,33 @@ class DenseOutput(Between):
         arguments = self.retraction, self.system, row
         what = "dense output", lambda k: f"between two steps, t = {times[k]:g}"
         return evaluated(along, arguments, given, self.width, self.wanted, what, body)
+
+    def then(self, rest: DenseOutput) -> DenseOutput:
+        """This motion and the one that follows it."""
+        return dataclasses.replace(rest, rows=np.concatenate([self.rows, rest.rows[1:]]))
+
+
+@frozen(eq=False)
+class DenseOutputs:
+    """The motions of the bodies of an ensemble, each between steps of its own."""
+
+    bodies: tuple[DenseOutput, ...]
+
+    def __call__(self, times: Any) -> Any:
+        """The states of all bodies at one time, or at many, (m,)."""
+        found = []
+        for i, one in enumerate(self.bodies):
+            try:
+                found.append(one(times))
+            except InvalidInput as error:
+                raise InvalidInput(f"body {i}: {error}") from None
+        axis, first = np.ndim(times), found[0]
+        parts = {n: np.stack([x.arrays[n] for x in found], axis=axis) for n in first.arrays}
+        return state_of(type(first), parts)
+
+    def then(self, rest: DenseOutputs) -> DenseOutputs:
+        """These motions and those that follow them."""
+        return DenseOutputs(tuple([x.then(y) for x, y in zip(self.bodies, rest.bodies)]))
 
 
 def way_layout(example: Any, dim: int, terms: int) -> Any:

@@ -22,7 +22,7 @@ from ...systems.canonical import CanonicalState
 from ...systems.lie_poisson import BodyState
 from ...systems.poisson import PoissonState
 from ...systems.system import State, System, small_state
-from ..between.dense import DenseOutput
+from ..between.dense import DenseOutput, DenseOutputs
 from ..between.events import Met
 from ..carry import Carry, SiteCarry
 from ..compiled.control import CLOCK
@@ -76,8 +76,11 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
         if run.dense.begun is not None:
             arrays["dense.begun"] = run.dense.begun
     elif run.dense is not None:
-        arrays["dense"] = run.dense.rows
-        about["dense"] = [run.dense.order, encoded(run.dense.example, pool)]
+        each = run.dense.bodies if run.bodies is not None else (run.dense,)
+        arrays["dense"] = np.concatenate([one.rows for one in each])
+        about["dense"] = [each[0].order, encoded(each[0].example, pool)]
+        if run.bodies is not None:
+            about["dense"].append([len(one.rows) for one in each])
     about["events"] = []
     for i, event in enumerate(run.events):
         met = event if run.bodies is not None else (event,)
@@ -347,14 +350,23 @@ def _fictive_motion_of(
 
 def _dense_of(
     rows: np.ndarray, told: Any, system: Any, method: Any, decode: Decoder
-) -> DenseOutput:
-    """The motion between adaptive steps."""
-    order, example = told[0], decode.record(told[1], State)
+) -> DenseOutput | DenseOutputs:
+    """The motion between adaptive steps, of one body or of each."""
+    (order, _, *counts), example = told, decode.record(told[1], State)
     terms, rest = divmod(rows.shape[1] - 1 - layout_of(example).width, system.group.dim)
     if terms < 0 or rest:
         raise InvalidInput(f"{decode.where}: rows of {rows.shape[1]} numbers are no way")
     _require_shape(decode.where, rows, rows.shape[:1] + rows.shape[1:2])
-    return DenseOutput(system, method.retraction, example, rows, order)
+
+    def of(i: int, own: np.ndarray) -> DenseOutput:
+        return DenseOutput(of_body(system, i), of_body(method, i).retraction, example, own, order)
+
+    if not counts:
+        return of(0, rows)
+    ends = np.cumsum(counts[0])
+    if not len(ends) or min(counts[0]) < 1 or ends[-1] != len(rows):
+        raise InvalidInput(f"{decode.where}: {counts[0]!r} steps are not {len(rows)} rows")
+    return DenseOutputs(tuple([of(i, own) for i, own in enumerate(np.split(rows, ends[:-1]))]))
 
 
 def _event_of(
