@@ -94,6 +94,8 @@ class BackwardRun:
         if key not in sites.known:
             sites.known[key] = self._executions()
         self.forward, self.backward = sites.known[key]
+        for execution in sites.known[key]:
+            execution.refresh()
 
     # ---------------------------------------------------------------- what it is made of
 
