@@ -43,6 +43,9 @@ class WayBack(Record):
     along: Any
     kept: bool
 
+    def __repr__(self) -> str:
+        return "the way back"
+
 
 def forward_parts(
     way: WayBack, count: int, parts: Any, states: Any, done: Any, failures: Any
@@ -205,6 +208,9 @@ class EdgesAsked(Record):
     own: tuple[tuple[Any, ...], ...]
     ends: Any
     in_momenta: bool
+
+    def __repr__(self) -> str:
+        return f"derivatives by parameters of {type(self.term).__name__}"
 
     def energy(self, term: Any, found: list[Asked], e: float) -> float:
         """That of an edge whose ends have moved by e along what was asked."""
