@@ -13,6 +13,7 @@ import numpy as np
 from ..compiler import kernel
 from ..errors import NotDefined
 from ..formulas import derivative, dot, gradient, jacobian, vec
+from ..formulas.pytree import inside
 from ..integrators.rkmk import RKMK
 from ..simulation.integrate import integrate
 from ..simulation.reports.drift import constants_and_terms
@@ -32,6 +33,8 @@ from ..systems.parts import Part
 from ..systems.poisson import PoissonSystem
 from ..systems.potential import Potential
 from ..systems.separable import SeparableEnergy, SeparableSystem
+from ..systems.sums_of_terms import MomentumTerms, OfTerms, PlaceTerms
+from ..systems.terms import at_time
 from ..systems.time_transformed import ExtendedSystem
 from ..systems.vector_field import VectorField
 from .casimir_laws import independence
@@ -179,6 +182,40 @@ def load(system: MechanicalSystem, at: AtState) -> Iterator[Same]:
         change, scale = place.along(energies)
         found.append(Same(change, np.array([power]), scale + abs(power)))
     yield min(found, key=lambda same: same.defect)
+
+
+# ---------------------------------------------------------------- terms of many sites
+
+SITES: list[Law] = []
+
+EDGES = 20
+"""Edges of a term that are looked at."""
+
+
+def _terms_of(system: Any) -> list[OfTerms]:
+    """The sums of terms in a system whose sites are of one species."""
+    kinds = MomentumTerms, PlaceTerms
+    found = [x for x in inside(system, OfTerms) if isinstance(x, kinds) and x.species is None]
+    return [x for x in found if any(part.graph.arity > 1 for part in x.parts)]
+
+
+@axiom(SITES, "ends", "slopes and forces of all ends of an edge are those of each", slack=CLOSE)
+def ends_of_edges(system: Any, at: AtState) -> Iterator[Same]:
+    for terms in _terms_of(system):
+        momenta = isinstance(terms, MomentumTerms)
+        sites = terms._sites(at.state.mu if momenta else at.state.g)  # type: ignore[attr-defined]
+        group: Any = terms.group.base
+        for part in terms.parts:
+            edges = [x for i in range(len(sites)) for x in part.edges_at(sites, i) if x[0] == 0]
+            for _, timed, ends in edges[:EDGES] if part.graph.arity > 1 else []:
+                term = at_time(timed, at.t)
+                if momenta:
+                    one, together = partial(term.slope), term.slopes(*ends)
+                else:
+                    one, together = partial(term.force, group), term.forces(group, *ends)
+                for k, given in enumerate(together):
+                    right = flat(one(k, *ends))
+                    yield Same(flat(given), right, size(right), lambda x=right: factors(x))  # type: ignore[misc]
 
 
 # ---------------------------------------------------------------- bodies under constraints
@@ -436,6 +473,8 @@ def laws_of(system: Any) -> Iterator[tuple[list[Law], Any, Callable[[str], bool]
     if isinstance(field, MechanicalSystem):
         own = partial(replaced, field.potential, Potential)
         tables.append((FIELD, field, (field.potential,), own))
+    if _terms_of(system):
+        tables.append((SITES, system, (), lambda name: True))
     if isinstance(system, BoundBody):
         tables.append((BOUND, system, (), lambda name: True))
     if isinstance(system, CanonicalSystem):

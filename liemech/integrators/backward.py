@@ -77,7 +77,8 @@ class Part(Record):
 
     given : is a derivative by the state before it given?  momenta, elements : of what is kept of the
     energies that were asked, the row of the first.  begin, end : the places of the sites that turn,
-    last : behind the last place.  term : what turns them.
+    last : behind the last place.  term : what turns them.  whole, length : when the step or the piece of
+    one begins of which it is a part, and its length, where steps are cut.
     """
 
     kind: float
@@ -90,6 +91,8 @@ class Part(Record):
     end: float = 0.0
     term: float = 0.0
     last: float = 0.0
+    whole: float = 0.0
+    length: float = 0.0
 
 
 @record

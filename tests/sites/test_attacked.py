@@ -79,3 +79,163 @@ def test_bonds_of_a_driven_system_are_refused_by_name() -> None:
     system = lm.DrivenLiePoissonSystem(lm.SO3() ** 3, lm.Terms(twist, Turning()))
     with pytest.raises(lm.errors.IncompatibleSystem, match="SublatticeSplitting"):
         lm.Plan(system, lm.BondSplitting(), h=0.1)
+
+
+# ------------------------------------------------------------------ what formulas read, pairs, boxes, units
+
+strength = 2.0
+
+
+@lm.record
+class AlongZ(lm.Term):
+    """A field along z whose strength is a constant outside of the formula."""
+
+    def energy(self, a: Any) -> float:
+        return -strength * a.mu[2]
+
+
+@pytest.mark.parametrize("method", [lm.RKMK(order=4), lm.SublatticeSplitting()], ids=repr)
+def test_constants_may_change_between_runs(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Native code of a system that has run says what its formulas say now."""
+    if kernel.available() is not None:
+        pytest.skip("needs llvmlite")
+    spins = lm.LiePoissonSystem(lm.SO3() ** 20, lm.Terms(AlongZ()))
+    start = spins.state(mu=np.tile([1.0, 0.0, 0.5], (20, 1)))
+    for value in (2.0, 3.0, -1.0):
+        monkeypatch.setitem(globals(), "strength", value)
+        run = lm.integrate(spins, method, start, h=0.05, steps=20, compiled=True)
+        angle = np.arctan2(run.mu[-1, :, 1], run.mu[-1, :, 0])
+        assert np.abs(angle - value).max() < 1e-14
+
+
+@lm.record
+class Stiffening(lm.Term):
+    """A spring."""
+
+    k: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        d = a.g - b.g
+        return 0.5 * self.k * lm.dot(d, d)
+
+
+@lm.record
+class Rubbing(lm.Term):
+    """Friction between two masses, more where both are far away."""
+
+    c: float
+
+    def covector(self, t: float, a: Any, b: Any) -> Any:
+        return -self.c * (a.xi - b.xi) * (1.0 + 0.3 * lm.dot(a.g, b.g))
+
+
+MASS = np.array([1.0, 2.0, 1.5])
+
+
+def masses_in_space(n: int, terms: Any, load: Any = None) -> Any:
+    free = lm.LiePoissonSystem(lm.VectorSpace(3) ** n, lm.PerSite(lm.KineticEnergy(MASS.tolist())))
+    return lm.MechanicalSystem(free, lm.Terms(terms), load=load)
+
+
+def test_friction_between_sites(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The momenta of all sites at the end of a kick belong together."""
+    monkeypatch.setattr(lm.System, "small", 0)
+    n, ring = 5, lm.neighbours.ring(5)
+    system = masses_in_space(n, Stiffening(1.0).over(ring), lm.Terms(Rubbing(0.4).over(ring)))
+    p, q = np.random.default_rng(0).normal(size=(2, n, 3))
+
+    def motion(_: float, y: np.ndarray) -> np.ndarray:
+        p, q = y.reshape(2, n, 3)
+        xi, force = p / MASS, np.zeros((n, 3))
+        for i, j in [(i, (i + s) % n) for i in range(n) for s in (1, -1)]:
+            force[i] += q[j] - q[i] - 0.4 * (xi[i] - xi[j]) * (1.0 + 0.3 * q[i] @ q[j])
+        return np.stack([force, xi]).ravel()
+
+    y = solve_ivp(motion, (0.0, 0.5), np.stack([p, q]).ravel(), "DOP853", rtol=1e-12, atol=1e-12)
+    wanted, errors = y.y[:, -1].reshape(2, n, 3), []
+    for steps in (5, 10):
+        run = lm.integrate(
+            system, lm.KickDrift(), system.state(mu=p, g=q), h=0.5 / steps, steps=steps,
+            compiled=False,
+        )  # fmt: skip
+        errors.append(
+            max(np.abs(run.mu[-1] - wanted[0]).max(), np.abs(run.g[-1] - wanted[1]).max())
+        )
+        assert np.abs(run.mu[-1].sum(axis=0) - p.sum(axis=0)).max() < 1e-13
+    assert errors[0] < 0.02 and 3.6 < errors[0] / errors[1] < 4.4
+
+
+@lm.record
+class Attraction(lm.Term):
+    """One that has no limit."""
+
+    e: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        d = a.g - b.g
+        return -self.e / lm.dot(d, d)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_masses_that_meet_are_both_named(compiled: bool) -> None:
+    """With every sample before the step."""
+    if compiled and kernel.available() is not None:
+        pytest.skip("needs llvmlite")
+    n = 8
+    q, p = np.zeros((2, n, 3))
+    q[:, 0], q[5, 0] = 10.0 * np.arange(n), 32.0
+    p[3, 0], p[5, 0] = 4.0, -4.0
+    for graph in (
+        lm.neighbours.all_pairs(),
+        lm.neighbours.edges([[1, 2], [3, 5], [5, 7]], sites=n),
+    ):
+        system = masses_in_space(n, Attraction(2.0**-70).over(graph))
+        start = system.state(mu=MASS * p, g=q)
+        with pytest.raises(
+            lm.errors.LiemechError, match=r"sites (3 and 5|5 and 3), step 4 of 9"
+        ) as told:
+            lm.integrate(system, lm.KickDrift(), start, h=2.0**-4, steps=9, compiled=compiled)
+        assert told.value.trajectory.t.tolist() == [0.0, 2.0**-4, 2.0**-3, 3 * 2.0**-4]
+
+
+@lm.record
+class Repulsion(lm.Term):
+    """A soft one."""
+
+    e: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        d = a.g - b.g
+        return self.e * lm.formulas.exp(-lm.dot(d, d))
+
+
+@pytest.mark.slow
+def test_atoms_that_cross_their_box_many_times() -> None:
+    n, box = 8, 5.0
+    system = masses_in_space(n, Repulsion(1.0).over(lm.neighbours.within(2.4, box=[box] * 3)))
+    rng = np.random.default_rng(0)
+    q, p = rng.uniform(0.0, box, (n, 3)), 3.0 * rng.normal(size=(n, 3))
+    method = lm.KickDrift(order=4)
+    run = lm.integrate(system, method, system.state(mu=p, g=q), h=0.01, steps=2000, every=100)
+    assert np.abs(run.g[-1] - q).max() > 10.0 * box
+    assert np.ptp(run.energy) < 1e-6 * run.energy[0]
+    assert np.abs(run.mu.sum(axis=1) - p.sum(axis=0)).max() < 1e-13
+    there = system.state(mu=p, g=q + box * rng.integers(-50, 50, (n, 3)))
+    other = lm.integrate(system, method, there, h=0.01, steps=100, every=100)
+    assert np.abs(other.mu[-1] - run.mu[1]).max() < 1e-12
+
+
+@pytest.mark.slow
+def test_mixed_units() -> None:
+    """Masses, lengths and times in other powers of two each: the same numbers."""
+    rng, n, found = np.random.default_rng(0), 6, []
+    q, v = 3.0 * rng.normal(size=(n, 3)), 0.3 * rng.normal(size=(n, 3))
+    for M, L, T in ((1.0, 1.0, 1.0), (2.0**100, 2.0**40, 2.0**-30), (2.0**-90, 2.0**-33, 2.0**45)):
+        inertia = (MASS * M).tolist()
+        free = lm.LiePoissonSystem(lm.VectorSpace(3) ** n, lm.PerSite(lm.KineticEnergy(inertia)))
+        pairs = Attraction(M * L**4 / T**2).over(lm.neighbours.all_pairs())
+        system = lm.MechanicalSystem(free, lm.Terms(pairs))
+        start = system.state(mu=MASS * M * v * L / T, g=q * L)
+        run = lm.integrate(system, lm.KickDrift(order=4), start, h=0.02 * T, steps=50, every=50)
+        found.append(run.g[-1] / L)
+    assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])

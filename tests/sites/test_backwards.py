@@ -324,6 +324,34 @@ def test_loads(load: str, method: Any) -> None:
     require_transposed(plan, start, 3)
 
 
+@lm.record
+class Pulsed(lm.Term):
+    """A field by a table."""
+
+    B: lm.Vec
+    pulse: lm.PiecewisePolynomial
+
+    def energy(self, a: Any, t: float) -> float:
+        return -self.pulse(t) * lm.dot(self.B, a.mu)
+
+
+@pytest.mark.sample(1)
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize(
+    "method", [lm.RKMK(order=2), lm.SublatticeSplitting(), lm.CommutatorFree(order=2)], ids=repr
+)
+def test_steps_that_are_cut(method: Any, compiled: bool) -> None:
+    """At jumps of a table, one of them at the end of a step, and at breaks."""
+    table = lm.PiecewisePolynomial.constant([0.0, 0.1, 0.25, 0.27, 2.0], [1.0, -2.0, 0.5, 3.0])
+    terms = [Exchange(1.0).over(lm.neighbours.ring(5)), Pulsed([0.3, 0.2, 0.1], table)]
+    system = lm.DrivenLiePoissonSystem(lm.SO3() ** 5, lm.Terms(*terms, held=[0]))
+    for breaks in ([], [0.05, 0.3]):
+        plan = lm.Plan(
+            system, method, h=0.1, breaks=breaks, progress=False, compiled=compiled and None
+        )
+        require_transposed(plan, system.state(mu=directions(5)), 4)
+
+
 @native
 @pytest.mark.slow
 @pytest.mark.parametrize("load", LOADS)

@@ -82,3 +82,43 @@ def test_molecules_at_rest() -> None:
         lm.KickDrift(order=4), drop, drop.state(mu=np.zeros((2, 6)), g=g), raises=False
     )
     assert not [f.law for f in report.findings if f.verdict == "broken"]
+
+
+@lm.record
+class Spring(lm.Term):
+    """A spring between two masses."""
+
+    k: float
+
+    def energy(self, a: Any, b: Any) -> float:
+        x = a.g - b.g
+        return 0.5 * self.k * lm.dot(x, x)
+
+
+@lm.record
+class Pushing(Spring):
+    """One whose forces have the wrong sign."""
+
+    def force(self, group: Any, k: int, *sites: Any) -> Any:
+        return self.k * (sites[k].g - sites[1 - k].g)
+
+
+@lm.record
+class Uneven(Spring):
+    """One that pulls its ends by forces of which one is larger, where both are asked for together."""
+
+    def forces(self, group: Any, *sites: Any) -> Any:
+        force = -self.k * (sites[0].g - sites[1].g)
+        return force, -1.001 * force
+
+
+@pytest.mark.parametrize(("term", "law"), [(Spring, ""), (Pushing, "force"), (Uneven, "ends")])
+def test_faults_of_terms_are_seen(term: Any, law: str) -> None:
+    """Of the forces on each end, and of those on both that runs of many sites ask for."""
+    free = lm.LiePoissonSystem(
+        lm.VectorSpace(3) ** N, lm.PerSite(lm.KineticEnergy([1.0, 2.0, 3.0]))
+    )
+    chain = lm.MechanicalSystem(free, lm.Terms(term(1.0).over(lm.neighbours.chain(N))))
+    mu, g = np.random.default_rng(7).normal(size=(2, N, 3))
+    report = lm.check_system(chain, chain.state(mu=mu, g=g), raises=False)
+    assert [f.law for f in report.findings if f.verdict == "broken"][:1] == [law][: len(law)]

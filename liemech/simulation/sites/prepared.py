@@ -101,6 +101,12 @@ class Prepared:
             planes, none, None,
         )  # fmt: skip
 
+    def refresh(self) -> None:
+        """For another run: native code that says what the formulas say now."""
+        for one in (*vars(self).values(), getattr(self.turning, "execution", None)):
+            if isinstance(one, SiteExecution):
+                one.refresh()
+
     @functools.cached_property
     def stepping(self) -> SiteExecution:
         """Who runs the driver of steps."""

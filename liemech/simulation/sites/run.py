@@ -610,7 +610,11 @@ class SiteRun(Course):
         named = getattr(getattr(one, "configurations", one.group), "named", str)
         beside = getattr(error, "beside", None)
         if site is not None:
-            which = f"site {named(site)}" if beside is None else f"sites {named(site)} and {named(beside)}"
+            which = (
+                f"site {named(site)}"
+                if beside is None
+                else f"sites {named(site)} and {named(beside)}"
+            )
             at = f"{which}, {at}"
         return self._with_run(told(error, self.plan.method, at, lambda: self.made), site)
 

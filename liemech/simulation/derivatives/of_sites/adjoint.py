@@ -21,10 +21,12 @@ from ....formulas.pytree import carried_layout, layout_of, with_fields
 from ....formulas.sites import padded, rows_of
 from ....groups.species import SpeciesGroup
 from ....integrators.backward import Asked, Turn, parts_of, refused, released
+from ....integrators.ending_at_jumps import uncut
 from ....integrators.sublattices import SublatticeSplitting, terms_of
 from ....systems.site_state import SiteValues
 from ....systems.sublattices import Sublattices
 from ....systems.sums_of_terms import MomentumTerms, PlaceTerms
+from ....systems.tabulated import inputs
 from ...between.dense import unpacked
 from ...sites.execution import SiteExecution
 from ...sites.lists import Lists
@@ -58,10 +60,7 @@ def why_not(sites: Any, start: Any) -> str:
         return f"of {type(one).__name__} on {group!r}"
     if plan.adaptive:
         return "with adaptive steps"
-    method = plan._steps.way_of(0)
-    if method is not plan._steps.method_of(0):
-        return "where steps end at breaks and jumps of inputs"
-    return refused(method, sites.site)
+    return refused(uncut(plan._steps.way_of(0)), sites.site)
 
 
 class BackwardRun:
@@ -85,7 +84,14 @@ class BackwardRun:
         self.names, self.first = tuple(start.arrays), first_of(start)
         self.lists = Lists.of(plan._one, sites.site)
         wanted = [Parameter(plan._one, name) for name in names]
-        self._made_of(plan._steps.way_of(0), sites.site, bool(wanted))
+        way = plan._steps.way_of(0)
+        self.cut = None if uncut(way) is way else way
+        if wanted and self.cut is not None and inputs(plan._one):
+            raise IncompatibleSystem(
+                "Plan.gradient: there are no derivatives by parameters of many sites where an input is a table; "
+                "there is one by the start"
+            )
+        self._made_of(uncut(way), sites.site, bool(wanted))
         self.count = len(self.order)
         self.rows = site_rows(start)[:, self.order]
         self._room(steps, bool(wanted))
@@ -94,6 +100,8 @@ class BackwardRun:
         if key not in sites.known:
             sites.known[key] = self._executions()
         self.forward, self.backward = sites.known[key]
+        for execution in sites.known[key]:
+            execution.refresh()
 
     # ---------------------------------------------------------------- what it is made of
 
@@ -121,7 +129,9 @@ class BackwardRun:
         self.of_step = np.array(rows, dtype=float)
         first, last = self.of_step[0], self.of_step[-1]
         joins = motions[int(first[0])].joins and len(rows) > 1
-        self.joined = joins and bool((first[[0, 3, 4, 5]] == last[[0, 3, 4, 5]]).all())
+        self.joined = (
+            joins and self.cut is None and bool((first[[0, 3, 4, 5]] == last[[0, 3, 4, 5]]).all())
+        )
         blank = type(self.first)(
             *[zeros(self.dims[name]) if name in self.dims else None for name in self.first.parts]
         )
@@ -132,6 +142,7 @@ class BackwardRun:
         self.way = WayBack(
             motions, site, self._released(site), layout_of(self.first), carried_layout(blank), momentum,
             element, carried_layout(zeros(next(iter(self.dims.values())))), kept,
+            self.cut is not None, self.cut and self.cut.beyond,
         )  # fmt: skip
 
     def _released(self, site: Any) -> Any:
@@ -169,14 +180,21 @@ class BackwardRun:
         self.block = max(1, min(steps, block, ROOM // (one * parts)))
         if self.lists is not None:
             self.block = 1
+        blocks = range(0, steps, self.block) if self.cut is not None else ()
+        most_parts = max(
+            [
+                self.block,
+                *[len(self._pieces(np.arange(n, min(steps, n + self.block)))[0]) for n in blocks],
+            ]
+        )
         asked = max(
             x.momenta * way.momentum.width + x.elements * way.element.width for x in way.motions
         )
-        self.some = max(1, ROOM // (8 * max(1, asked) * places)) if kept else self.block * parts
-        some = min(self.some, self.block * parts) if kept else 0
+        self.some = max(1, ROOM // (8 * max(1, asked) * places)) if kept else most_parts * parts
+        some = min(self.some, most_parts * parts) if kept else 0
         most = [max(getattr(x, name) for x in way.motions) for name in ("momenta", "elements")]
         widths = way.state.width, way.felt.width, way.momentum.width, way.element.width
-        counts = self.block * parts + 1, 1, some * most[0], some * most[1]
+        counts = most_parts * parts + 1, 1, some * most[0], some * most[1]
         self.states, self.felt, self.momenta, self.elements = [
             Planes.of_rows(max(way.along.width, width * count), self.count)
             for width, count in zip(widths, counts)
@@ -260,6 +278,20 @@ class BackwardRun:
             )
         return slope, found
 
+    def _pieces(self, n: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Of steps, or of the pieces into which they are cut, the number of the step, when they begin, how
+        long they are, and which are first in their step.
+        """
+        times = self.t0 + n * self.h
+        if self.cut is None:
+            return n, times, np.full(len(n), self.h), np.ones(len(n), dtype=bool)
+        found = [
+            (k, begin, length, i == 0)
+            for k, t in zip(n.tolist(), times.tolist())
+            for i, (begin, length) in enumerate(self.cut.parts(self.plan._one, t, self.h))
+        ]
+        return tuple(map(np.array, zip(*found)))
+
     def _of_block(self, block: int) -> np.ndarray:
         """The parts of a block of steps, as rows of `Part`: kicks and turns at a node are one, where no
         derivative is given in between.
@@ -267,13 +299,15 @@ class BackwardRun:
         first = block * self.block
         n = np.arange(first, min(self.last, first + self.block))
         kind, node, share, begin, end, term = self.of_step.T
+        n, begins, lengths, first_ones = self._pieces(n)
         shape = len(n), len(kind)
         rows = np.zeros((*shape, PART.width))
         rows[..., 0] = kind
-        rows[..., 1] = (self.t0 + n * self.h)[:, None] + node * self.h
-        rows[..., 2] = share * self.h
+        rows[..., 1] = begins[:, None] + node * lengths[:, None]
+        rows[..., 2] = share * lengths[:, None]
+        rows[..., 10], rows[..., 11] = begins[:, None], lengths[:, None]
         rows[..., 6], rows[..., 7], rows[..., 8], rows[..., 9] = begin, end, term, self.count
-        rows[:, 0, 3] = [k in self.given for k in n]
+        rows[:, 0, 3] = [k in self.given and one for k, one in zip(n.tolist(), first_ones)]
         stay = np.ones(shape, dtype=bool)
         if self.joined:
             one = np.flatnonzero(rows[1:, 0, 3] == 0.0)

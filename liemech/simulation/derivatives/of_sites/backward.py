@@ -16,6 +16,7 @@ from ....formulas.vectors import Vec as SmallVec
 from ....integrators.backward import Asked, Motion, Part, Turn
 from ....systems.canonical import CanonicalState
 from ....systems.lie_poisson import BodyState
+from ....systems.tabulated import during
 from ....systems.terms import at_time
 from ....systems.terms_at_site import at_this_site, in_shape
 from ...sites.driver import require_finite
@@ -30,7 +31,8 @@ PART = layout_of(Part(0.0, 0.0, 0.0))
 class WayBack(Record):
     """How a run is gone through: the motions that steps are made of, the system at one site, and with
     held sites `released`; the layouts of the state of a site, of derivatives by it, of what is kept for
-    the parameters, and of a direction of a site; is it kept?
+    the parameters, and of a direction of a site; is it kept?  cut, beyond : do steps end where inputs
+    jump, and the part of one by which stages lie outside of it?
     """
 
     motions: tuple[Motion, ...]
@@ -42,6 +44,16 @@ class WayBack(Record):
     element: Any
     along: Any
     kept: bool
+    cut: bool = False
+    beyond: Any = None
+
+    def __repr__(self) -> str:
+        return "the way back"
+
+
+def seen(way: WayBack, part: Part, value: Any) -> Any:
+    """A record, such as a system, as the piece of a step sees it, with inputs by their limits from inside."""
+    return during(value, part.whole, part.length, way.beyond) if way.cut else value
 
 
 def forward_parts(
@@ -75,7 +87,8 @@ def moved(way: WayBack, part: Part, states: Any, n: int) -> None:
 
 def one_moved(way: WayBack, motion: Motion, part: Part, states: Any, n: int) -> None:
     """That of one site."""
-    new = motion.moved(at_this_site(way.system), part, load(states, n, way.state))
+    system, motion = seen(way, part, at_this_site(way.system)), seen(way, part, motion)
+    new = motion.moved(system, part, load(states, n, way.state))
     require_finite(new)
     save(states, n + 1, fitted(new, way.state), way.state)
 
@@ -112,7 +125,8 @@ def one_back(
     """The way of one site back through one part."""
     before, after = load(states, n, way.state), load(states, n + 1, way.state)
     w = load(felt, 0, way.felt)
-    system, free = at_this_site(way.system), at_this_site(way.free)
+    system = seen(way, part, at_this_site(way.system))
+    free = seen(way, part, at_this_site(way.free))
     back = motion.back(system, free, part, before, after, w)
     save(felt, 0, fitted(back.w, way.felt), way.felt)
     if way.kept:
@@ -143,6 +157,7 @@ def one_turned_back(
 ) -> None:  # fmt: skip
     """The way of one site back through its own turn."""
     before, w = load(states, n, way.state), load(felt, 0, way.felt)
+    turn = seen(way, part, turn)
     w, along = turn.of_turned(at_this_site(way.system), part, before, w)
     save(felt, 0, fitted(w, way.felt), way.felt)
     save(alongs, 0, along, way.along)
@@ -156,6 +171,7 @@ def one_other_back(
     """The way of one site back that others turn by."""
     before, w = load(states, n, way.state), load(felt, 0, way.felt)
     along = load(alongs, 0, way.along)
+    turn = seen(way, part, turn)
     more = turn.of_others(part, before.mu, along)
     save(felt, 0, fitted(BodyState(w.mu + more, w.g), way.felt), way.felt)
     if way.kept:
@@ -205,6 +221,9 @@ class EdgesAsked(Record):
     own: tuple[tuple[Any, ...], ...]
     ends: Any
     in_momenta: bool
+
+    def __repr__(self) -> str:
+        return f"derivatives by parameters of {type(self.term).__name__}"
 
     def energy(self, term: Any, found: list[Asked], e: float) -> float:
         """That of an edge whose ends have moved by e along what was asked."""
