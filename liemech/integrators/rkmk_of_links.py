@@ -147,7 +147,7 @@ def accelerated(system: Any, new: Any, work: Any, state: Layout) -> None:
 
 
 def curved(system: Any, new: Any, work: Any, state: Layout) -> None:
-    """What the conditions of a joint ask for beside it: d/ds G(g exp(s xi)) xi."""
+    """Add to the right side of a joint the curvature of its conditions, d/ds G(g exp(s xi)) xi."""
     rows, n = system.rows, system.most
     first, second, held, _ = load(below(work, rows.ends), 0, ENDS)
     g, k = poses_of(system, new, work, state)

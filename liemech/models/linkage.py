@@ -38,7 +38,9 @@ from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
 from .mounting import (
     closed,
+    hangs,
     hung_from_each_other,
+    hung_velocities,
     independent_rows,
     rows_of_motions,
     velocity_with,
@@ -434,8 +436,12 @@ class Linkage(ConstrainedBody):
         tree = sum(joint.conditions for joint in self.joints) + sum(free)
         if tree <= 6 * len(self.links):  # no loops: what is not given is zero
             speeds = {j: speeds.get(j, np.zeros(n)) for j, n in enumerate(free) if n}
-        poses = closed(self, start, q)
-        xi = velocity_with(self, small(poses.ravel()), speeds)
+        if near is None and hangs(self):
+            poses = start
+            xi = hung_velocities(self, small(poses.ravel()), speeds)
+        else:
+            poses = closed(self, start, q)
+            xi = velocity_with(self, small(poses.ravel()), speeds)
         momentum = np.array(self.body.body.lagrangian.momentum(xi))
         there = small(poses.ravel())
         self._require_independent(there, "Linkage.state")
