@@ -32,7 +32,7 @@ from .joint_forces import (
     LinkageForce,
     LinkagePotential,
 )
-from .joint_motion import JointAngle, JointMotion
+from .joint_motion import JointAngle, JointMotion, LinkMotion
 from .joints import BallJoint, Joint, Joints, RevoluteJoint
 from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
@@ -540,6 +540,10 @@ class Linkage(ConstrainedBody):
         number = self.number(joint)
         forces = tuple(force for force in self.forces if self.number(force.joint) == number)
         return JointMotion(run, self, number, AtJoint(self.joints[number], forces))
+
+    def link_at(self, run: Any, link: str | int) -> LinkMotion:
+        """A body along a run; `run.link(name)` asks for it."""
+        return LinkMotion(run, self, number_of(self.links, link, "link"))
 
     def angle(
         self, joint: str | int, level: float = 0.0, *, freedom: int = 0, terminal: int = 0,
