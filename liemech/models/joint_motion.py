@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Record, record
+from ..formulas import Record, record, vec
+from .body_forces import AtBody, ForcesOfBodies
 from .joint_forces import AtJoint, seen_about
 
 
@@ -126,16 +127,7 @@ class JointMotion:
 
     def _summed(self, power: np.ndarray) -> np.ndarray:
         """The work of a power."""
-        from scipy.interpolate import CubicSpline
-
-        if len(self.run) < 4:
-            change = 0.5 * (power[1:] + power[:-1]).T * np.diff(self.run.t)
-            sums = np.cumsum(change.T, axis=0)
-            return np.concatenate([np.zeros((1, *power.shape[1:])), sums])
-        if self.run.t[-1] < self.run.t[0]:  # a run backwards in time
-            spline = CubicSpline(self.run.t[::-1], power[::-1]).antiderivative()
-            return np.asarray(spline(self.run.t) - spline(self.run.t[0]))
-        return np.asarray(CubicSpline(self.run.t, power).antiderivative()(self.run.t))
+        return work_of(self.run, power)
 
     @cached_property
     def reaction(self) -> np.ndarray:
@@ -188,3 +180,77 @@ class JointMotion:
                 f"a {type(self.at.joint).__name__} has no coordinates: it has a reaction only"
             )
         return x[..., 0] if self.at.joint.freedoms == 1 else x
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LinkMotion:
+    """A body of a linkage along a run, with the load on it; computed when it is asked for.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), sections 2.7 and 2.8.
+    """
+
+    run: Any
+    linkage: Any
+    number: int
+
+    def __repr__(self) -> str:
+        name = self.linkage.links[self.number].name
+        told = f"link {self.number}" if name is None else f"link {name!r}"
+        return f"LinkMotion({told}, {len(self.run)} samples)"
+
+    @cached_property
+    def pose(self) -> np.ndarray:
+        """[[R, p], [0, 1]] of the centre of mass, (n, 4, 4)."""
+        return np.asarray(self.linkage.poses(self.run.g)[..., self.number, :, :])
+
+    @cached_property
+    def velocity(self) -> np.ndarray:
+        """Angular velocity and velocity in the axes of the body, (n, 6)."""
+        return self._own(self.linkage.velocity(self.run.mu))
+
+    @cached_property
+    def load(self) -> np.ndarray:
+        """Torque and force of the load on the body, in its axes, in N m and N, (n, 6); those of forces
+        at joints belong to the joints.
+        """
+        given, run, xi = self.linkage.load, self.run, self.velocity  # type: Any, Any, Any
+        t = run.t if run.bodies is None or run.t.ndim == 2 else run.t[:, None]
+        t = np.broadcast_to(t, xi.shape[:-1])
+        if isinstance(given, ForcesOfBodies):
+            own = [one for body, one in zip(given.bodies, given.each) if body == self.number]
+            at: Any = AtBody((), tuple(own))
+            return np.asarray(at.push(t, xi, self.pose))
+        if given is None:
+            return np.zeros_like(xi)
+        every = np.asarray(self.linkage.velocity(run.mu))
+        rows = zip(t.ravel(), every.reshape(t.size, -1), run.g.reshape(t.size, -1))
+        found = [given.covector(float(s), vec(*v), vec(*g)) for s, v, g in rows]
+        return self._own(np.array(found).reshape(every.shape))
+
+    @cached_property
+    def power(self) -> np.ndarray:
+        """The power of the load, in W.  (n,)"""
+        return np.asarray((self.load * self.velocity).sum(axis=-1))
+
+    @cached_property
+    def work(self) -> np.ndarray:
+        """Its work from the first sample on, in J, as that of joints is found.  (n,)"""
+        return work_of(self.run, self.power)
+
+    def _own(self, x: Any) -> np.ndarray:
+        """The part of this body."""
+        return np.asarray(x)[..., 6 * self.number : 6 * self.number + 6]
+
+
+def work_of(run: Any, power: np.ndarray) -> np.ndarray:
+    """The work of a power from the first sample on, by a cubic spline."""
+    from scipy.interpolate import CubicSpline
+
+    if len(run) < 4:
+        change = 0.5 * (power[1:] + power[:-1]).T * np.diff(run.t)
+        sums = np.cumsum(change.T, axis=0)
+        return np.concatenate([np.zeros((1, *power.shape[1:])), sums])
+    if run.t[-1] < run.t[0]:  # a run backwards in time
+        spline = CubicSpline(run.t[::-1], power[::-1]).antiderivative()
+        return np.asarray(spline(run.t) - spline(run.t[0]))
+    return np.asarray(CubicSpline(run.t, power).antiderivative()(run.t))

@@ -32,13 +32,15 @@ from .joint_forces import (
     LinkageForce,
     LinkagePotential,
 )
-from .joint_motion import JointAngle, JointMotion
+from .joint_motion import JointAngle, JointMotion, LinkMotion
 from .joints import BallJoint, Joint, Joints, RevoluteJoint
 from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
 from .mounting import (
     closed,
+    hangs,
     hung_from_each_other,
+    hung_velocities,
     independent_rows,
     rows_of_motions,
     velocity_with,
@@ -434,8 +436,12 @@ class Linkage(ConstrainedBody):
         tree = sum(joint.conditions for joint in self.joints) + sum(free)
         if tree <= 6 * len(self.links):  # no loops: what is not given is zero
             speeds = {j: speeds.get(j, np.zeros(n)) for j, n in enumerate(free) if n}
-        poses = closed(self, start, q)
-        xi = velocity_with(self, small(poses.ravel()), speeds)
+        if near is None and hangs(self):
+            poses = start
+            xi = hung_velocities(self, small(poses.ravel()), speeds)
+        else:
+            poses = closed(self, start, q)
+            xi = velocity_with(self, small(poses.ravel()), speeds)
         momentum = np.array(self.body.body.lagrangian.momentum(xi))
         there = small(poses.ravel())
         self._require_independent(there, "Linkage.state")
@@ -534,6 +540,10 @@ class Linkage(ConstrainedBody):
         number = self.number(joint)
         forces = tuple(force for force in self.forces if self.number(force.joint) == number)
         return JointMotion(run, self, number, AtJoint(self.joints[number], forces))
+
+    def link_at(self, run: Any, link: str | int) -> LinkMotion:
+        """A body along a run; `run.link(name)` asks for it."""
+        return LinkMotion(run, self, number_of(self.links, link, "link"))
 
     def angle(
         self, joint: str | int, level: float = 0.0, *, freedom: int = 0, terminal: int = 0,

@@ -7,6 +7,7 @@ loops); Golub and Van Loan, Matrix Computations, 4th ed., section 5.4 (rank).
 
 from __future__ import annotations
 
+from heapq import heapify, heappop, heappush
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..errors import InvalidInput, NoConvergence
 from ..formulas import vec
 from ..formulas.vectors import small
 from .joints import GROUND, both
+from .linked_joints import has_loops
 
 PATIENCE = 50
 """Corrections after which the poses of a loop are not looked for any more."""
@@ -35,20 +37,72 @@ def hung_from_each_other(linkage: Any, coordinates: dict[int, np.ndarray]) -> np
     """
     poses: dict[int | None, Any] = {None: GROUND}
     group = linkage.configurations.factors[0]
-    while len(poses) <= len(linkage.links):
-        for number, joint in enumerate(linkage.joints):
+    at: dict[int | None, list[int]] = {}
+    for number, joint in enumerate(linkage.joints):
+        for body in (joint.first, joint.second):
+            at.setdefault(body, []).append(number)
+    roots: list[int | None] = [None, *range(len(linkage.links))]
+    for root in roots:
+        if root is not None and root in poses:
+            continue
+        poses[root], near = GROUND, list(at.get(root, []))
+        heapify(near)
+        while near:
+            joint = linkage.joints[number := heappop(near)]
             known = joint.first in poses, joint.second in poses
-            if (joint.freedoms or joint.conditions == 6) and sum(known) == 1:
-                q = vec(*coordinates.get(number, np.zeros(joint.freedoms)).tolist())
-                relative = joint.relative(q)
-                if known[1]:
-                    poses[joint.first] = poses[joint.second] @ relative
-                else:
-                    poses[joint.second] = poses[joint.first] @ group.inverse(relative)
-                break
-        else:
-            poses[next(b for b in range(len(linkage.links)) if b not in poses)] = GROUND
+            if all(known) or not (joint.freedoms or joint.conditions == 6):
+                continue
+            q = vec(*coordinates.get(number, np.zeros(joint.freedoms)).tolist())
+            relative = joint.relative(q)
+            if known[1]:
+                poses[other := joint.first] = poses[joint.second] @ relative
+            else:
+                poses[other := joint.second] = poses[joint.first] @ group.inverse(relative)
+            for one in at[other]:
+                heappush(near, one)
     return np.array([poses[b] for b in range(len(linkage.links))])
+
+
+def hangs(linkage: Any) -> bool:
+    """Is every body on one way to the ground, by joints that say all about it?"""
+    ends = [(joint.first, -1 if joint.second is None else joint.second) for joint in linkage.joints]
+    return len(ends) == len(linkage.links) and not has_loops(ends) and all(
+        joint.conditions + joint.freedoms >= 6 for joint in linkage.joints
+    )  # fmt: skip
+
+
+def hung_velocities(linkage: Any, g: Any, rates: dict[int, np.ndarray]) -> np.ndarray:
+    """The velocities of bodies that hang from the ground, (6 N,), each from the one that it hangs from:
+    G xi = -dc/dt, and the motions of the joint at these rates.
+    """
+    found: dict[int | None, np.ndarray] = {None: np.zeros(6)}
+    at: dict[int | None, list[int]] = {}
+    for number, joint in enumerate(linkage.joints):
+        for body in (joint.first, joint.second):
+            at.setdefault(body, []).append(number)
+    todo: list[int | None] = [None]
+    while todo:
+        body = todo.pop()
+        for number in at[body]:
+            joint = linkage.joints[number]
+            other = joint.first if body == joint.second else joint.second
+            if other in found:
+                continue
+            poses = both(joint, g)
+            pairs, wanted = (
+                [*joint.rows(*poses)],
+                [*(joint.paces(*poses) or [0.0] * joint.conditions)],
+            )
+            goal = [-x for x in wanted]
+            if number in rates:
+                pairs += joint.motions(*poses)
+                own = joint.paces_of_motions(*poses) or [0.0] * joint.freedoms
+                goal += [x - y for x, y in zip(rates[number], own)]
+            one, two = (np.array([pair[side] for pair in pairs]) for side in range(2))
+            mine, theirs = (one, two) if other == joint.first else (two, one)
+            found[other] = np.linalg.solve(mine, np.array(goal) - theirs @ found[body])
+            todo.append(other)
+    return np.concatenate([found[b] for b in range(len(linkage.links))])
 
 
 def rows_of_motions(linkage: Any, g: Any, numbers: list[int]) -> np.ndarray:

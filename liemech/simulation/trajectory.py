@@ -187,6 +187,16 @@ class Trajectory:
         self._recorded("joint", ["mu", "g"])
         return motion(self, name)
 
+    def link(self, name: str | int) -> Any:
+        """A body of a linkage, by its name or number, along the run: its `pose` and `velocity`, the
+        `load` on it, with `power` and `work`.
+        """
+        motion = getattr(self._laws, "link_at", None)
+        if motion is None:
+            raise InvalidInput(f"Trajectory.link: {self.system!r} has no links")
+        self._recorded("link", ["mu", "g"])
+        return motion(self, name)
+
     def _quantity(self, name: str, otherwise: str) -> np.ndarray:
         """A quantity of the system at every sample, computed from parts of the state or recorded."""
         if name in self.observed:

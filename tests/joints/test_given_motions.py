@@ -231,3 +231,24 @@ def test_compiled_is_plain():
     assert np.abs(other.g[-1] - near.g[-1]).max() < 1e-8  # multipliers of conditions that change
     plain, native = (ends(shaken, lm.LieRATTLE(), start, 20, 0.1, mode) for mode in (False, True))
     assert np.array_equal(plain.g, native.g) and np.array_equal(plain.mu, native.mu)
+
+
+def test_starts_of_trees_hang_from_the_ground():
+    """Angles of a tree are what was asked for, however many bodies and however far they turn."""
+    rng = np.random.default_rng(3)
+    for links, joints in (
+        ((balls := lm.joints.chain(40)).links, balls.joints),
+        (
+            (hinges := lm.joints.chain(40, axis=TURN)).links,
+            hinges.joints,
+        ),
+    ):
+        tree = lm.joints.Linkage(links, joints)
+        free = joints[0].freedoms
+        q = {k: rng.uniform(-3.0, 3.0, free) for k in range(40)}
+        rates = {k: rng.normal(size=free) for k in range(40)}
+        start = tree.state(angles=q, rates=rates)
+        c, slips = tree.conditions_at(start.mu, start.g)
+        assert np.abs(c).max() < 1e-13 and np.abs(slips).max() < 1e-12
+        found = [tree.motion_at(None, k).at.rates(0.0, start.g, tree.velocity(start.mu)) for k in q]
+        assert np.allclose(np.array(found), [rates[k] for k in q], atol=1e-11)

@@ -20,6 +20,8 @@ from ...integrators.ending_at_jumps import EndingAtJumps, cuts
 from ...integrators.lie_rattle import LieRATTLE, near_a_dead_point, thrown_back
 from ...integrators.rattle import RATTLE
 from ...integrators.rattle_of_links import Links, RattleOfLinks
+from ...integrators.rkmk import RKMK
+from ...integrators.rkmk_of_links import FREE, RkmkOfLinks
 from ...retractions import Exponential
 from ...systems.constrained_body import BoundBody
 from ...systems.system import small_state
@@ -42,7 +44,7 @@ FEW = 600
 """Conditions among which those are found that depend on each other, where a step has failed."""
 
 
-def linked_method(plan: Any) -> RattleOfLinks | None:
+def linked_method(plan: Any) -> RattleOfLinks | RkmkOfLinks | None:
     """The method of a plan as that of many bodies and joints; None if there is none, or the system has no
     such form.
     """
@@ -58,6 +60,8 @@ def linked_method(plan: Any) -> RattleOfLinks | None:
     base = method
     if isinstance(method, Composition):
         base, shares = method.base, zip(method.tableau.gamma, method.tableau.nodes)
+    if type(base) is RKMK and base is method and base.tableau.explicit:
+        return rkmk_of(base, site) if ending is None and not site.rheonomic else None
     if not isinstance(base, (LieRATTLE, RATTLE)):
         return None
     retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
@@ -66,6 +70,26 @@ def linked_method(plan: Any) -> RattleOfLinks | None:
     return RattleOfLinks(
         retraction, table, float(len(rows)), len(rows), site.most, repr(method), ending
     )
+
+
+def rkmk_of(method: RKMK, site: Links) -> RkmkOfLinks:
+    """An explicit RKMK method as that of many bodies and joints."""
+    tableau = method.tableau
+    count = tableau.stages
+    rows = [[*row, *[0.0] * (count - len(row))] for row in (*tableau.A, tableau.b)]
+    nothing = RattleOfLinks(method.retraction, Table(np.zeros(2)), 1.0, 1, site.most)
+    made: Any = RkmkOfLinks
+    found: RkmkOfLinks = made(
+        method,
+        Table(np.ravel(rows)),
+        Table(np.array(tableau.c)),
+        count,
+        float(count),
+        nothing,
+        FREE,
+        repr(method),
+    )
+    return found
 
 
 def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
@@ -395,6 +419,11 @@ class LinksRun(SiteRun):
                 f"h = {0.25 * self.h:g}"
             )
         label = system.label(int(joint))
+        if reached < 0.0:
+            return NoConvergence(
+                f"{method}: at {label} conditions depend on those of other joints, so that there are no "
+                "multipliers: a dead point"
+            )
         why = f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
         if isinstance(system, BoundBody) and system.conditions <= FEW:
             seen = self.shape.shown_rows(self._memory)

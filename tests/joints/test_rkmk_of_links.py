@@ -1,0 +1,105 @@
+"""RKMK on the reduced equation of linkages, multipliers by elimination from joint to joint."""
+
+import numpy as np
+import pytest
+from orders import slope
+
+import liemech as lm
+from liemech.joints import Damper, DryFriction, Spring
+from liemech.models.linkage import Linkage
+
+TURN = [0.0, 1.0, 0.0]
+
+
+@lm.record
+class WrittenOut(Linkage):
+    """One whose equation is written out for all bodies."""
+
+    small = 10**9
+
+
+@lm.record
+class Drag(lm.Force):
+    """Air."""
+
+    c: float
+
+    def covector(self, t, xi, g):
+        """-c xi."""
+        return -self.c * xi
+
+
+def arm(kind):
+    """Three rods on balls, with forces at joints and on a body, bent and moving."""
+    rods = lm.joints.chain(3, radius=0.3)
+    forces = [Damper(1, 0.1), Spring(2, 2.0), DryFriction(0, 0.05, 0.5)]
+    made = kind(rods.links, rods.joints, forces=forces, load={2: Drag(0.05)})
+    angles = {0: [0.5, 0.1, 0.0], 1: [0.0, 0.3, 0.0]}
+    return made, made.state(angles=angles, rates={2: [1.0, 0.0, 2.0]})
+
+
+def end(made, order, steps, t_end=0.16):
+    linkage, start = made
+    run = lm.integrate(
+        linkage, lm.RKMK(order=order), start, h=t_end / steps, steps=steps, compiled=False
+    )
+    return run.g[-1], run.mu[-1], run
+
+
+@pytest.mark.parametrize("order", [3, 6])
+def test_steps_are_those_of_the_equation_written_out(order):
+    ours, theirs = end(arm(Linkage), order, 3), end(arm(WrittenOut), order, 3)
+    for a, b in zip(ours[:2], theirs[:2]):
+        assert np.abs(a - b).max() < 2e-15 * np.abs(b).max()
+
+
+def test_order_and_drift():
+    """Order 4; conditions are left by the error of the method, and nothing is projected."""
+    reference, errors, missed = end(arm(WrittenOut), 8, 16)[0], [], []
+    for steps in (2, 4, 8):
+        g, mu, _ = end(linkage := arm(Linkage), 4, steps)
+        errors.append(np.abs(g - reference).max())
+        missed.append(np.abs(linkage[0].conditions_at(mu, g)[0]).max())
+    assert slope([2, 4, 8], errors) == pytest.approx(-4.0, abs=0.4)
+    assert slope([2, 4, 8], missed) < -3.5 and missed[-1] > 1e-12
+
+
+@pytest.mark.slow
+def test_native_is_plain_and_goes_on():
+    rods = lm.joints.chain(3, axis=TURN)
+    start = rods.state(angles={0: 0.7, 1: 0.2})
+    plan = lm.Plan(rods, lm.RKMK(order=5), h=0.01, compiled=True)
+    run = plan.run(start, steps=6)
+    plain = lm.Plan(rods, lm.RKMK(order=5), h=0.01, compiled=False).run(start, steps=6)
+    assert np.array_equal(run.g, plain.g) and np.array_equal(run.mu, plain.mu)
+    assert np.array_equal(plan.resume(plan.run(start, steps=2), steps=4).g[-1], run.g[-1])
+    # another number of links is the same code; energy to the order of the method
+    many = lm.joints.chain(40, axis=TURN)
+    start = many.state(angles={0: 0.3, 20: 0.2})
+    there = lm.integrate(many, lm.RKMK(order=5), start, h=2e-3, steps=100, compiled=True)
+    assert np.ptp(there.energy) < 1e-9 * np.abs(there.energy[0])
+
+
+@pytest.mark.slow
+def test_loops():
+    """A parallelogram, as the same with the method that keeps its conditions."""
+    rod = lm.joints.Link.rod(1.0, 1.0, 0.02)
+    R, up, low = lm.joints.RevoluteJoint, [0.0, 0.0, 0.5], [0.0, 0.0, -0.5]
+    zero, far = [0.0] * 3, [1.0, 0.0, 0.0]
+    joints = [
+        R(0, None, up, zero, TURN, TURN, name="left"),
+        R(1, None, up, far, TURN, TURN, name="right"),
+        lm.joints.BallJoint(2, 0, low, low, name="pin"),
+        lm.joints.BallJoint(2, 1, up, low, name="other pin"),
+    ]
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, :3, 3] = [[0.0, 0.0, -0.5], [1.0, 0.0, -0.5], [0.5, 0.0, -1.0]]
+    poses[2, :3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+    loop = lm.joints.Linkage([rod] * 3, joints).independent(poses)
+    start = loop.state(angles={"left": 0.4}, near=poses)
+    runs = [
+        lm.integrate(loop, method, start, h=0.02, steps=6, compiled=False)
+        for method in (lm.RKMK(order=6), lm.Composition(lm.LieRATTLE(), order=6))
+    ]
+    a, b = (run.joint("left").angle[-1] for run in runs)
+    assert a == pytest.approx(b, abs=1e-9) and abs(a - 0.4) > 1e-2
