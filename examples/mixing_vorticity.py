@@ -1,4 +1,4 @@
-"""Ideal flow on the sphere as a page that moves: eddies draw each other out into filaments, and all moments of the vorticity stay."""
+"""Ideal flow on the sphere, in a page that moves: eddies draw each other out into filaments; all moments of vorticity stay."""
 
 import numpy as np
 
