@@ -41,7 +41,7 @@ function startPlayer() {
     if (normal && unknown(normal.array)) object.geometry.computeVertexNormals();
     const { type } = object.geometry || {};
     if (type === "LatheGeometry") object.geometry.rotateX(Math.PI / 2); // about the third axis
-    if (type === "BoxGeometry" && object.type === "Mesh") { // with its edges
+    if (type === "BoxGeometry" && !object.isInstancedMesh) { // with its edges
       const color = object.material.color.clone().multiplyScalar(0.55);
       object.add(new THREE.LineSegments(new THREE.EdgesGeometry(object.geometry), new THREE.LineBasicMaterial({ color })));
       object.children[0].scale.setScalar(1.002);
