@@ -33,5 +33,5 @@ for joint, force in zip(map(run.joint, plans), forces[::2]):
 work = sum(run.joint(name).work[-1] for name in plans)
 print(f"energy {run.energy[-1] - run.energy[0]:.3f} J, work of all {work:.3f} J")
 upper.set(ylabel="angle (rad)"), lm.plots.legend(upper, loc="lower right")
-lower.set(xlabel="time t (s)", ylabel="torque of the motor (N m)")
+lower.set(xlabel="time $t$ (s)", ylabel="torque of the motor (N m)")
 figure.savefig("arm.png", dpi=90)

@@ -33,6 +33,6 @@ for late in 0, 400, 800:  # looks
     upper.semilogy(t, np.linalg.norm(away, axis=1), label=f"{late * period:g} s late")
     lower.plot(t, torque[:, 0])
     print(f"{late * period:g} s late: {np.linalg.norm(away[-1]):.0e} rad away after {loop.t:.0f} s")
-upper.set(ylabel="away from the target (rad)"), lm.plots.legend(upper)
-lower.set(xlabel="time t (s)", ylabel="torque (N m)")
+upper.set(ylabel="angle to the target (rad)"), lm.plots.legend(upper)
+lower.set(xlabel="time $t$ (s)", ylabel="torque (N m)")
 lm.plots.save(figure, "attitude_control.png", dpi=90)

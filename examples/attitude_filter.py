@@ -33,6 +33,6 @@ for side, axis in zip(("left", "right"), axes):
     print(f"{side}: bias {group.split(belief.g)[1].round(5)} of {bias}")
     for values, label in (errors, "error of the attitude"), (said, "root of the trace of P"):
         axis.semilogy(h * np.arange(steps), np.linalg.norm(values[:, :3], axis=1), label=label)
-    axis.set(xlabel="$t$ (s)", ylabel="angle (rad)", title=f"error on the {side}")
+    axis.set(xlabel="time $t$ (s)", ylabel="angle (rad)", title=f"error on the {side}")
     lm.plots.legend(axis)
 lm.plots.save(figure, "attitude_filter.png", dpi=110)

@@ -22,8 +22,13 @@ print(f"Beta swings by {np.abs(angle).max():.2f} degrees; the distance is betwee
 figure, (left, right) = lm.plots.subplots(1, 2, figsize=(9.6, 3.6))
 some = run.t < 150 * hour
 left.plot(run.t[some] / hour, angle[some])
-left.set(xlabel="hours", ylabel="long axis off the line, degrees", title="Beta swings")
+left.set(xlabel="time $t$ (h)", ylabel="long axis off the line (degrees)", title="Beta swings")
 pole = run.g[:, 0, :9].reshape(-1, 3, 3)[:, :, 2]
 right.plot(np.degrees(pole[:, 0]), np.degrees(pole[:, 1]))
-right.set(xlabel="pole of Alpha, degrees", title="Alpha's axis goes round", aspect="equal")
+right.set(
+    xlabel="pole of Alpha, $x$ (degrees)",
+    ylabel="$y$ (degrees)",
+    title="Alpha's axis goes round",
+    aspect="equal",
+)
 lm.plots.save(figure, "binary_asteroid.png", dpi=110)

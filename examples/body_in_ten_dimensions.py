@@ -22,9 +22,12 @@ print(f"the energy changes by {np.ptp(run.energy) / run.energy[0]:.1e}")
 
 figure, (left, right) = lm.plots.subplots(1, 2, figsize=(10.0, 4.0))
 left.plot(run.mu[:, 0], run.mu[:, 9], ".", markersize=2, color=lm.plots.COLORS[0])
-left.set(xlabel="mu 1 2", ylabel="mu 2 3", title="two of 45 momenta")
+left.set(
+    xlabel=r"$\mu_{12}$ (kg m$^2$/s)", ylabel=r"$\mu_{23}$ (kg m$^2$/s)", title="two of 45 momenta"
+)
 for values, casimir in zip(integrals.T, casimirs):
     off = np.maximum(np.abs(values / values[0] - 1.0), 1e-17)
     right.semilogy(run.t, off, color=lm.plots.COLORS[0 if casimir else 1], linewidth=0.5)
-right.set(xlabel="t", title="relative change of integrals: Casimirs blue", ylim=(1e-17, 1e-4))
+right.set(xlabel="time $t$ (s)", ylabel="relative change", ylim=(1e-17, 1e-4))
+right.set(title="45 momenta, their integrals: Casimirs blue")
 lm.plots.save(figure, "body_in_ten_dimensions.png")

@@ -32,5 +32,6 @@ for ax, frame in zip(axs, (0, 40, 60, 80)):
     shown = ends[frame] @ np.transpose([[0.8, 0.6, 0.0], [-0.24, 0.32, 0.92]])  # from aside
     ax.plot(*shown.T, "-", linewidth=2)
     ax.plot(*shown[[0, -1], [0, 1]].T, "k:")
-    ax.set(aspect="equal", title=f"{run.t[frame]:.1f} s")
+    ax.set(aspect="equal", title=f"$t$ = {run.t[frame]:.1f} s", xlabel="across (m)")
+axs[0].set_ylabel("up (m)")
 lm.plots.save(figure, "bricard.png", dpi=90)

@@ -30,5 +30,6 @@ start = craft.state_of([R + 5e5, 0.0, 0.0], v, rate=[0.15, -0.1, 0.2])
 run = lm.integrate(craft, lm.RKMK(order=4), start, h=0.5, steps=12_000, every=20, record=[rate])
 for k in 0, 100, 300, 600:
     print(f"after {run.t[k]:5.0f} s: {np.linalg.norm(run.rate[k]):6.3f} degrees a second")
-ax = lm.plots.components(run, title="coils against tumbling: degrees a second")
+ax = lm.plots.components(run, title="coils against tumbling")
+ax.set_ylabel("rate (degrees/s)")
 lm.plots.save(ax.figure, "detumbling.png", dpi=110)

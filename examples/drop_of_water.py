@@ -24,7 +24,7 @@ for name, (method, h) in ways.items():
     off = np.abs(run.energy / run.energy[0] - 1.0)
     print(f"{name}: the energy is off by {off.max():.1e}")
     right.semilogy(run.t[1:], off[1:], label=name)
-right.set(xlabel="$t$ (ps)", ylabel="relative error of the energy")
+right.set(xlabel="time $t$ (ps)", ylabel="relative error of the energy")
 lm.plots.legend(right)
 kelvin = (run.mu[-1] ** 2 / np.array(water.moments)).sum() / (6 * sites) / 0.8314462618
 print(f"it has warmed itself to {kelvin:.0f} K")

@@ -19,8 +19,8 @@ for row, (name, (sigma, period)) in zip(axes, choices.items(), strict=True):
     reversible = planets, lm.ReversibleController(lm.StormerVerlet(), sigma)
     few = lm.integrate(*symplectic, start, h=period / 500, steps=500, every=8).q
     row[0].plot(few[:, 0], few[:, 1], "o-", color="black", markersize=3, linewidth=0.6)
-    row[0].plot(0.0, 0.0, "*", color="tab:orange", markersize=12)
-    row[0].set(aspect="equal", title=f"sigma {name}", xlabel="x", ylabel="y")
+    row[0].plot(0.0, 0.0, "*", color=lm.plots.COLORS[1], markersize=12)
+    row[0].set(aspect="equal", title=f"$\\sigma$ {name}", xlabel="$x$", ylabel="$y$")
     for label, (system, method) in {"symplectic": symplectic, "reversible": reversible}.items():
         run = lm.integrate(system, method, start, h=period / 500, steps=5000)
         error = run.energy - run.energy[0]
@@ -31,8 +31,8 @@ for row, (name, (sigma, period)) in zip(axes, choices.items(), strict=True):
         print(
             f"{name:<30} {label:<10} max |H - H0| = {np.abs(error).max():.1e} in {run.t[-1] / 2 / np.pi:.2f} periods"
         )
-    row[1].set(xlabel="periods", title="H - H0, 500 steps a period")
-    row[2].set(xlabel="periods", title="steps in physical time")
-    lm.plots.legend(row[1])
-figure.tight_layout()
+    row[1].set(xlabel="time $t$ (periods)", title="500 steps a period", ylabel="$H - H_0$")
+    row[2].set(xlabel="time $t$ (periods)", ylabel="step $h$ in time")
+    lm.plots.legend(row[1], loc="upper right", ncols=2)
+    row[1].margins(y=0.25)
 figure.savefig(sys.argv[1] if len(sys.argv) > 1 else "eccentric_orbit.png", dpi=80)

@@ -26,9 +26,13 @@ print(f"in between it had {100 * share[:home].min():.0f} percent")
 figure, (axis, below) = lm.plots.subplots(2, 1, figsize=(7, 4.6), sharex=True, height_ratios=(3, 1))
 for k in range(5):
     axis.plot(run.t / period, energies[:, k], linewidth=1.2, label=f"mode {k + 1}")
-axis.set(ylabel="energy of a mode", title="32 masses on springs, alpha = 1/4")
+axis.set(ylabel="energy $E_k$ of a mode", title=r"32 masses on springs, $\alpha = 1/4$")
 lm.plots.legend(axis, frameon=False, ncols=5, loc="upper center", fontsize=8)
 axis.set_ylim(top=1.18 * energies[0, 0])
 below.plot(run.t / period, run.energy / run.energy[0] - 1.0, color="0.4", linewidth=0.8)
-below.set(xlabel="periods of the first mode", ylabel="error", xlim=(0.0, run.t[-1] / period))
+below.set(
+    xlabel="time $t$ (periods of the first mode)",
+    ylabel="$H/H_0 - 1$",
+    xlim=(0.0, run.t[-1] / period),
+)
 figure.savefig("energy_exchange.png", dpi=100)

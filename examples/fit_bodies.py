@@ -33,7 +33,7 @@ words = {"jac": True, "bounds": 600 * [(0.05, None)], "options": {"maxiter": 60}
 fit = minimize(lambda x: motion(x.reshape(100, 6), misses), first.ravel(), **words)
 print(f"600 numbers, {fit.nfev} gradients: {motion(first, misses)[0]:.0f} to {fit.fun:.1f}")
 figure, ax = lm.plots.subplots()
-for x, style, label in (first, "C1--", "first guess"), (fit.x.reshape(100, 6), "C0", "fitted"):
+for x, style, label in (fit.x.reshape(100, 6), "-", "fitted"), (first, "--", "first guess"):
     ax.semilogy(run.t, (motion(x).g - seen).std((1, 2, 3)), style, label=label)
-ax.set(xlabel="time t (s)", ylabel="misfit of attitudes"), lm.plots.legend(ax)
+ax.set(xlabel="time $t$ (s)", ylabel="misfit of $g$"), lm.plots.legend(ax)
 lm.plots.save(figure, "fit_bodies.png", dpi=110)

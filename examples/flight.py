@@ -34,6 +34,6 @@ for high in 0.0, 1.0, 4.0:
     color = ax.plot(*g[:, :2, 3].T, ".-", label=text)[0].get_color()
     ax.quiver(*g[:, :2, 3].T, *g[:, :2, 0].T, color=color, scale=20.0, width=0.003)
 ax.plot(2.0, 0.2, "o", color="#c9ced8", markersize=40, zorder=0)
-ax.set(xlabel="x (m)", ylabel="y (m)", ylim=(-0.9, 0.6))
+ax.set(xlabel="$x$ (m)", ylabel="$y$ (m)", ylim=(-0.9, 0.6))
 lm.plots.legend(ax)
 lm.plots.save(figure, "flight.png", dpi=110)

@@ -31,5 +31,5 @@ with tempfile.TemporaryDirectory() as folder:
         axis = rows[:, 4:].reshape(-1, 3, 3)[:, :, 2]
 figure, ax = lm.plots.subplots()
 ax.plot(axis[:, 0], axis[:, 1])
-ax.set(aspect="equal", xlabel="axis of the top, $x$", ylabel="$y$")
+ax.set(aspect="equal", xlabel="nose of the top, $x$", ylabel="$y$")
 lm.plots.save(figure, "flight_code.png", dpi=110)

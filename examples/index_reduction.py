@@ -25,7 +25,7 @@ for name, method in methods.items():
         f"{name:27} off the sphere by {distance.max():.1e} m, "
         f"energy wrong by {error[-1]:.1e} of its size"
     )
-left.set(title="distance from the sphere (m)", xlabel="time t (s)")
-right.set(title="largest relative error of the energy so far", xlabel="time t (s)")
+left.set(ylabel="distance from the sphere (m)", xlabel="time $t$ (s)")
+right.set(ylabel="largest relative error\nof the energy so far", xlabel="time $t$ (s)")
 lm.plots.legend(left, loc="center right")
 figure.savefig("index_reduction.png", dpi=110)

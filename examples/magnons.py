@@ -30,8 +30,10 @@ print(f"and {np.abs(peaks - exact).max():.3f} from those of the equations")
 figure, axis = lm.plots.subplots(figsize=(6.4, 4.4))
 axis.pcolormesh(k, omega, np.log10(power / power.max()), vmin=-7, cmap="magma", rasterized=True)
 half = k >= 0.0
-axis.plot(k[half], exact[half], ":", color="white", linewidth=1.2, label="2 J (1 - cos k)")
+axis.plot(k[half], exact[half], ":", color="white", linewidth=1.2, label=r"$2 J (1 - \cos k)$")
 axis.plot(k[half], of_step[half], "--", color="cyan", linewidth=1.2, label="of the step")
-axis.set(xlabel="wave number k", ylabel="frequency", ylim=(-0.15, 4.18), title=f"{n} spins")
-lm.plots.legend(axis, loc="lower right", fontsize=8)
+axis.set(
+    xlabel="wave number $k$", ylabel=r"frequency $\omega/J$", ylim=(-0.15, 4.18), title=f"{n} spins"
+)
+axis.legend(loc="lower right", fontsize=8, facecolor="0.35", labelcolor="white")
 figure.savefig("magnons.png", dpi=100)

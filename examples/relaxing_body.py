@@ -32,6 +32,6 @@ path.set(
     xlabel=r"$\mu_1$", ylabel=r"$\mu_2$", zlabel=r"$\mu_3$", aspect="equal", title="on one energy"
 )
 path.locator_params(nbins=4)
-laws.set(xlabel="$t$ (s)", ylabel="energy, entropy")
+laws.set(xlabel="time $t$ (s)", ylabel="energy $H$ (J), entropy $S$")
 lm.plots.legend(laws)
 lm.plots.save(figure, "relaxing_body.png", dpi=110)

@@ -30,9 +30,10 @@ for nodes, style in (10, "o"), (40, "-"):
     u = 0.1 * np.ones(3 * nodes)
     for weight in 10.0, 100.0, 1000.0:
         u = minimize(cost, u, (weight,), jac=True, options={"maxiter": 60}).x
-    print(
-        f"{nodes} nodes: cost {cost(u, 0.0)[0]:.3f}, off by {cost(u, 1.0)[0] - cost(u, 0.0)[0]:.0e}"
-    )
-    ax.plot((np.arange(nodes) + 0.5) * 2.0 / nodes, u.reshape(-1, 3), style, color="C0")
-ax.set(xlabel="time t (s)", ylabel="torque (N m)")
+    effort, miss = cost(u, 0.0)[0], cost(u, 1.0)[0] - cost(u, 0.0)[0]
+    print(f"{nodes} nodes: cost {effort:.3f}, off by {miss:.0e}")
+    ax.set_prop_cycle(color=lm.plots.COLORS[:3])
+    names = [f"$u_{k}$, {nodes} nodes" for k in (1, 2, 3)]
+    ax.plot((np.arange(nodes) + 0.5) * 2.0 / nodes, u.reshape(-1, 3), style, label=names)
+ax.set(xlabel="time $t$ (s)", ylabel="torque $u$ (N m)"), lm.plots.legend(ax)
 lm.plots.save(figure, "slew.png", dpi=110)

@@ -15,8 +15,9 @@ import numpy as np
 from matplotlib.patches import FancyArrowPatch
 
 import liemech as lm
+from liemech.plots.style import dressed
 
-GREY, BLUE, RED = "0.35", "#1f5fa8", "#b3332b"
+GREY, (BLUE, RED) = "0.35", lm.plots.COLORS[:2]
 
 
 def stage(width: float = 9.6, height: float = 4.9) -> tuple[Any, Any, Any]:
@@ -318,7 +319,7 @@ def folds() -> None:
         by_s = algebra.exp_residual(x, J * x, (s + 1.0) * n)[0] - r  # it is linear in s
         return r, np.hstack([np.diag(J) + by_x, by_s[:, None]])
 
-    figure, ax = plt.subplots(figsize=(7.2, 4.4), layout="constrained")
+    figure, ax = lm.plots.subplots(figsize=(7.2, 4.4))
     met, step = [], 0.02
     directions = [
         (0.93, 0.3, 0.2),
@@ -345,7 +346,7 @@ def folds() -> None:
         points = np.array(curve)
         s, size = points[:, 3], np.linalg.norm(points[:, :3], axis=1)
         back = np.flatnonzero(np.diff(s) < 0.0)
-        color = plt.get_cmap("viridis")(0.05 + 0.17 * k)
+        color = lm.plots.COLORS[k % len(lm.plots.COLORS)]
         end = back[0] if len(back) else len(s)
         ax.plot(s[: end + 1], size[: end + 1], color=color, lw=1.8)
         ax.plot(s[end:], size[end:], "--", color=color, lw=1.2)
@@ -389,10 +390,10 @@ def action_principle() -> None:
 
     figure = plt.figure(figsize=(9.6, 4.2))
     left = figure.add_axes((0.0, 0.0, 0.5, 0.88), projection="3d")
-    right = figure.add_axes((0.58, 0.14, 0.39, 0.76))
+    right = dressed(figure.add_axes((0.58, 0.14, 0.39, 0.76)))
     sphere(left, 1.0)
     worst = 0.0
-    for color in (BLUE, "#4c9a52", "#b98a2b"):
+    for color in (BLUE, *lm.plots.COLORS[2:4]):
         waves = np.sin(
             np.pi * np.outer(np.arange(steps + 1), [1, 2, 3]) / steps
         )  # zero at both ends

@@ -211,7 +211,7 @@ def board(folder: str) -> None:
 def film(folder: str) -> None:
     """The first moving picture that a reader sees, in the documentation's first page."""
     program = runpy.run_path(str(ROOT / "examples" / "flip_in_the_browser.py"))
-    program["scene"].write_film(HERE / "flip.gif", size=(640, 340), fps=12, seconds=9.0)
+    program["scene"].write_film(HERE / "flip.gif", size=(480, 256), fps=7, seconds=5.0)
 
 
 def measured(name: str) -> Callable[[str], None]:

@@ -215,7 +215,7 @@ def _read(text: str, words: bool = False) -> str:
                 raise NoFormula
             out, i = out + "^{*}", i + 1
         elif rest[0] == "'":
-            if not re.search(r"[\w)]$", text[:i]):
+            if not re.search(r"[\w)']$", text[:i]):
                 raise NoFormula
             out, i = out + "'", i + 1
         elif rest[0] == "." and re.match(
@@ -312,18 +312,26 @@ def _stands(text: str, a: int, b: int) -> bool:
     )
 
 
+INDENTED = re.compile(r"(?<=\n\n)((?:    \S.*\n)+)(?=\n)")
+"""A formula on lines of its own."""
+
+
 def pages(app: Sphinx, name: str, source: list[str]) -> None:
-    """In the pages a formula in backticks is set as one."""
+    """In the pages a formula in backticks, or on indented lines, is set as one."""
 
     def formula(span: re.Match[str]) -> str:
         typed = span[1].replace(r"\|", "|")  # as a table has it
         found = tex(typed) if SURE.search(typed) else None
         return f"${found}$" if found else span[0]
 
+    def display(block: re.Match[str]) -> str:
+        found = lines([line[4:] for line in block[1].splitlines()])
+        return "\n".join(f"$$ {line} $$\n" for line in found) if found else block[0]
+
     def outside(text: str) -> str:
-        lines = text.split("\n")
         return "\n".join(
-            line if line.startswith("#") else SPAN.sub(formula, line) for line in lines
+            line if line.startswith("#") else SPAN.sub(formula, line)
+            for line in INDENTED.sub(display, text).split("\n")
         )
 
     text, out, end = source[0], "", 0

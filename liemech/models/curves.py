@@ -44,6 +44,8 @@ def across(points: Array) -> tuple[float, float]:
         return ASIDE
     line, up = sizes[1] < 0.15 * sizes[0], min(abs(float(axes[2, 2])), 1.0)
     x, y = (axes[0, 1], -axes[0, 0]) if line or up > 0.8 else axes[2, :2]
+    if up > 0.8 and sizes[1] > 0.9 * sizes[0]:  # as wide as it is long: no side is the longer one
+        x, y = 0.0, -1.0
     if y > 0.0:  # from the front, with x to the right
         x, y = -x, -y
     elevation = ASIDE[1] if line else np.clip(np.degrees(np.arcsin(up)), FRONT[1], 55.0)

@@ -1,6 +1,6 @@
 """Kepler's equation in universal variables: one for ellipses, parabolas and hyperbolas.
 
-    t = r_0 G_1 + e_0 G_2 + k G_3,   G_n = s^n c_n(b s^2),   b = 2k/r_0 - |v|^2,   e_0 = q . v
+    t = r_0 G_1 + e_0 G_2 + k G_3,   G_n = s^n c_n(b s^2),   b = 2 k/r_0 - |v|^2,   e_0 = q . v
 
 r_0 is the distance at t = 0, c_n are Stumpff's functions.
 

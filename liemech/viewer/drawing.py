@@ -119,7 +119,7 @@ class Drawing:
         length = np.linalg.norm(way.reshape(-1, count, 3)[0], axis=-1)
         wide = thick / np.where(length > 0.0, length, 1.0)
         sizes = np.column_stack([wide, wide, np.ones_like(wide)])
-        shape = colored(often(rod("#ffffff", 0.5, 8), count, sizes, room=0.0), colors)
+        shape = colored(often(rod("#ffffff", 0.5, 8), count, sizes, room=[0.0]), colors)
         return self.add(path, shape, cloud=ends[..., 0, :], vectors=way)
 
     def curve(self, path: str, points: Array, color: str, thick: float = 0.018) -> Node:

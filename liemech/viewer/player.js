@@ -41,7 +41,7 @@ function startPlayer() {
     if (normal && unknown(normal.array)) object.geometry.computeVertexNormals();
     const { type } = object.geometry || {};
     if (type === "LatheGeometry") object.geometry.rotateX(Math.PI / 2); // about the third axis
-    if (type === "BoxGeometry" && object.type === "Mesh") { // with its edges
+    if (type === "BoxGeometry" && !object.isInstancedMesh) { // with its edges
       const color = object.material.color.clone().multiplyScalar(0.55);
       object.add(new THREE.LineSegments(new THREE.EdgesGeometry(object.geometry), new THREE.LineBasicMaterial({ color })));
       object.children[0].scale.setScalar(1.002);
@@ -139,10 +139,11 @@ function startPlayer() {
       viewer.scene.updateMatrixWorld();
       for (const { object: root, extent } of panels) root.traverse((object) => {
         if (!object.geometry || !object.geometry.attributes.position) return;
-        const { cloud, room = 0 } = object.userData, p = cloud || object.geometry.attributes.position.array;
+        const { cloud, room = [0] } = object.userData, p = cloud || object.geometry.attributes.position.array;
         const every = 3 * Math.ceil(p.length / 3 / MOST);
-        for (let k = 0; k < p.length; k += every) for (const r of room ? [-room, room] : [0]) {
-          extent.push(new THREE.Vector3(p[k] + r, p[k + 1] + r, p[k + 2] + r).applyMatrix4(object.matrixWorld));
+        for (let k = 0; k < p.length; k += every) for (const side of room[0] ? [-1, 1] : [0]) {
+          const [x, y, z] = [0, 1, 2].map((i) => p[k + i] + side * room[i % room.length]);
+          extent.push(new THREE.Vector3(x, y, z).applyMatrix4(object.matrixWorld));
         }
       });
     }

@@ -26,12 +26,13 @@ from .motion import Motion
 from .page import frame, opened, page
 from .shapes import rgb
 from .snapshot import file_that_ends, snapshot, write_film
+from .thinning import MOST_NUMBERS
 
 FRAMES = 900
 """Samples of a run that a scene keeps: fifteen seconds at sixty pictures a second."""
 
-ENSEMBLE_FRAMES, ENSEMBLE_DOTS = 300, 60_000
-"""Of an ensemble fewer, so that frames times bodies stays below the second number."""
+ENSEMBLE_FRAMES = 300
+"""Of an ensemble fewer, and no more than a page below 20 MB holds of all its bodies."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,7 @@ class Scene:
         """Put another run into the scene; arguments as above.  Returns the scene."""
         bodies, frames = getattr(run, "bodies", None), self.frames
         if bodies is not None and body is None:
-            frames = min(frames, ENSEMBLE_FRAMES, max(2, ENSEMBLE_DOTS // bodies))
+            frames = min(frames, ENSEMBLE_FRAMES, max(2, MOST_NUMBERS // (7 * bodies)))
         motion = Motion.of(run, frames, body, self.interpolate, sites)
         have = frozenset(motion.states)
         contents = contents_of(motion.system, have, motion.bodies is not None, show)

@@ -124,11 +124,12 @@ def often(shape: Shape, count: int, sizes: ArrayLike = ((1.0,),), **known: Any) 
     known : what the page draws by: "colors" and "axis", the scale for how far arrows point along
     an axis; "tints" (count, 3); "box", the edges of a periodic one; "sides", colours of a ball's
     octants, two in turn, or of the sides of a cube on which its axes come out, and of the others;
-    "room", how far they reach from their places.
+    "room", how far they reach from their places, along each axis.
     """
     rows = np.asarray(sizes, dtype=np.float32)
     array = np.broadcast_to(rows, (len(rows), 3)).ravel()
-    known = {"count": count, "sizes": array, "room": 0.5 * float(rows.max()), **known}
+    room = (0.5 * rows.max(axis=0)).tolist()
+    known = {"count": count, "sizes": array, "room": room, **known}
     return replace(shape, kind="InstancedMesh", known=known)
 
 

@@ -5,6 +5,7 @@ are, they are one object of the page.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,9 @@ class OnSites(Content):
         return True
 
     def reach(self, motion: Motion) -> Array:
-        """Two corners of the box in which they are, with room for what is drawn there."""
+        """The corners of the box in which they are, with room for what is drawn there."""
         room = 0.5 * self._size(motion).max()
-        return self._extent(motion) + [[-room], [room]]
+        return np.array([*product(*(self._extent(motion) + [[-room], [room]]).T)])
 
     def _fixed(self, motion: Motion) -> Array:
         """The places of the shown sites that do not move, (m, 3)."""

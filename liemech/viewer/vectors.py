@@ -73,7 +73,7 @@ class Momentum(Content):
 
     def reach(self, motion: Motion) -> Array:
         """A ball as large as the largest momentum."""
-        return _ball(motion["mu"])
+        return (np.linalg.norm(motion["mu"], axis=-1).max() or 1.0) * UNITS
 
     def legend(self, motion: Motion) -> list[dict[str, Any]]:
         """The curves on the sphere, and of an ensemble the energies."""
@@ -181,11 +181,6 @@ def axis_of(top: Any) -> Array:
     centre = np.array(top.centre)
     length = np.linalg.norm(centre)
     return centre / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-
-
-def _ball(vectors: Array) -> Array:
-    """The corners of what a ball about the origin needs: as large as the longest vector."""
-    return (np.linalg.norm(vectors, axis=-1).max() or 1.0) * UNITS
 
 
 def _moving_vector(drawing: Drawing, v: Array, name: str, trail: bool) -> None:

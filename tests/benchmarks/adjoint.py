@@ -106,27 +106,24 @@ def main(quick: bool, picture: str | None) -> None:
 
 
 def drawn(kept: list[Any], picture: str) -> None:
-    """The curves."""
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(2, 2, figsize=(9.0, 6.0), sharey="row")
-    for column, (what, label) in enumerate(((1, "sites"), (2, "steps of 200 sites"))):
+    """The curves: full for J^T w, dashed with all couplings."""
+    figure, axes = lm.plots.subplots(2, 2, figsize=(9.0, 5.6), sharey="row", sharex="col")
+    for column, (what, label) in enumerate(((1, "sites $N$"), (2, "steps $n$ of 200 sites"))):
         for k, name in enumerate(dict.fromkeys(row[0] for row in kept)):
             own = [r for r in kept if r[0] == name and ((r[1] == 200) is bool(column))]
             x = [r[what] for r in own]
-            style = {"marker": "osv"[k], "color": f"C{k}", "lw": 1.2}
-            for row, (one, two) in enumerate(
-                (("J^T w", "couplings"), ("memory of J^T w", "memory of couplings"))
-            ):
-                axes[row, column].loglog(x, [r[3][one] for r in own], "-", label=name, **style)
-                axes[row, column].loglog(x, [r[3][two] for r in own], "--", **style)
+            style = {"marker": "os"[k], "markersize": 4.5, "color": lm.plots.COLORS[k]}
+            for row, before in enumerate(("", "memory of ")):
+                for one, dashes in (("J^T w", "-"), ("couplings", "--")):
+                    words = f"{name}, {'$J^T w$' if dashes == '-' else 'and all couplings'}"
+                    y = [r[3][before + one] for r in own]
+                    axes[row, column].loglog(x, y, dashes, label=words, **style)
         axes[1, column].set_xlabel(label)
     axes[0, 0].set_ylabel("time over that of the run")
-    axes[1, 0].set_ylabel("memory, MB")
-    axes[0, 0].set_title("$J^T w$ (full), and all couplings (dashed)", fontsize=10)
-    axes[0, 1].legend(fontsize=8)
-    figure.tight_layout()
-    figure.savefig(picture, dpi=120)
+    axes[1, 0].set_ylabel("memory (MB)")
+    named = axes[0, 0].get_legend_handles_labels()
+    figure.legend(*named, loc="outside upper center", ncols=2, frameon=False, fontsize=8.5)
+    lm.plots.save(figure, picture, dpi=110)
 
 
 if __name__ == "__main__":

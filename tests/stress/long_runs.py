@@ -298,10 +298,6 @@ def table(kept: dict[str, Any]) -> str:
 
 def draw(kept: dict[str, Any]) -> None:
     """Errors over steps: the free body by us and by other packages, and the other systems."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
 
     def panel(key: str) -> str:
         if not key.startswith("free body"):
@@ -310,22 +306,31 @@ def draw(kept: dict[str, Any]) -> None:
         return "free body, other packages" if theirs else "free body, h = 0.1"
 
     titles = ("free body, h = 0.1", "free body, other packages", "other systems")
-    figure, axes = plt.subplots(1, 3, figsize=(13, 5.8), sharey=True, layout="constrained")
+    figure, axes = lm.plots.subplots(3, 1, figsize=(8.6, 11.5), sharex=True)
     for ax, title in zip(axes, titles, strict=True):
         chosen = {k: found for k, found in kept.items() if panel(k) == title and found["errors"]}
         for i, (key, found) in enumerate(chosen.items()):
             n, e = np.array(found["errors"]).T
             name = key.split(": ", 1)[1] if key.startswith("free body") else key
-            style = dict(
-                color=f"C{i % 10}", marker="o^sDv<>pP*"[i % 10], ls="-" if i < 10 else "--"
-            )
-            ax.loglog(n, np.maximum(e, 1e-17), lw=1, ms=3, label=name, **style)
-        ax.set(xlabel="steps", title=title, ylim=(1e-17, 1e1))
-        ax.legend(fontsize=7, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14))
-        ax.grid(alpha=0.3)
-    axes[0].set_ylabel("relative error of the energy")
-    figure.savefig(FIGURE, dpi=100)
-    plt.close(figure)
+            style = {
+                "color": lm.plots.COLORS[i % 6],
+                "marker": "o^sDvP"[(i + i // 6) % 6],
+                "linestyle": "-" if i < 6 else "--",
+            }
+            ax.loglog(n, np.maximum(e, 1e-17), linewidth=1, markersize=3.5, label=name, **style)
+        ax.set(title=title, ylim=(1e-17, 1e1), ylabel="relative error of the energy")
+        named_beside(ax)
+    axes[-1].set_xlabel("steps $N$")
+    lm.plots.save(figure, FIGURE, dpi=90)
+
+
+def named_beside(ax: Any) -> None:
+    """Names right of the picture, in the order in which the curves end."""
+    lines = sorted(ax.get_lines(), key=lambda line: -line.get_ydata()[-1])
+    handles, names = lines, [line.get_label() for line in lines]
+    ax.legend(
+        handles, names, fontsize=8.5, frameon=False, loc="center left", bbox_to_anchor=(1, 0.5)
+    )
 
 
 def write_page(kept: dict[str, Any]) -> None:
