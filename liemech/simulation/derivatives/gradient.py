@@ -223,6 +223,8 @@ class Forward:
         self.example = member(run.last, 0)
         self.frames = frames
         self.sizes = {n: layout_of(self.example.parts[n]).width for n in self.frames}
+        points = {n: np.asarray(self.example.parts[n])[None] for n in self.frames}
+        self.directions = {n: len(of(points[n])[0]) for n, of in self.frames.items()}
 
     def times(self, body: int) -> tuple[np.ndarray, ...]:
         """Of all blocks the time and the length of the first step and of the last one."""
@@ -528,6 +530,19 @@ class Backward:
         all_of_them = last >= met.intervals  # it begins anew in the block
         return np.where(all_of_them, 0, first), np.where(all_of_them, met.intervals - 1, last)
 
+    def relative_growth(self) -> float:
+        """The growth of the worst body beside the size of each part of the state, which units do not change."""
+        forward, at, scales = self.forward, 0, []
+        for name, size in forward.sizes.items():
+            largest = np.abs(forward.numbers[..., at : at + size]).max(axis=(0, 2))
+            at += size
+            many = forward.directions[name]
+            scale = np.where(largest > 0.0, largest, 1.0) if name != "g" else np.ones(self.bodies)
+            scales.append(np.repeat(scale[:, None], many, axis=1))
+        scale = np.concatenate(scales, axis=1)
+        found = self.growth * scale[:, :, None] / scale[:, None, :]
+        return float(np.linalg.norm(found, 2, axis=(1, 2)).max())
+
     def by(self, name: str) -> np.ndarray:
         """The derivative by a parameter."""
         if name == "start":
@@ -710,7 +725,7 @@ def gradient_of(
     if along is not None and value is not None:
         value = math.fsum(sums)
     growth = float(np.linalg.norm(back.growth, 2, axis=(1, 2)).max())
-    tell(growth)
+    tell(back.relative_growth())
     found = {name: back.by(name) for name in names}
     if start.bodies is None:
         found = {n: x[0] if n == "start" else x for n, x in found.items()}
