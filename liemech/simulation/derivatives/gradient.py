@@ -46,7 +46,7 @@ from .tangent import StepsOfARun, frames_of, parameter_moves, real_numbers, slop
 from .varied import Varied
 from .varied_input import table_of
 
-LANES = 256
+LANES = 384
 """Blocks and directions whose numbers are in memory at once."""
 
 PIECE = 2**9
@@ -67,7 +67,7 @@ FEW, SEVERAL, MANY = 3, 5, 12
 LONG = 32
 """Numbers of a state up to which they are several."""
 
-OVERHEAD = 600
+OVERHEAD = 200
 """Steps of one direction that take as long as what there is to do for a block beside its steps."""
 
 
@@ -463,7 +463,7 @@ class Backward:
     def go(self) -> None:
         """Go backwards through all blocks."""
         blocks, edges = len(self.forward.edges) - 1, self.forward.edges
-        chunk = max(1, LANES // self.lanes_of_block)
+        chunk = max(1, LANES // (self.lanes_of_block * self.side))
         with Bar(self.forward.plan.options.progress, int(edges[-1])) as bar:
             for end in range(blocks, 0, -chunk):
                 begin = max(0, end - chunk)
@@ -574,8 +574,9 @@ class Backward:
         forward, directions = self.forward, self.directions
         side = self.side
         found = np.empty((len(k), side, self.count))
-        for at in range(0, len(k), PIECE):
-            some = slice(at, at + PIECE)
+        piece = PIECE // side
+        for at in range(0, len(k), piece):
+            some = slice(at, at + piece)
             block, body = k[some], i[some]
             values = forward.numbers[begin + block, body]
             starts = np.zeros((values.shape[1], 1 + side, len(values)))

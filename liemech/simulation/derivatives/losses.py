@@ -13,7 +13,6 @@ from ...compiler.kernel import Several
 from ...errors import InvalidInput, InvalidType
 from ...formulas import Record
 from ...formulas.dual import Dual
-from ...formulas.of_math import run
 from ...formulas.pytree import NUMBER, fitted, layout_of
 from ..between.dense import evaluated, report
 from .tangent import LEVEL, dual_of
@@ -126,4 +125,4 @@ def sloping_in_time(function: Any, point: Any, given: Any, out: Any, failures: A
 
 def carried(function: Callable[..., Any], *given: Any) -> Any:
     """The value, with its derivative, which may be none."""
-    return fitted(1.0 * run(function, *given), VALUE)
+    return fitted(1.0 * function(*given), VALUE)
