@@ -58,10 +58,14 @@ def test_code_that_is_too_long_goes_direction_by_direction(monkeypatch: Any) -> 
 
     plan = lm.Plan(BODY, lm.RKMK(order=4, retraction=lm.Cayley()), h=0.05, compiled=True)
     wanted = plan.replace(compiled=False).pullback(np.arange(6.0), START, steps=200)["start"]
-    seen, made = [], Prepared._blocks
-    monkeypatch.setattr(
-        Prepared, "_blocks", lambda self, *x: (seen.append(self.directions.side), made(self, *x))[1]
-    )
+    seen: Any = []
+    made: Any = Prepared._blocks
+
+    def blocks(self: Any, *given: Any) -> Any:
+        seen.append(self.directions.side)
+        return made(self, *given)
+
+    monkeypatch.setattr(Prepared, "_blocks", blocks)
     monkeypatch.setattr(instructions, "LIMIT", SHORT)
     monkeypatch.setattr(instructions, "WITH_SLOPES", 4)
     found = plan.pullback(np.arange(6.0), START, steps=200)["start"]
@@ -78,9 +82,9 @@ def test_bodies_with_steps_of_their_own_have_the_gradients_of_each() -> None:
     step: Any = {"rtol": 1e-4, "compiled": False}
     each = [loss, lambda s: 2.0 * s.mu[0]]
     for systems in (BODY, others):
-        plan = lm.Plan(systems, lm.RKMK(order=5), **step)
+        plan: Any = lm.Plan(systems, lm.RKMK(order=5), **step)
         found = plan.gradient(each, starts, t_end=[1.0, 1.5], **words)
-        ones = [
+        ones: Any = [
             lm.Plan(systems if systems is BODY else others[i], lm.RKMK(order=5), **step).gradient(
                 each[i], BODY.state(mu=mu[i], g=np.eye(3)), t_end=1.0 + 0.5 * i, **words
             )
@@ -106,7 +110,8 @@ def test_tangent_maps_by_the_values_of_a_table(kind: str, step: dict[str, float]
     values = VALUES[:-1] if kind == "constant" else VALUES
     whole, method = driven(table(KNOTS, values, outside="repeat")), lm.RKMK(order=5)
     plan = lm.Plan(whole, method, compiled=False, **step)  # type: ignore[arg-type]
-    by, length = ["torque.values", "torque.coefficients"], {"t_end": 1.3}
+    by = ["torque.values", "torque.coefficients"]
+    length: Any = {"t_end": 1.3}
     tangent = plan.tangent(AT_REST, by=by, **length).tangent
     w = np.sin(1.0 + np.arange(6.0))
     found = plan.pullback(w, AT_REST, by=by, **length)
