@@ -54,7 +54,7 @@ COMPILED = {
         "ensemble_in_the_browser",
     ),
     *("constrained_systems", "index_reduction", "chain", "tutorial"),
-    *("estimation", "attitude_filter", "solutions", "your_own_representation"),
+    *("estimation", "attitude_filter", "arm_gains", "solutions", "your_own_representation"),
 }
 """Pages and examples about native code, or too long without it."""
 

@@ -357,7 +357,8 @@ def size_of(x: Any) -> Any:
 
 def at_rest(slope: Any) -> Any:
     """A slope that is zero, along as many directions as another one."""
-    return type(slope)(*[0.0 for _ in slope]) if isinstance(slope, tuple) else 0.0
+    kind: Any = type(slope)
+    return kind(*[0.0 for _ in slope]) if isinstance(slope, tuple) else 0.0
 
 
 # ------------------------------------------------------------------ elementary functions:

@@ -61,6 +61,7 @@ class Problem:
     def __init__(self, flies: bool, T: float) -> None:
         self.flies, self.T = flies, T
         self.m = 6 if flies else 3
+        self.begin = np.zeros(self.m)
         self.free = (
             lm.LiePoissonSystem(lm.SE3(), lm.KineticEnergy([*J, M, M, M]))
             if flies
@@ -91,7 +92,7 @@ class Ours:
         made = "constant" if len(u) == self.nodes else "linear"
         table = getattr(lm.PiecewisePolynomial, made)(t, u)
         body = lm.MechanicalSystem(p.free, lm.NoPotential(), load=Thrust(table))
-        start = body.state(mu=np.zeros(p.m), g=np.eye(4 if p.flies else 3))
+        start = body.state(mu=p.begin, g=np.eye(4 if p.flies else 3))
         return lm.Plan(body, method, self.h / parts), start
 
     def end(self, u: ARRAY) -> tuple[ARRAY, ARRAY]:
@@ -143,7 +144,7 @@ class RungeKutta:
 
     def __init__(self, problem: Problem, nodes: int, order: int) -> None:
         self.problem, self.nodes, self.order, self.h = problem, nodes, order, problem.T / nodes
-        self.start = np.concatenate([[1.0, 0.0, 0.0, 0.0], np.zeros(3), np.zeros(problem.m)])
+        self.start = np.concatenate([[1.0, 0.0, 0.0, 0.0], np.zeros(3), problem.begin])
         if not problem.flies:
             self.start = np.delete(self.start, [4, 5, 6])
 
@@ -289,6 +290,39 @@ def main() -> None:
                 print(f"{'':10} nodes      cost    replayed   end off by  s")
                 for side, made in SIDES.items():
                     compared(problem, side, made, counts[1:2] if chosen.quick else counts, more)
+    if chosen.only in (None, "spinning"):
+        spinning((25, 50) if chosen.quick else (25, 50, 100, 200, 400, 1000))
+
+
+def spinning(counts: tuple[int, ...]) -> None:
+    """A body that spins at 5 rad/s under a given torque, straight lines from node to node: how far the
+    end is off the motion by steps of order 8.
+    """
+    problem = Problem(False, 6.0)
+    problem.begin = np.array([0.3, 0.0, 10.0])
+    print(f"spinning body, end off by  {' '.join(f'{n:>9}' for n in counts)}")
+    for name, made in SIDES.items():
+        found = []
+        for nodes in counts:
+            t = np.linspace(0.0, problem.T, nodes + 1)
+            u = 0.3 * np.stack([np.sin(t), np.cos(2.0 * t), np.sin(0.5 * t)], axis=1)
+            ours, side = Ours(problem, nodes, None), made(problem, nodes)
+            parts = 4000 // nodes
+            plan, start = ours.plan(u, lm.RKMK(order=8), parts)
+            wanted = plan.run(start, steps=nodes * parts).last
+            if isinstance(side, Ours):
+                try:
+                    last = side.plan(u, side.method)[0].run(start, steps=nodes).last
+                except lm.errors.NoConvergence:
+                    found.append(np.nan)
+                    continue
+                mu, R = np.array(last.mu), np.array(last.g)
+            else:
+                z = side.states(u)[0][-1].real
+                mu, R = z[4:], rotation(z[:4])
+            off = [(mu - np.array(wanted.mu)) / 10.0, (R - np.array(wanted.g)).ravel()]
+            found.append(np.linalg.norm(np.concatenate(off)))
+        print(f"{name:26} {' '.join(f'{x:9.1e}' for x in found)}", flush=True)
 
 
 def compared(problem: Problem, name: str, made: Any, counts: Any, more: int) -> None:

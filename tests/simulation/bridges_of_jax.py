@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import liemech as lm
-from liemech.errors import InvalidInput, InvalidType
+from liemech.errors import IncompatibleSystem, InvalidInput, InvalidType
 
 INERTIA = [1.0, 1.5, 2.0]
 
@@ -102,12 +102,37 @@ def test_vmap_runs_an_ensemble(jax: Any) -> None:
             assert np.asarray(found[k]) == pytest.approx(np.asarray(wanted), rel=1e-12, abs=1e-13)
 
 
+def test_loops_and_compiled_functions_are_traced_once(jax: Any) -> None:
+    """Other values of parameters trace nothing anew; numbers of single precision become double ones."""
+    move, traced = lm.to_jax(PLAN, steps=3), []
+
+    def cost(mu: Any, inertia: Any) -> Any:
+        traced.append(mu)
+        steps = jax.lax.scan(
+            lambda x, _: (move({"mu": x}, inertia=inertia)["mu"], 0.0), mu, None, length=4
+        )
+        return (steps[0] ** 2).sum() + steps[0][0]
+
+    compiled = jax.jit(jax.grad(cost))
+    found = [compiled(MU, np.array(INERTIA) * k) for k in (1.0, 1.1, 1.2)]
+    assert len(traced) == 1
+    w = lm.to_jax(PLAN, steps=12)({"mu": MU})["mu"] * 2.0 + np.array([1.0, 0.0, 0.0])
+    wanted = PLAN.pullback({"mu": np.asarray(w)}, PLAN.system.state(mu=MU), steps=12)["start"]
+    assert np.asarray(found[0]) == pytest.approx(wanted, rel=1e-12)
+    single = jax.grad(lambda mu: move({"mu": mu})["mu"][0])(jax.numpy.array(MU, dtype="float32"))
+    assert single.dtype == np.float32
+
+
 def test_what_a_bridge_cannot_carry_is_named(jax: Any) -> None:
     move = lm.to_jax(PLAN, steps=3)
     with pytest.raises(InvalidType, match="its parts by name"):
         move(MU)
     with pytest.raises(Exception, match="inertial is no parameter of RigidBody"):
         move({"mu": MU}, inertial=1.0)
+    twice = jax.grad(lambda mu: jax.grad(lambda x: move({"mu": x})["mu"][0])(mu).sum())
+    for second in (twice, jax.hessian(lambda mu: move({"mu": mu})["mu"][0])):
+        with pytest.raises(IncompatibleSystem, match="second derivatives"):
+            second(MU)
     with pytest.raises(InvalidType, match="a Plan of one system"):
         lm.to_jax(PLAN.system, steps=3)
     with pytest.raises(InvalidInput, match="leave out every"):

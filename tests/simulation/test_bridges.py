@@ -13,7 +13,7 @@ import pytest
 from simulation.bridges_of_jax import ATTITUDE, INERTIA, MU, PLAN, driven
 
 import liemech as lm
-from liemech.errors import InvalidInput
+from liemech.errors import IncompatibleSystem, InvalidInput
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def test_jax() -> None:
         capture_output=True,
         text=True,
     )
-    assert done.returncode == 0 and "5 passed" in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 0 and "6 passed" in done.stdout, done.stdout + done.stderr
 
 
 def test_torch_passes_its_own_gradient_check(torch: Any) -> None:
@@ -51,6 +51,14 @@ def test_torch_passes_its_own_gradient_check(torch: Any) -> None:
     run = PLAN.run(PLAN.system.state(mu=MU, g=ATTITUDE), steps=12)
     for found, part in zip(end(*given), ("mu", "g"), strict=True):
         assert (found.detach().numpy() == run.states[part][-1]).all()
+
+
+def test_torch_refuses_second_derivatives(torch: Any) -> None:
+    """With create_graph a gradient would count as a constant."""
+    move = lm.to_torch(PLAN, steps=3)
+    mu = torch.tensor(MU, dtype=torch.float64, requires_grad=True)
+    with pytest.raises(IncompatibleSystem, match="second derivatives"):
+        torch.autograd.grad((move({"mu": mu})["mu"] ** 2).sum(), mu, create_graph=True)
 
 
 def test_torch_learns_a_torque(torch: Any) -> None:

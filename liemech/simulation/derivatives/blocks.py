@@ -66,27 +66,21 @@ class Blocks:
                 way.compiled, way.progress, *call, lanes=self.side, silent=True
             )
 
-    def begin(self, t0: float, work: int, else_shorter: bool) -> bool:
+    def begin(self, t0: float, work: int, else_shorter: bool) -> None:
         """For another run, whose step 0 is at t0; formulas count as they are now.  work : steps of all
-        blocks and directions.  else_shorter : is there a shorter code?  Returns False where that is to be
-        taken, as this one cannot be compiled.
+        blocks and directions.  else_shorter : is there a shorter code?  Raises NotCompilable where that is
+        to be taken.
         """
         self.t0 = t0
         stepping = self.lanes.stepping
         stepping.silent = else_shorter
-        try:
-            stepping.refresh()
-            if work > PLAIN:
-                stepping.compile()
-        except NotCompilable:
-            if not else_shorter:
-                raise
-            return False
-        if else_shorter and stepping.wanted is False and self.way.compiled is not False:
-            return False
+        stepping.refresh()
+        if work > PLAIN:
+            stepping.compile()
+        if else_shorter and stepping.wanted is False and stepping.asked is not False:
+            raise NotCompilable("Plan.gradient: too long with several directions in a number")
         if self.order is None:
             self.beginning.used(self.way.compiled)
-        return True
 
     def run(
         self, starts: np.ndarray, body: np.ndarray, first: np.ndarray, last: np.ndarray,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InvalidInput, InvalidType, MissingExtra
+from ...errors import IncompatibleSystem, InvalidInput, InvalidType, MissingExtra
 from ...systems.system import State, member
 from ...systems.tabulated import PiecewisePolynomial
 from ..compiled.parameters import full_name, parameter, with_parameter
@@ -19,6 +19,8 @@ from ..plan import Plan
 from .tangent import frames_of, real_numbers
 
 Arrays = dict[str, np.ndarray]
+
+SECOND = "{}: second derivatives of runs are not known; differences of gradients tell them"
 
 
 def to_jax(
@@ -36,7 +38,8 @@ def to_jax(
     those of the plan, "inertia", "torque.values" as `**{"torque.values": u}`.  `vmap` over starts or
     parameters runs an ensemble, side by side.
     The derivative by an element g is a matrix whose product with every dg = g hat(eta) is right; across the
-    group there is none, and that part is zero.  Forward mode (`jax.jvp`) is `Plan.tangent(along=)`.
+    group there is none, and that part is zero.  Forward mode (`jax.jvp`) is `Plan.tangent(along=)`; second
+    derivatives are refused.
     Raises MissingExtra without JAX, InvalidInput with its numbers of single precision, and what `run` and
     `gradient` do, inside the errors of JAX.
     """
@@ -53,13 +56,20 @@ def to_jax(
         return called(lambda *given: move.value(*given, *shapes), wanted, parts, parameters)
 
     def kept(parts: dict[str, Any], parameters: dict[str, Any]) -> Any:
-        return forwards(parts, parameters), (parts, parameters)
+        return once(parts, parameters), (parts, parameters)
 
+    @jax.custom_jvp
     def backwards(given: Any, cotangent: dict[str, Any]) -> Any:
         shapes = tuple(map(_shapes, given))
         wanted = tuple({n: like(x.shape, x.dtype) for n, x in one.items()} for one in given)
         return called(lambda *values: move.back(*values, *shapes), wanted, *given, cotangent)
 
+    def twice(*_: Any) -> Any:
+        raise IncompatibleSystem(SECOND.format("lm.to_jax"))
+
+    once = jax.custom_jvp(forwards)
+    once.defjvp(twice)
+    backwards.defjvp(twice)
     differentiable = jax.custom_vjp(forwards)
     differentiable.defvjp(kept, backwards)
 
@@ -106,6 +116,8 @@ def to_torch(
 
         @staticmethod
         def backward(ctx: Any, *cotangents: Any) -> Any:
+            if torch.is_grad_enabled():  # with create_graph, which would take it for a constant
+                raise IncompatibleSystem(SECOND.format("lm.to_torch"))
             parts, parameters = _split(ctx.names, ctx.saved_tensors)
             given = dict(zip(ctx.names[0], (c.detach().numpy() for c in cotangents), strict=True))
             shapes = _shapes(parts), _shapes(parameters)

@@ -23,13 +23,13 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import GradientWarning, IncompatibleSystem, InvalidInput, warn
+from ...errors import GradientWarning, IncompatibleSystem, InvalidInput, NotCompilable, warn
 from ...formulas.frozen import frozen
 from ...formulas.pytree import layout_of
 from ...formulas.tables import Table
 from ...integrators.ending_at_jumps import ending_at_jumps, overshoot
 from ...systems.system import State, member
-from ...systems.tabulated import NEAR, PiecewisePolynomial, inputs
+from ...systems.tabulated import NEAR, PiecewisePolynomial
 from .. import arguments
 from ..between.dense import flat
 from ..compiled.execution import like
@@ -37,14 +37,16 @@ from ..compiled.parameters import full_name, parameter, shape_of
 from ..compiled.prepared import Steps
 from ..compiled.systems import OfBodies
 from ..reports.progress import Bar
+from ..result import of_some
 from ..trajectory import Trajectory
 from .blocks import Blocks
 from .losses import Loss
 from .of_sites.pullback import goes_by_sites, gradient_by_sites
 from .tangent import StepsOfARun, frames_of, parameter_moves, real_numbers, slope, with_step
-from .varied import Varied, VariedInput
+from .varied import Varied
+from .varied_input import table_of
 
-LANES = 256
+LANES = 384
 """Blocks and directions whose numbers are in memory at once."""
 
 PIECE = 2**9
@@ -65,7 +67,7 @@ FEW, SEVERAL, MANY = 3, 5, 12
 LONG = 32
 """Numbers of a state up to which they are several."""
 
-OVERHEAD = 600
+OVERHEAD = 200
 """Steps of one direction that take as long as what there is to do for a block beside its steps."""
 
 
@@ -78,14 +80,16 @@ class Gradient:
     bodies.  "start" is (N,), or (bodies, N), in the frames of tangent maps: of a group element dg = g
     hat(eta).
     run : of the samples that were kept, or of start and end.
-    growth : the norm of the tangent map from the start to the end, of the worst body: by so much a
-    disturbance grows, and the rounding of the run with it.
+    growth : the norm of the tangent map J from the start to the end, of the worst body: by so much a
+    disturbance grows, and the rounding of the run with it.  Of many sites, where |J| would take a run for
+    each direction, it is |J^T w|/|w|, w the derivative by the last state, which is at most |J|; with
+    running costs None.
     """
 
     value: Any
     gradient: dict[str, np.ndarray]
     run: Trajectory
-    growth: float
+    growth: float | None
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.gradient[name]
@@ -145,9 +149,10 @@ class Directions:
                 by_method += zip(*moves, strict=True)
                 by_system += [None] * len(moves[0])
             else:
-                table = self._table(several[0], name)
+                known = [p.varied for p in self.parameters if p.varied]
+                table = table_of(several[0], name, "Plan.gradient", known)
                 if table is not None:
-                    self.parameters.append(table)
+                    self.parameters.append(Parameter(name, None, (), False, *table))
                     continue
                 full = full_name(several[0], name, "Plan.gradient")
                 moves = [parameter_moves(system, full) for system in several]
@@ -184,27 +189,6 @@ class Directions:
             system = table.in_system(system)
         return system
 
-    def _table(self, system: Any, name: str) -> Parameter | None:
-        """A parameter that is a table."""
-        before, _, last = name.rpartition(".")
-        if last not in ("values", "coefficients") or not before:
-            return None
-        full = full_name(system, before, "Plan.gradient")
-        table = parameter(system, full)
-        if not isinstance(table, PiecewisePolynomial):
-            return None
-        number = next(k for k, x in enumerate(inputs(system)) if x is table)
-        known = [p.varied for p in self.parameters if p.varied and p.varied.number == number]
-        found = known[0] if known else VariedInput(number, table)
-        values = last == "values"
-        if values and not table.has_values:
-            raise InvalidInput(
-                f"Plan.gradient: {name}: values are those of steps (PiecewisePolynomial.constant) and of "
-                f"straight lines (.linear); of {table!r} ask for {before}.coefficients, from which those "
-                "of values follow by the chain rule"
-            )
-        return Parameter(name, None, (), False, found, values)
-
     def _slopes(self, things: Any, moves: list[Any], dressed: Any) -> np.ndarray:
         """How the numbers of things change, (things, directions, numbers)."""
         layout = layout_of(things[0])
@@ -239,6 +223,8 @@ class Forward:
         self.example = member(run.last, 0)
         self.frames = frames
         self.sizes = {n: layout_of(self.example.parts[n]).width for n in self.frames}
+        points = {n: np.asarray(self.example.parts[n])[None] for n in self.frames}
+        self.directions = {n: len(of(points[n])[0]) for n, of in self.frames.items()}
 
     def times(self, body: int) -> tuple[np.ndarray, ...]:
         """Of all blocks the time and the length of the first step and of the last one."""
@@ -412,11 +398,14 @@ class Prepared:
 
     def blocks_of(self, way: Steps, forward: Forward, work: int) -> Blocks:
         """The code for the blocks of a run.  work : steps of all blocks and directions."""
-        if self.blocks is None:
-            self.blocks = self._blocks(way, forward)
-        side = self.directions.side
-        if not self.blocks.begin(forward.t0, work, side > 1):
-            # too long to be compiled: direction by direction it is shorter
+        several = self.directions.side > 1
+        try:
+            self.blocks = self.blocks or self._blocks(way, forward)
+            self.blocks.begin(forward.t0, work, several)
+        except NotCompilable:
+            if not several:
+                raise
+            # direction by direction the code is shorter
             self.directions = Directions(*self.given, 1)
             self.blocks = self._blocks(way, forward)
             self.blocks.begin(forward.t0, work, False)
@@ -474,7 +463,7 @@ class Backward:
     def go(self) -> None:
         """Go backwards through all blocks."""
         blocks, edges = len(self.forward.edges) - 1, self.forward.edges
-        chunk = max(1, LANES // self.lanes_of_block)
+        chunk = max(1, LANES // (self.lanes_of_block * self.side))
         with Bar(self.forward.plan.options.progress, int(edges[-1])) as bar:
             for end in range(blocks, 0, -chunk):
                 begin = max(0, end - chunk)
@@ -541,6 +530,19 @@ class Backward:
         all_of_them = last >= met.intervals  # it begins anew in the block
         return np.where(all_of_them, 0, first), np.where(all_of_them, met.intervals - 1, last)
 
+    def relative_growth(self) -> float:
+        """The growth of the worst body beside the size of each part of the state, which units do not change."""
+        forward, at, scales = self.forward, 0, []
+        for name, size in forward.sizes.items():
+            largest = np.abs(forward.numbers[..., at : at + size]).max(axis=(0, 2))
+            at += size
+            many = forward.directions[name]
+            scale = np.where(largest > 0.0, largest, 1.0) if name != "g" else np.ones(self.bodies)
+            scales.append(np.repeat(scale[:, None], many, axis=1))
+        scale = np.concatenate(scales, axis=1)
+        found = self.growth * scale[:, :, None] / scale[:, None, :]
+        return float(np.linalg.norm(found, 2, axis=(1, 2)).max())
+
     def by(self, name: str) -> np.ndarray:
         """The derivative by a parameter."""
         if name == "start":
@@ -572,8 +574,9 @@ class Backward:
         forward, directions = self.forward, self.directions
         side = self.side
         found = np.empty((len(k), side, self.count))
-        for at in range(0, len(k), PIECE):
-            some = slice(at, at + PIECE)
+        piece = PIECE // side
+        for at in range(0, len(k), piece):
+            some = slice(at, at + piece)
             block, body = k[some], i[some]
             values = forward.numbers[begin + block, body]
             starts = np.zeros((values.shape[1], 1 + side, len(values)))
@@ -642,10 +645,7 @@ def backwards(
         if not plan.adaptive:
             return gradient_of(plan, start, plan._count(steps, t_end, t0), t0, names, *asked)
         if start.bodies is not None:
-            raise IncompatibleSystem(
-                f"Plan.{what}: with adaptive steps each body has steps of its own: give one body at a "
-                "time, or fixed steps"
-            )
+            return of_each_body(plan, what, start, steps, t_end, t0, names, *asked)
         return adaptive_gradient_of(plan._of_body(0), start, steps, t_end, t0, names, *asked)
 
 
@@ -658,8 +658,10 @@ def _by_sites(
             f"Plan.{what}: of many sites there is the gradient of fixed steps; give h and steps"
         )
     count = plan._count(steps, t_end, t0)
-    value, found, run = gradient_by_sites(plan, what, start, count, t0, names, *asked)
-    return Gradient(value, found, run, math.nan)
+    value, found, run, growth = gradient_by_sites(plan, what, start, count, t0, names, *asked)
+    if growth is not None:
+        tell(growth)
+    return Gradient(value, found, run, growth)
 
 
 def gradient_of(
@@ -724,13 +726,7 @@ def gradient_of(
     if along is not None and value is not None:
         value = math.fsum(sums)
     growth = float(np.linalg.norm(back.growth, 2, axis=(1, 2)).max())
-    if not growth * EPSILON < DOUBTFUL:
-        warn(
-            f"Plan.gradient: a disturbance of the start grows by {growth:.1e} up to the end, and the "
-            f"rounding of the run with it: the gradient has about {digits(growth)} digits. A shorter run, or "
-            "a loss of averages, has more",
-            GradientWarning,
-        )
+    tell(back.relative_growth())
     found = {name: back.by(name) for name in names}
     if start.bodies is None:
         found = {n: x[0] if n == "start" else x for n, x in found.items()}
@@ -741,6 +737,17 @@ EPSILON = float(np.finfo(float).eps)
 
 DOUBTFUL = 1e-6
 """Part of a gradient that rounding may take before somebody is warned."""
+
+
+def tell(growth: float) -> None:
+    """Warn of a growth that leaves few digits."""
+    if not growth * EPSILON < DOUBTFUL:
+        warn(
+            f"Plan.gradient: a disturbance of the start grows by {growth:.1e} up to the end, and the "
+            f"rounding of the run with it: the gradient has about {digits(growth)} digits. A shorter run, or "
+            "a loss of averages, has more",
+            GradientWarning,
+        )
 
 
 def digits(growth: float) -> int:
@@ -761,6 +768,45 @@ def adaptive_gradient_of(
     return gradient_of(
         in_steps(plan, run), start, len(run.t) - 1, 0.0, names, every, loss, along, cotangent, run
     )
+
+
+def of_each_body(
+    plan: Any, what: str, start: State, steps: Any, t_end: Any, t0: float, names: tuple[str, ...],
+    every: Any, loss: Any, along: Any, cotangent: Any,
+) -> Gradient:  # fmt: skip
+    """The gradient of an ensemble by an error estimate, whose bodies have steps of their own: one after
+    another.
+    """
+    many = start.bodies or 1
+    if cotangent is not None and every is not None:
+        raise IncompatibleSystem(
+            f"Plan.{what}: with adaptive steps each body has samples of its own: leave out every, "
+            "or give one body at a time"
+        )
+    given = [(x, name) for x, name in ((loss, "loss"), (along, "along"))]
+    losses = [x if x is None else Loss(x, name, many) for x, name in given]
+    rows: dict[Any, Any] = cotangent if isinstance(cotangent, dict) else {"": cotangent}
+    for name, x in rows.items():
+        if x is not None and np.shape(x)[:1] != (many,):
+            raise InvalidInput(
+                f"Plan.{what}: cotangent{[name] if name else ''} has a leading axis of {many} bodies; "
+                f"got shape {np.shape(x)}"
+            )
+    found = []
+    for i, end in enumerate(arguments.ends(t_end, many)):
+        own = [x if x is None else x.of(i) for x in losses]
+        parts: Any = {n: x if x is None else np.asarray(x)[i] for n, x in rows.items()}
+        w = parts if isinstance(cotangent, dict) else parts[""]
+        one = plan._of_body(i), member(start, i), steps, end, t0, names, every, *own, w
+        found.append(adaptive_gradient_of(*one))
+    gradient = {}
+    for name in names:
+        each = np.stack([one[name] for one in found])
+        of_each = ("method" if name.startswith("method.") else "system") in plan.of_each
+        gradient[name] = each if name == "start" or of_each else each.sum(axis=0)
+    value = None if cotangent is not None else math.fsum(one.value for one in found)
+    run = of_some([one.run for one in found], system=plan.system, method=plan.method)
+    return Gradient(value, gradient, run, max(one.growth or 0.0 for one in found))
 
 
 class Cotangent:

@@ -43,6 +43,10 @@ class Loss:
                 )
         self.timed = self._timed(self.functions[0])
 
+    def of(self, body: int) -> Any:
+        """The function of one body."""
+        return self.functions[body if self.each else 0]
+
     def _timed(self, function: Any) -> bool:
         """Is it a function of time and state?"""
         try:

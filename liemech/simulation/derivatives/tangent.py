@@ -44,6 +44,7 @@ from ..equal import StraightRun
 from ..origin import Origin
 from ..result import AsItIs, of_some, of_tangent
 from ..trajectory import TangentTrajectory, Trajectory
+from .varied_input import table_of
 
 LEVEL = 0.5
 """Level of the numbers that carry the derivative, below those of derivatives that formulas take."""
@@ -121,7 +122,8 @@ class Directions:
     frames : of each part of the state the directions in which it moves.  moves : of the numbers of
     the start.  method : whose parameters vary.  systems, methods : in numbers that carry the
     derivative by a parameter; None for the system, or the method, as it is.  columns : which of
-    them belong to a name.
+    them belong to a name.  system : as it is.  tables : by name those whose coefficients are moved,
+    and whether values are asked for.
     """
 
     frames: dict[str, Any]
@@ -130,6 +132,8 @@ class Directions:
     systems: list[Any]
     methods: list[Any]
     columns: dict[str, slice]
+    system: Any
+    tables: dict[str, Any]
 
     @classmethod
     def of(
@@ -144,6 +148,18 @@ class Directions:
         """
         dressed = dressed or (lambda method: method)
         given = begins or (lambda system, method, start: (system, start))
+        tables: dict[str, Any] = {}
+        for name in names:
+            found = table_of(system, name, "Plan.tangent", [x for x, _ in tables.values()])
+            tables |= {} if found is None else {name: found}
+        if tables and begins is not None:
+            raise IncompatibleSystem(
+                "Plan.tangent: in fictive time there is no derivative by the values of a table; in time there is"
+            )
+        for table in {id(x): x for x, _ in tables.values()}.values():
+            system = table.in_system(system)
+        for table, _ in tables.values():
+            table.find(system)
         way, (whole, now) = dressed(method), given(system, method, start)
         layout, frames = layout_of((way, whole, now)), frames_of(whole, now)
         first, last = layout.parts[0].width, layout.width - layout.parts[2].width
@@ -169,19 +185,31 @@ class Directions:
 
         slopes: list[np.ndarray] = []
         columns: dict[str, slice] = {}
+        moved: dict[int, Any] = {}  # systems with tables that another interval moves
         for name in names:
             begun = len(slopes)
-            if name == "start" and begins is None:
+            if name in tables:
+                some = tables[name][0].moves(whole)
+                moved |= {begun + k: thing for k, (thing, _) in enumerate(some)}
+                for _, place in some:
+                    slopes.append(np.eye(1, layout.width, first + place)[0])
+            elif name == "start" and begins is None:
                 slopes += [np.append(np.zeros(last), move) for move in start_moves(frames, start)]
             else:
                 slopes += [slope(to, step, layout, name) for to, step in ways(name)]
             columns[name] = slice(begun, len(slopes))
         systems, methods = (
-            [dual_of(thing, x[some]) if x[some].any() else None for x in slopes]
-            for thing, some in ((whole, slice(first, last)), (way, slice(0, first)))
+            [
+                dual_of(others.get(k, thing), x[some]) if x[some].any() else None
+                for k, x in enumerate(slopes)
+            ]
+            for thing, some, others in (
+                (whole, slice(first, last), moved),
+                (way, slice(0, first), {}),
+            )
         )
         moves = np.array([x[last:] for x in slopes])
-        return cls(frames, moves, way, systems, methods, columns)
+        return cls(frames, moves, way, systems, methods, columns, whole, tables)
 
     def components(self, example: Any, values: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Changes of the numbers of states, (n, directions, width), as components in the frames at
@@ -199,7 +227,11 @@ class Directions:
 
     def named(self, tangent: np.ndarray) -> dict[str, np.ndarray]:
         """The derivatives by name."""
-        return {name: tangent[..., part] for name, part in self.columns.items()}
+        found = {name: tangent[..., part] for name, part in self.columns.items()}
+        for name, (table, values) in self.tables.items():
+            rows = found[name].reshape(-1, int(table.table.intervals), table.width)
+            found[name] = table.by(rows, values).reshape(*tangent.shape[:-1], -1)
+        return found
 
 
 @record
@@ -547,7 +579,7 @@ class _Run(StraightRun):
             for move in found.moves
         ]
         if any(found.systems):
-            rest = dual_of(way.one)
+            rest = dual_of(found.system)
             way = replace(way, system=Systems(tuple(s or rest for s in found.systems)), shapes={})
         if any(found.methods):
             rest = dual_of(found.method)

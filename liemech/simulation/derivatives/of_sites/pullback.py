@@ -25,8 +25,9 @@ from .tangent import Frames
 def gradient_by_sites(
     plan: Any, what: str, start: Any, steps: int, t0: float, names: tuple[str, ...], every: int | None,
     loss: Any, along: Any, cotangent: Any,
-) -> tuple[float | None, dict[str, np.ndarray], Any]:  # fmt: skip
-    """A loss, its derivatives by "start" and by parameters of terms, and the run; or of a cotangent.
+) -> tuple[float | None, dict[str, np.ndarray], Any, float | None]:  # fmt: skip
+    """A loss, its derivatives by "start" and by parameters of terms, the run, and |J^T w|/|w| where w is felt
+    at the end alone; or of a cotangent.
 
     every : between the samples that count; None for the last state only.  loss, along : sums over the
     sites of functions of one, `lambda site: ...`.  cotangent : (N,) in the components of tangent maps, or by
@@ -64,10 +65,13 @@ def gradient_by_sites(
             more, slope = _of_sites(along, "along", shown, run, k)
             value, felt[n] = value + more, felt.get(n, 0.0) + slope
     if by_directions:
-        return value, {"start": _by_directions(plan, start, t0, felt)}, run
-    found, by = back.back(felt)
-    by["start"] = found
-    return value, {name: by[name] for name in names}, run
+        by = {"start": _by_directions(plan, start, t0, felt)}
+    else:
+        found, by = back.back(felt)
+        by["start"] = found
+    sizes = [float(np.linalg.norm(w)) for w in felt.values()]
+    growth = float(np.linalg.norm(by["start"])) / sizes[0] if len(sizes) == 1 and sizes[0] else None
+    return value, {name: by[name] for name in names}, run, growth
 
 
 def _by_directions(plan: Any, start: Any, t0: float, felt: dict[int, np.ndarray]) -> np.ndarray:
