@@ -406,7 +406,9 @@ def test_exponentials_of_large_matrices(rows: int, norm: float) -> None:
     from liemech.groups.matrix_functions import expm1
 
     rng = np.random.default_rng(rows)
-    turns = rng.uniform(-1.0, 1.0, rows)
+    turns = np.append(
+        1.0, rng.uniform(-0.1, 0.1, rows - 1)
+    )  # its norm is nearly that of one eigenvalue
     turns *= norm / np.linalg.norm(turns)
     q = np.linalg.qr(rng.normal(size=(rows, rows)) + 1j * rng.normal(size=(rows, rows)))[0]
     x = (q * (1j * turns)) @ q.conj().T
@@ -479,3 +481,28 @@ def test_what_is_no_momentum_and_no_element_is_named(group: Any) -> None:
             match=words,
         ):
             call()
+
+
+@lm.record
+class Driven(lm.LinearGroupEquation):
+    """g' = g (a sin t + b cos 2t)."""
+
+    a: lm.Vec
+    b: lm.Vec
+
+    def drive(self, t: float) -> lm.Vec:
+        return lm.formulas.sin(t) * self.a + lm.formulas.cos(2.0 * t) * self.b
+
+
+def test_magnus_on_a_large_group() -> None:
+    group = lm.SO(14)
+    system = Driven(group, *(0.08 * np.random.default_rng(1).normal(size=(2, group.dim))))
+    start, errors = system.state(np.eye(14)), []
+    exact = lm.integrate(system, lm.RKMK(order=8), start, h=0.1, steps=20, compiled=False).g[-1]
+    for h in (0.2, 0.1):
+        run = lm.integrate(
+            system, lm.Magnus(order=4), start, h=h, steps=round(2.0 / h), compiled=False
+        )
+        errors.append(np.abs(run.g[-1] - exact).max())
+        assert np.asarray(group.contains(run.g)).all()
+    assert 3.9 < np.log2(errors[0] / errors[1]) < 4.1
