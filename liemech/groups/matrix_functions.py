@@ -6,6 +6,7 @@ Frobenius norm.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ..formulas import Mat, mat, vec
@@ -49,21 +50,70 @@ def plus(m: Mat, s: float) -> Mat:
 def expm1(x: Mat) -> Mat:
     """exp(x) - 1, to rounding relative to x where x is small: cosh(x) - 1 + x (sinh(x)/x), both
     series in x^2, with x halved until its norm is at most 1, and exp(2x) - 1 = 2 E + E^2 with
-    E = exp(x) - 1 thereafter.  Norms above 2^52 give nan.
+    E = exp(x) - 1 thereafter.  Of matrices of many rows, where products cost more than all else, Pade's
+    approximation in place of the series.  Norms above 2^52 give nan.
 
     x : (n, n).  Source: Higham, Functions of Matrices (2008), section 10.3 (scaling and squaring).
     """
     size2, halvings = frobenius2(x), 0.0
-    while size2 > 1.0 and halvings <= LOST:
+    by_pade = isinstance(x, Large) and len(x) >= MANY_ROWS
+    largest = PADE_13 * PADE_13 if by_pade else 1.0
+    while size2 > largest and halvings <= LOST:
         x = 0.5 * x
         size2, halvings = frobenius2(x), halvings + 1.0
     if halvings > LOST:
         x, halvings = x * (INFINITE - INFINITE), 0.0
-    e = _series_by_characteristic(x, size2) if len(x) == 3 else _series(x, size2)
+    if by_pade:
+        e = _pade(x, size2)
+    else:
+        e = _series_by_characteristic(x, size2) if len(x) == 3 else _series(x, size2)
     while halvings > 0.0:
         e = 2.0 * e + e @ e
         halvings = halvings - 1.0
     return e
+
+
+PADE_7, PADE_13 = 0.9504178996162932, 5.371920351148152
+"""Norms up to which Pade's approximations of these degrees are exp to rounding.
+
+Source: Higham, Functions of Matrices (2008), table 10.2.
+"""
+
+
+MANY_ROWS = 48
+"""From so many rows on Pade's approximation is faster: six products and an elimination, not eleven products.
+Measured: RKMK4 on SO(32) 112 us by it and 110 by the series, SO(64) 640 and 740, SO(128) 4400 and 5600.
+"""
+
+
+def pade_coefficients(m: int) -> tuple[float, ...]:
+    """b_0, ..., b_m of Pade's approximation p(x)/p(-x) of exp, p = sum b_j x^j, b_0 = 1.
+
+    Source: Higham, Functions of Matrices (2008), equation (10.23).
+    """
+    f = math.factorial
+    return tuple([f(2 * m - j) * f(m) / (f(2 * m) * f(m - j) * f(j)) for j in range(m + 1)])
+
+
+SEVEN, THIRTEEN = pade_coefficients(7), pade_coefficients(13)
+
+
+def _pade(x: Large, size2: float) -> Large:
+    """exp(x) - 1 = 2 U (V - U)^-1 with p(x) = V + U, U its odd part, to rounding relative to x.
+
+    x : of norm PADE_13 at most.  Source: Higham, Functions of Matrices (2008), algorithm 10.20.
+    """
+    square = x @ x
+    fourth = square @ square
+    sixth = fourth @ square
+    b = THIRTEEN if size2 > PADE_7 * PADE_7 else (*SEVEN, *[0.0] * 6)
+    odd = b[7] * sixth + b[5] * fourth + b[3] * square
+    even = b[6] * sixth + b[4] * fourth + b[2] * square
+    if size2 > PADE_7 * PADE_7:
+        odd = odd + sixth @ (b[13] * sixth + b[11] * fourth + b[9] * square)
+        even = even + sixth @ (b[12] * sixth + b[10] * fourth + b[8] * square)
+    u = x @ odd.plus(b[1])
+    return (2.0 * u).over((even - u).plus(1.0))
 
 
 def _series(x: Mat, size2: float) -> Mat:

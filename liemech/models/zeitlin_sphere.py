@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import InvalidInput
-from ..formulas import Mat, Vec, dot, real_array, record
+from ..formulas import Mat, Vec, check_finite, dot, real_array, record
 from ..formulas.large import DiagonalSolver, Large
 from ..groups import matrix_basis
 from ..groups.classical import SU
@@ -155,6 +155,41 @@ class ZeitlinSphere(LiePoissonSystem):
         matrix = self._matrix_of(found)
         return self.state(self.group.algebra.pairing(1j * self._momentum_scale * matrix))
 
+    def from_matrix(self, matrix: Any) -> BodyState:
+        """The state with the absolute vorticity that this hermitian matrix F stands for: the inverse of `matrix`.
+
+        matrix : (N, N).  Raises InvalidInput for one that is not hermitian, as that of a field which is not
+        real, or has a trace, the sum of the vorticity over the sphere.
+        """
+        name, n = "ZeitlinSphere.from_matrix: matrix", self.n
+        array = real_array(matrix, name, or_complex=True)
+        if array.shape != (n, n):
+            raise InvalidInput(f"{name} has shape {array.shape}; it must be ({n}, {n})")
+        check_finite(array, name)
+        off, size = np.abs(array - array.conj().T), np.abs(array).max()
+        if not off.max() <= 1e-12 * size:
+            i, j = (int(k) for k in np.unravel_index(int(off.argmax()), off.shape))
+            raise InvalidInput(
+                f"{name} is not hermitian, as that of a real field is: [{i}, {j}] is {array[i, j]:g}, [{j}, {i}] is "
+                f"{array[j, i]:g}"
+            )
+        trace = float(np.trace(array).real)
+        if not abs(trace) <= 1e-12 * n * size:
+            raise InvalidInput(
+                f"{name} has the trace {trace:g}; it must be zero, for so is the sum of the vorticity over the "
+                f"sphere: subtract {trace / n:g} times the unit matrix"
+            )
+        return self.state(self.group.algebra.pairing(1j * self._momentum_scale * array))
+
+    def _momentum(self, mu: Any, name: str) -> np.ndarray:
+        """Momenta, (..., N^2 - 1), as an array.  Raises InvalidInput for other shapes."""
+        array = real_array(mu, f"ZeitlinSphere.{name}: mu")
+        if array.shape[-1:] != (self.group.dim,):
+            raise InvalidInput(
+                f"ZeitlinSphere.{name}: mu has shape {array.shape}; its last axis must be {self.group.dim}"
+            )
+        return array
+
     def _matrix_of(self, a: np.ndarray) -> np.ndarray:
         """F, hermitian, of coefficients a[l, N - 1 + m]."""
         n, found = self.n, np.zeros((self.n, self.n), dtype=complex)
@@ -186,7 +221,7 @@ class ZeitlinSphere(LiePoissonSystem):
 
     def matrix(self, mu: Any) -> np.ndarray:
         """The hermitian matrix F of the absolute vorticity.  mu : (..., N^2 - 1); (..., N, N)."""
-        m = self.group.generated.covector(real_array(mu, "ZeitlinSphere.matrix: mu"))
+        m = self.group.generated.covector(self._momentum(mu, "matrix"))
         return np.asarray(-1j / self._momentum_scale * m)
 
     def harmonics(self, mu: Any, degrees: int | None = None) -> np.ndarray:
@@ -194,7 +229,7 @@ class ZeitlinSphere(LiePoissonSystem):
         the inverse of `from_harmonics`.  mu : (..., N^2 - 1); (..., L + 1, 2 L + 1).
         """
         n, f = self.n, self.matrix(mu)
-        largest = n - 1 if degrees is None else min(degrees, n - 1)
+        largest = n - 1 if degrees is None else min(whole_number("degrees", degrees, 0), n - 1)
         found = np.zeros((*f.shape[:-2], largest + 1, 2 * largest + 1))
         for m in range(largest + 1):
             j = np.arange(n - m)
@@ -218,6 +253,11 @@ class ZeitlinSphere(LiePoissonSystem):
             np.sin(real_array(latitude, "ZeitlinSphere.vorticity: latitude")),
         )
         phi = real_array(longitude, "ZeitlinSphere.vorticity: longitude")
+        for name, angles in (("latitude", z), ("longitude", phi)):
+            if angles.ndim != 1:
+                raise InvalidInput(
+                    f"ZeitlinSphere.vorticity: {name} has shape {angles.shape}; give (m,)"
+                )
         along = np.empty((*a.shape[:-2], len(z), 2 * largest + 1))  # by order, -L to L
         for m in range(largest + 1):
             p = legendre(m, largest, z) * (np.sqrt(2.0) if m else 1.0)
@@ -264,10 +304,23 @@ class ZeitlinSphere(LiePoissonSystem):
         return kept | {"angular momentum": along}
 
 
+def _is_whole(k: Any) -> bool:
+    return isinstance(k, (int, np.integer)) and not isinstance(k, bool)
+
+
 def _given(coefficients: Any) -> dict[tuple[int, int], float]:
     """Coefficients by degree and order."""
+    name = "ZeitlinSphere.from_harmonics: coefficients"
     if isinstance(coefficients, dict):
-        return {(int(l), int(m)): float(a) for (l, m), a in coefficients.items()}
+        found = {}
+        for key, a in coefficients.items():
+            if not (isinstance(key, tuple) and len(key) == 2 and all(_is_whole(k) for k in key)):
+                raise InvalidInput(f"{name} have the key {key!r}; it must be (l, m), two integers")
+            number = real_array(a, f"{name}[{key}]")
+            if number.ndim or not np.isfinite(number):
+                raise InvalidInput(f"{name}[{key}] is {a!r}; it must be a finite real number")
+            found[int(key[0]), int(key[1])] = float(number)
+        return found
     a = real_array(coefficients, "ZeitlinSphere.from_harmonics: coefficients")
     if a.ndim != 2 or a.shape[1] != 2 * a.shape[0] - 1:
         raise InvalidInput(

@@ -31,6 +31,7 @@ class Dissipative(System):
         "DissipativeSplitting(Isospectral(2)) moves it, and Isospectral(2) its `system`, which is not damped"
     )
 
+    coordinates: ClassVar[tuple[str, ...]] = ("mu",)
     dissipative: ClassVar[bool] = True
 
     system: LiePoissonSystem

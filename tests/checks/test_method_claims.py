@@ -267,6 +267,7 @@ ELSEWHERE = {
     *(lm.MultipleTimeSteps, lm.LieRATTLE, lm.LagrangeDAlembert, lm.Boris),
     *(lm.SublatticeSplitting, lm.BondSplitting),  # tests/sites
     *(lm.DiscreteGradient, lm.WongZakai, lm.NinomiyaVictoir),  # tests/noise
+    lm.DissipativeSplitting,  # tests/models/test_viscous_sphere.py
 }
 """Methods whose claims `check_method` does not look at."""
 

@@ -393,3 +393,116 @@ def test_retractions_on_rows_of_large_complex_groups(retraction: Any) -> None:
     g = retraction.tau(group, xi)
     assert g.dtype == complex and np.asarray(group.contains(g)).all()
     assert np.abs(g[1] - np.asarray(retraction.tau(group, xi[1]))).max() < 1e-14
+
+
+@pytest.mark.parametrize("rows", [13, 48])
+@pytest.mark.parametrize("norm", [1e-8, 1e-3, 0.9, 1.1, 5.3, 5.5, 40.0, 1e3])
+def test_exponentials_of_large_matrices(rows: int, norm: float) -> None:
+    """exp(x) - 1 beside sixty digits of mpmath, relative to itself: by the series and, from 48 rows on, by
+    Pade's approximation, on both sides of where they scale; and unitary.
+    """
+    import mpmath
+
+    from liemech.groups.matrix_functions import expm1
+
+    rng = np.random.default_rng(rows)
+    turns = np.append(
+        1.0, rng.uniform(-0.1, 0.1, rows - 1)
+    )  # its norm is nearly that of one eigenvalue
+    turns *= norm / np.linalg.norm(turns)
+    q = np.linalg.qr(rng.normal(size=(rows, rows)) + 1j * rng.normal(size=(rows, rows)))[0]
+    x = (q * (1j * turns)) @ q.conj().T
+    x = 0.5 * (x - x.conj().T)
+    found = np.array(expm1(Large(x)).array)
+    g = found + np.eye(rows)
+    assert np.abs(g.conj().T @ g - np.eye(rows)).max() < 3e-16 * (16.0 + norm)
+    with mpmath.workdps(60):
+        exact = np.array([complex(mpmath.expm1(mpmath.mpc(0, t))) for t in turns])
+    expected = (q * exact) @ q.conj().T  # q is unitary to rounding, and x known to rounding
+    assert np.linalg.norm(found - expected) < 2e-15 * (4.0 + norm) * np.linalg.norm(exact)
+
+
+def test_pade_coefficients() -> None:
+    """p(x)/p(-x) of degree m agrees with exp up to x^2m: as fractions, beside SymPy's series."""
+    from fractions import Fraction
+    from math import factorial
+
+    from liemech.groups.matrix_functions import pade_coefficients
+
+    for m in (7, 13):
+        b = [
+            Fraction(factorial(2 * m - j) * factorial(m), factorial(2 * m) * factorial(m - j) * factorial(j))
+            for j in range(m + 1)
+        ]  # fmt: skip
+        assert np.allclose(pade_coefficients(m), [float(x) for x in b], rtol=0.0, atol=0.0)
+        for k in range(2 * m + 1):  # the coefficient of x^k in p(-x) exp(x) - p(x)
+            product = sum(
+                ((-1) ** j * b[j] / factorial(k - j) for j in range(min(k, m) + 1)), Fraction(0)
+            )
+            assert product == (b[k] if k <= m else 0)
+
+
+LARGE_GROUPS = [lm.SO(14), lm.SU(13), lm.U(13), lm.SL(13), lm.GL(12), lm.Sp(14)]
+
+
+@pytest.mark.parametrize("group", LARGE_GROUPS, ids=repr)
+def test_what_is_no_momentum_and_no_element_is_named(group: Any) -> None:
+    """For every large class: shapes, what is not finite or not real, and matrices outside of the group."""
+    system, n, e = body(group), group.n, np.eye(group.n)
+    bad: list[tuple[dict[str, Any], str]] = [
+        ({"mu": np.ones(group.dim + 1)}, "mu has shape"),
+        ({"mu": np.ones((n, n))}, "mu has shape"),
+        ({"mu": np.full(group.dim, np.nan)}, "finite"),
+        ({"mu": 1j * np.ones(group.dim)}, "real numbers"),
+        ({"g": np.eye(n + 1)}, "g has shape"),
+        ({"g": 0.0 * e}, r"g is not in "),
+        ({"g": np.full((n, n), np.inf)}, "finite"),
+    ]
+    if not isinstance(group, lm.GL):
+        bad.append(({"g": 1.01 * e}, "is not in "))  # near, with a determinant of its own
+    if not group.generated.complex:
+        bad.append(({"g": e * (1.0 + 0.1j)}, "real numbers"))
+    for given, words in bad:
+        with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType), match=words):
+            system.state(**({"mu": np.ones(group.dim)} | given))
+    algebra = group.algebra
+    for call, words in (
+        (lambda: algebra.hat(np.ones(group.dim - 1)), "xi has shape"),
+        (lambda: algebra.vee(np.eye(n + 1)), "matrix has shape"),
+        (lambda: group.exp(np.full(group.dim, np.nan)), "finite"),
+        (lambda: group.log(0.0 * e), "is not in "),
+        (
+            lambda: lm.LiePoissonSystem(group, lm.KineticEnergy(np.ones(group.dim - 1))),
+            "components",
+        ),
+    ):
+        with pytest.raises(
+            (lm.errors.InvalidInput, lm.errors.InvalidType, lm.errors.IncompatibleSystem),
+            match=words,
+        ):
+            call()
+
+
+@lm.record
+class Driven(lm.LinearGroupEquation):
+    """g' = g (a sin t + b cos 2t)."""
+
+    a: lm.Vec
+    b: lm.Vec
+
+    def drive(self, t: float) -> lm.Vec:
+        return lm.formulas.sin(t) * self.a + lm.formulas.cos(2.0 * t) * self.b
+
+
+def test_magnus_on_a_large_group() -> None:
+    group = lm.SO(14)
+    system = Driven(group, *(0.08 * np.random.default_rng(1).normal(size=(2, group.dim))))
+    start, errors = system.state(np.eye(14)), []
+    exact = lm.integrate(system, lm.RKMK(order=8), start, h=0.1, steps=20, compiled=False).g[-1]
+    for h in (0.2, 0.1):
+        run = lm.integrate(
+            system, lm.Magnus(order=4), start, h=h, steps=round(2.0 / h), compiled=False
+        )
+        errors.append(np.abs(run.g[-1] - exact).max())
+        assert np.asarray(group.contains(run.g)).all()
+    assert 3.9 < np.log2(errors[0] / errors[1]) < 4.1

@@ -58,6 +58,15 @@ def test_what_stays_and_what_falls(rotation: float) -> None:
     assert (enstrophy[21] - enstrophy[19]) / 0.2 == pytest.approx(slope, rel=1e-3)
 
 
+def test_no_angular_momentum_stays_none() -> None:
+    """Where it is zero, the size of its terms says what rounding is."""
+    sphere = viscous(0.01)
+    run = lm.integrate(
+        sphere, lm.DissipativeSplitting(), sphere.from_harmonics({(2, 1): 0.5, (3, -2): 0.4}), h=0.1, steps=40
+    )  # fmt: skip
+    assert run.drift()["angular momentum"].verdict == "exact"
+
+
 def test_order_beside_scipy() -> None:
     """The matrix equation F' = [F, Psi]/(i hbar) + nu (Delta + 2) F, with spin matrices, by SciPy."""
     sphere, n = viscous(0.3, rotation=0.5), 13

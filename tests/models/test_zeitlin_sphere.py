@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.special import sph_harm_y
@@ -240,3 +242,41 @@ def test_energy_and_motion_are_those_of_quflow() -> None:
     found = sphere.harmonics(run.mu[-1])
     for (l, m), value in QUFLOW.items():
         assert found[l, 15 + m] == pytest.approx(value, abs=2e-15)
+
+
+def test_a_matrix_and_its_state() -> None:
+    sphere = lm.models.ZeitlinSphere(13)
+    mu = np.array(sphere.from_harmonics(GIVEN).mu)
+    assert np.abs(np.array(sphere.from_matrix(sphere.matrix(mu)).mu) - mu).max() < 1e-16
+
+
+F = np.diag([1.0, -1.0, *[0.0] * 11])
+BAD: list[tuple[str, Any, str]] = [
+    ("from_matrix", (np.eye(12),), r"shape \(12, 12\)"),
+    ("from_matrix", (np.eye(13),), "trace 13"),
+    ("from_matrix", (F + 1e-6 * np.eye(13),), "trace 1.3e-05.*subtract 1e-06"),
+    ("from_matrix", (1j * F,), r"not hermitian, as that of a real field is: \[0, 0\]"),
+    ("from_matrix", (np.triu(np.ones((13, 13)), 1),), r"not hermitian.*\[0, 1\] is 1"),
+    ("from_matrix", (np.full((13, 13), np.nan),), "finite"),
+    ("from_harmonics", ({(2, 1): 1.0 + 1.0j},), "real numbers"),
+    ("from_harmonics", ({(2, 1): np.nan},), "finite real number"),
+    ("from_harmonics", ({(2, 1): np.ones(2)},), "finite real number"),
+    ("from_harmonics", ({2: 1.0},), "two integers"),
+    ("from_harmonics", ({(2.5, 1): 1.0},), "two integers"),
+    ("from_harmonics", (1j * np.ones((3, 5)),), "real numbers"),
+    ("matrix", (np.ones(5),), r"shape \(5,\); its last axis must be 168"),
+    ("levels", (np.ones(167),), "168"),
+    ("harmonics", (np.ones((2, 168)),), "one at a time"),
+    ("harmonics", (np.ones(168), -1), "degrees"),
+    ("vorticity", (np.ones(168), [[0.1]], [0.2]), "latitude has shape"),
+    ("vorticity", (np.ones(168), [0.1], 0.2), "longitude has shape"),
+    ("state", (np.ones(169),), r"mu has shape \(169,\)"),
+]
+
+
+@pytest.mark.parametrize(
+    ("method", "given", "words"), BAD, ids=lambda x: x if isinstance(x, str) else ""
+)
+def test_a_field_that_is_none_is_named(method: str, given: Any, words: str) -> None:
+    with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType), match=words):
+        getattr(lm.models.ZeitlinSphere(13), method)(*given)
