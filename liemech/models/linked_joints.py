@@ -348,8 +348,8 @@ def tables_of(ends: list[tuple[int, int]], places: int) -> tuple[list[Table], in
         common = _sides(ends[j], ends[k])
         mine, theirs = ties.get(j, NO_TIE), ties.get(k, NO_TIE)
         if k == mine[0] or j == theirs[0]:
-            known: Any = mine[1:3] if k == mine[0] else theirs[2:0:-1]
-            couplings += [[j, k, *s, there, 1] for s in common if s != known]
+            known = [*map(int, mine[1:3] if k == mine[0] else theirs[2:0:-1])]
+            couplings += [[j, k, *s, there, 1] for s in common if [*s] != known]
             continue
         for turn, sides in enumerate(common or [(0, 0)]):
             couplings.append([j, k, *sides, there, min(turn, 1) if common else -1])
