@@ -31,9 +31,9 @@ NEAR = os.name != "nt"
 steps up to a fifth more time.
 """
 
-LONG = 9_000
+LONG = 20_000
 """Instructions from which a module gets the first of LLVM's levels of optimisation, not the second: the
-passes take two thirds of the time, and steps of eight kernels of up to 25,000 instructions are as long.
+passes take half the time, and steps are within 2 % of those at the third level.
 """
 
 _numbers = itertools.count()
