@@ -266,7 +266,6 @@ BAD: list[tuple[str, Any, str]] = [
     ("from_harmonics", (1j * np.ones((3, 5)),), "real numbers"),
     ("matrix", (np.ones(5),), r"shape \(5,\); its last axis must be 168"),
     ("levels", (np.ones(167),), "168"),
-    ("harmonics", (np.ones((2, 168)),), "one at a time"),
     ("harmonics", (np.ones(168), -1), "degrees"),
     ("vorticity", (np.ones(168), [[0.1]], [0.2]), "latitude has shape"),
     ("vorticity", (np.ones(168), [0.1], 0.2), "longitude has shape"),
