@@ -15,7 +15,7 @@ A run in ten lines, from `lm.integrate(...)` to samples:
 
 Kinds of runs, by the steps:
 
-                                    all bodies make the same steps    each body its own steps
+                                    all bodies to one end, no event   each to an end of its own
        fixed steps (equal.py)       StraightRun                       EqualRun
        in fictive time              StraightFictiveRun                FictiveRun (both: fictive_time/run.py)
        adaptive (tolerance.py)                                        ToleranceRun

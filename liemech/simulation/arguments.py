@@ -217,7 +217,7 @@ def longest(value: Any) -> float:
     return value
 
 
-def step(h: Any) -> float:
+def step_length(h: Any) -> float:
     h = real(h, "h")
     if abs(h) < sys.float_info.min:
         raise InvalidInput(
@@ -226,17 +226,17 @@ def step(h: Any) -> float:
     return h
 
 
-def steps(h: Any) -> float | tuple[float, ...]:
+def step_lengths(h: Any) -> float | tuple[float, ...]:
     """The step of all bodies, or one for each."""
     if not isinstance(h, (list, tuple, np.ndarray)) or not axes(h, "h"):
-        return step(h)
+        return step_length(h)
     array = real_array(h, "integrate: h")
     if array.ndim != 1 or not len(array):
         raise InvalidInput(
             f"integrate: h has shape {array.shape}; it is one "
             "number, or one for each body, (bodies,)"
         )
-    return tuple([step(x) for x in array.tolist()])
+    return tuple([step_length(x) for x in array.tolist()])
 
 
 def tolerance(value: Any, name: str, default: float) -> float:

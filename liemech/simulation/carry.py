@@ -178,7 +178,7 @@ class SiteCarry:
 
     t0, h, step : the time is t0 + step h.  numbers : (width, sites), of what the method carries
     along for each site.  state : the state at this time.  clock : of adaptive steps, whose h and step
-    are zero.  met, event : as of an `AdaptiveCarry`.
+    are zero.  met, event : as of a `Carry`.
     """
 
     t0: float

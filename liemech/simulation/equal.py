@@ -23,8 +23,10 @@ from .carry import Carry, common
 from .compiled.control import (
     ASKED,
     GOAL,
+    LAST_TIME,
     LIMIT,
     MARK,
+    ORIGIN,
     STEP,
     STRAIGHT,
     STUCK,
@@ -61,7 +63,7 @@ SAMPLES, STEPS = 2**16, 2**22
 
 
 class EqualRun(Run):
-    """A run of fixed steps."""
+    """A run of fixed steps, in which each body goes to an end of its own, or to an event."""
 
     control: Any = Equal(True)
     shape: Shape
@@ -76,7 +78,7 @@ class EqualRun(Run):
         if before is not None:
             self.first = before.clock[TAKEN].reshape(-1).copy()
         self.aims = np.zeros((GOAL.width, self.count))
-        self.aims[0], self.aims[5] = np.copysign(np.inf, self.h), self.zero
+        self.aims[LAST_TIME], self.aims[ORIGIN] = np.copysign(np.inf, self.h), self.zero
         self.aims[LIMIT] = self.first
         for i in np.flatnonzero(~self.over).tolist():
             own = float(self.zero[i]), int(self.first[i])
@@ -86,7 +88,7 @@ class EqualRun(Run):
                 if self.bodies:
                     error.add_note(f"[integrate: body {i}]")
                 raise
-        self.t_end, self.sign = self.aims[0], np.copysign(1.0, self.h)
+        self.t_end, self.sign = self.aims[LAST_TIME], np.copysign(1.0, self.h)
 
     def last_times(self) -> np.ndarray:
         return self.zero + self.aims[LIMIT] * self.h
@@ -307,7 +309,7 @@ class EqualRun(Run):
 
 
 class StraightRun(EqualRun):
-    """A run of fixed steps that all bodies make side by side: native code writes samples where they
+    """A run of fixed steps of all bodies to one end, without events: native code writes samples where they
     stay.
 
     reached : how many steps all bodies have come, if they did not stop.

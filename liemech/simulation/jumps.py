@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..integrators.ending_at_jumps import MARGIN, same
-from .compiled.control import go_on
+from .compiled.control import LAST_TIME, go_on
 
 Ways = list[tuple[float, float]]
 """To which times steps lead, and where they go on."""
@@ -43,7 +43,7 @@ def until_jumps(clock: Any, goal: Any, t0: float, found: tuple[float, Ways]) -> 
     """
     start, ways = found
     if ways:
-        goal[0] = ways[0][0]
+        goal[LAST_TIME] = ways[0][0]
     if start != t0:
         go_on(clock, start)
     return ways[::-1]
@@ -54,5 +54,5 @@ def beyond_jump(clock: Any, goal: Any, left: Ways, t_end: float) -> float:
     end, beyond = left.pop()
     if end != beyond:
         go_on(clock, beyond)
-        goal[0] = left[-1][0] if left else t_end
+        goal[LAST_TIME] = left[-1][0] if left else t_end
     return beyond

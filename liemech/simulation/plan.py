@@ -140,7 +140,7 @@ class Plan:
         options.require(kind, first("method"))
         self._steps: Any
         if kind == TOLERANCE:
-            h = None if h is None else arguments.step(first("h"))
+            h = None if h is None else arguments.step_length(first("h"))
             tolerances = (
                 arguments.tolerance(first("rtol"), "rtol", arguments.RTOL),
                 arguments.tolerance(first("atol"), "atol", arguments.ATOL),
@@ -149,7 +149,7 @@ class Plan:
             own: Any = h, *tolerances, options.breaks, options.dense, compiled, progress
             self._steps = AdaptiveSteps(one, first("method"), *own)
         else:
-            h = arguments.steps(h)
+            h = arguments.step_lengths(h)
             digits = options.compensated, options.precision
             own = h, options.every, *digits, compiled, progress, options.workers
             self._steps = Steps(self.system, self.method, *own, breaks=options.breaks)  # type: ignore[misc]

@@ -15,7 +15,7 @@ from . import arguments
 from .between.dense import Between
 from .between.events import Events
 from .carry import Carry
-from .compiled.control import CLOCK, LIMIT, MARK, STUCK, TAKEN, TIME
+from .compiled.control import CLOCK, LAST_TIME, LIMIT, MARK, STUCK, TAKEN, TIME
 from .compiled.execution import LOOK
 from .compiled.lanes import Lanes
 from .compiled.systems import of_body as one_of
@@ -140,7 +140,7 @@ class Run(Course):
 
     def cut(self, clock: np.ndarray, at: float) -> None:
         """Set the clock, and behind it the goal, of a body that an event ends."""
-        clock[[TIME, MARK, CLOCK.width]] = at, 0.0, at
+        clock[[TIME, MARK, CLOCK.width + LAST_TIME]] = at, 0.0, at
 
     def standing(self, some: Any) -> Any:
         """The carry of a body, or of some: with what they go on."""
@@ -211,7 +211,7 @@ class Run(Course):
     def _open(self, some: Any) -> np.ndarray:
         """Which of some bodies have steps to make?"""
         clocks, goals = self.clocks, self.goals
-        onward = clocks[TIME, some] != goals[0, some]
+        onward = clocks[TIME, some] != goals[LAST_TIME, some]
         onward &= clocks[TAKEN, some] < goals[LIMIT, some]
         left: np.ndarray = onward & (clocks[MARK, some] != STUCK) & ~self.over[some]
         return left
@@ -271,9 +271,7 @@ class Run(Course):
             self.events.tell()
 
     arrived = 0
-    side: Any = (
-        None  # bodies that run side by side, their columns, and whether native code runs them
-    )
+    running: Any = None  # bodies that run side by side, and their columns
     queue: Any = None  # bodies that wait
     room, least, work, span = ROOM, TURNS, WORK, TURNS
 
@@ -288,7 +286,7 @@ class Run(Course):
                 self.quantities.flush()
         native = stepping.ready(0.0 if stepping.native is not None else self.part())
         size = self.room * workers if native else 1
-        bodies, columns = self.side or (self.queue[:0], None)
+        bodies, columns = self.running or (self.queue[:0], None)
         if columns is None or len(bodies) > size or native is not self.native:
             both = np.concatenate([bodies, self.queue])
             bodies, self.queue = both[:size], both[size:]
@@ -314,7 +312,7 @@ class Run(Course):
         if ended and (at_once or 4 * ended >= m):
             bodies, columns = bodies[going], None
             self.arrived += ended
-        self.side = bodies, columns
+        self.running = bodies, columns
         return made
 
     def _pace(self, used: float) -> None:

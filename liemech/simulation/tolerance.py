@@ -22,11 +22,16 @@ from .between.dense import DenseOutput, DenseOutputs, flat, packed
 from .carry import Carry
 from .compiled.control import (
     ANEW,
+    ATOL,
     CLOCK,
     FRESH,
     GOAL,
+    LAST_TIME,
+    LIMIT,
+    LONGEST_STEP,
     MARK,
     REJECTED,
+    RTOL,
     STEP,
     STUCK,
     TAKEN,
@@ -116,14 +121,14 @@ class ToleranceRun(Run):
             ("rtol", way.rtol, lambda x: arguments.tolerance(x, "rtol", arguments.RTOL)),
             ("atol", way.atol, lambda x: arguments.tolerance(x, "atol", arguments.ATOL)),
             ("max_step", way.longest, arguments.longest),
-            ("h", way.h or 0.0, arguments.step),
+            ("h", way.h or 0.0, arguments.step_length),
         ):
             numbers[name] = of_bodies(check, own[name]) if name in own else all_bodies
         self.t_end = np.array(ends, dtype=float)
         self.sign = np.where(self.t_end >= self.t0, 1.0, -1.0)
         self.aims = np.zeros((GOAL.width, self.count))
-        self.aims[0], self.aims[4] = self.t_end, limit
-        for place, name in enumerate(("rtol", "atol", "max_step"), 1):
+        self.aims[LAST_TIME], self.aims[LIMIT] = self.t_end, limit
+        for place, name in ((RTOL, "rtol"), (ATOL, "atol"), (LONGEST_STEP, "max_step")):
             self.aims[place] = numbers[name]
         self.first_steps = np.copysign(numbers["h"], self.t_end - self.t0)
 
@@ -298,7 +303,7 @@ class ToleranceRun(Run):
 
     @property
     def failed(self) -> np.ndarray:
-        at_end = (self.clocks[TIME] == self.goals[0]) & (self.clocks[MARK] != STUCK)
+        at_end = (self.clocks[TIME] == self.goals[LAST_TIME]) & (self.clocks[MARK] != STUCK)
         return (
             ~self.over
             & ~at_end
@@ -311,7 +316,7 @@ class ToleranceRun(Run):
         """
         clock, (system, method) = self.clocks[:, i], self.of(i)
         t, h, steps = float(clock[TIME]), float(clock[STEP]), int(clock[TAKEN])
-        rtol, atol = self.goals[1, i].item(), self.goals[2, i].item()
+        rtol, atol = self.goals[RTOL, i].item(), self.goals[ATOL, i].item()
         state, xi = build(self.lanes.layout, iter(self.numbers[:, i].tolist()))
         if not steps:
             first = velocity(system, t, state)

@@ -18,7 +18,7 @@ from ...systems.system import State
 from .. import arguments, short
 from ..between.dense import unpacked
 from ..carry import Carry, SiteCarry
-from ..compiled.control import FRESH, GOAL, MARK, STEP, STRAIGHT, TAKEN
+from ..compiled.control import FRESH, MARK, ORIGIN, STEP, STRAIGHT, TAKEN
 from ..compiled.execution import like
 from ..compiled.parameters import Input, full_name, parameter
 from ..compiled.prepared import Steps
@@ -477,7 +477,7 @@ class InPlace:
         if self.again is not None:
             return None
         memory[place.clock + STEP], memory[place.taken] = length, 0.0
-        memory[place.goal + T0] = self.t
+        memory[place.goal + ORIGIN] = self.t
         buffers = place.prepared(memory, 1, place.kept)
         goal, states, clock, rows = [begin for begin, _ in buffers]
         struct.pack_into("5q", block, _AT_STEPS, 1, goal, states, clock, rows)
@@ -526,9 +526,6 @@ class InPlace:
         given = begun.shape, begun.t0, begun.h, self.taken, now[: place.carried], now[place.kept :]
         return Carry.quickly(*given, begun.met)
 
-
-T0 = GOAL.width - 1
-"""The place of the time of step 0 among the numbers of a goal."""
 
 _STEPS, _AT_STEPS = struct.Struct("q").pack_into, 8 * 4
 """Where the block has the number of steps."""

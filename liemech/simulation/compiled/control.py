@@ -95,8 +95,8 @@ class Goal(Record):
 
 GOAL = layout_of(Goal(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
-LIMIT = 4
-"""The place of the number of the last step among the numbers of a goal."""
+LAST_TIME, RTOL, ATOL, LONGEST_STEP, LIMIT, ORIGIN = range(GOAL.width)
+"""The places of these numbers among those of a goal."""
 
 
 def go_on(clock: np.ndarray, t: float) -> None:

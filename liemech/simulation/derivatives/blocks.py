@@ -13,7 +13,18 @@ from ...formulas import Vec
 from ...formulas.pytree import build, carried_layout, fitted, layout_of, leaves, with_slopes
 from ...integrators.ending_at_jumps import EndingAtJumps
 from ...integrators.method import Method
-from ..compiled.control import ASKED, GOAL, LIMIT, MARK, STEP, STRAIGHT, TAKEN, TIME, begun
+from ..compiled.control import (
+    ASKED,
+    LAST_TIME,
+    LIMIT,
+    MARK,
+    ORIGIN,
+    STEP,
+    STRAIGHT,
+    TAKEN,
+    TIME,
+    begun,
+)
 from ..compiled.driver import advance, begin
 from ..compiled.execution import COLUMNS, Execution
 from ..compiled.lanes import Lanes
@@ -108,7 +119,7 @@ class Blocks:
             mine[:] = columns[:, some]
         h = np.array([self.way.h_of(i) for i in range(body.max() + 1)])[body]
         clocks[TIME], clocks[STEP], clocks[TAKEN] = self.t0 + first * h, h, first
-        goals[0], goals[LIMIT], goals[GOAL.width - 1] = np.inf, last, self.t0
+        goals[LAST_TIME], goals[LIMIT], goals[ORIGIN] = np.inf, last, self.t0
         out = np.zeros((1, self.shown, whole))
         steps = int((last - first).max())
         column = 0

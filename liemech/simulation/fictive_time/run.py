@@ -24,7 +24,18 @@ from ...systems.system import state_of
 from .. import arguments
 from ..between.dense import unpacked
 from ..carry import Carry
-from ..compiled.control import ANEW, GOAL, LIMIT, MARK, STUCK, TAKEN, TIME, Fictive, sample
+from ..compiled.control import (
+    ANEW,
+    GOAL,
+    LAST_TIME,
+    LIMIT,
+    MARK,
+    STUCK,
+    TAKEN,
+    TIME,
+    Fictive,
+    sample,
+)
 from ..compiled.prepared import shown_step
 from ..compiled.systems import OfBodies, Systems
 from ..equal import NEAR, EqualRun, StraightRun
@@ -154,7 +165,7 @@ class FictiveRun(OfClocked):
                     f"integrate: t_end = {end:g} is not where steps of h = {h[i]:g} lead from "
                     f"{t:g}; turn the sign of h"
                 )
-        self.aims[0] = self.t_end
+        self.aims[LAST_TIME] = self.t_end
         if before is None:
             self.origin = tuple([Origin(*self.of(i), self.start_of(i)) for i in bodies])
         else:
@@ -286,7 +297,7 @@ class FictiveRun(OfClocked):
 
     @property
     def failed(self) -> np.ndarray:
-        short = np.isfinite(self.t_end) & (self.clocks[TIME] != self.goals[0])
+        short = np.isfinite(self.t_end) & (self.clocks[TIME] != self.goals[LAST_TIME])
         short &= self.clocks[TAKEN] >= self.limit
         return ~self.over & ((self.clocks[MARK] == STUCK) | short)
 

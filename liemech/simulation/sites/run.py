@@ -29,6 +29,7 @@ from ..compiled.control import (
     EPSILON,
     FRESH,
     GOAL,
+    LAST_TIME,
     LIMIT,
     MARK,
     REJECTED,
@@ -415,7 +416,7 @@ class SiteRun(Course):
             self._fail()
         elif self.adaptive and self.failures and self._hopeless:
             raise self._too_small(self.failures[-1])
-        elif self.left and t == self.goals[0, 0] and t != self.t_end:
+        elif self.left and t == self.goals[LAST_TIME, 0] and t != self.t_end:
             beyond_jump(clock, self.goals[:, 0], self.left, self.t_end)
         if self.dense and self.ended is None and t != self.times[-1]:
             self.asked = self.times = np.append(self.times, t)
