@@ -376,11 +376,8 @@ class StraightRun(EqualRun):
 
     def piece(self) -> int | None:
         """A sweep of all bodies, as long as there is something to show and somebody to interrupt."""
-        samples, stepping, columns = (
-            self.observers[0],
-            self.lanes.stepping,
-            self.shape.whole(self.count),
-        )
+        samples, stepping = self.observers[0], self.lanes.stepping
+        columns = self.shape.whole(self.count)
         if self.looked < 0:
             self.looked = self.done
             if self.quantities:
@@ -426,12 +423,8 @@ class StraightRun(EqualRun):
     def _sweep(self, turns: int, every: int, pace: int) -> int:
         """Take all bodies through `turns` samples; returns the number of native calls in turn."""
         lanes, count, before, more = self.lanes, self.count, self.reached, turns * every
-        out, side, column, calls = (
-            self.observers[0].target(before, turns, every),
-            lanes.stepping.lanes,
-            0,
-            1,
-        )
+        out, side = self.observers[0].target(before, turns, every), lanes.stepping.lanes
+        column, calls = 0, 1
         done = before - self.done
 
         def plainly(i: int) -> None:

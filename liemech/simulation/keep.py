@@ -25,6 +25,9 @@ class Piece:
     begun, taken : of each body what marked its steps so far, and how many there were.
     body, column, turn : of each step.  before : the row where it began.  number : of steps, with it.
     a, b : the times where it began and ended.  kept : is its row a sample, whatever its number?
+
+    Of two bodies and three turns, in which the first one had its second trial rejected: body (0, 0, 1, 1, 1),
+    turn (1, 3, 1, 2, 3), before (0, 1, 0, 1, 2).
     """
 
     def __init__(
@@ -42,8 +45,8 @@ class Piece:
         self.before[first] = 0
         self.number = self.turn
         if not run.adaptive:  # where every n-th step is kept
-            begun = np.repeat(first, np.diff(np.append(first, len(self))))
-            self.number = taken[self.column] + np.arange(len(self)) - begun + 1
+            firsts = np.repeat(first, np.diff(np.append(first, len(self))))
+            self.number = taken[self.column] + np.arange(len(self)) - firsts + 1
         self.a, self.b = out[self.before, 0, self.column], out[self.turn, 0, self.column]
         self.a[first] = run.here[0, self.body[first]]
         self.kept = self.b == run.t_end[self.body] if self.marked else np.zeros(len(self.b), bool)
