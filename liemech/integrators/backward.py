@@ -29,7 +29,7 @@ Abraham and Marsden, Foundations of Mechanics, 2nd ed., proposition 4.4.1.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from ..errors import NoConvergence, undefined
 from ..formulas import (
@@ -128,6 +128,8 @@ class Motion(Record):
     Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., section 3.2.
     """
 
+    joins: ClassVar[bool] = True  # as kicks and turns do
+
     @property
     def momenta(self) -> int:
         """How often it asks energies of momenta."""
@@ -138,11 +140,6 @@ class Motion(Record):
         """How often it asks potentials."""
         return 0
 
-    @property
-    def joins(self) -> bool:
-        """Kicks and turns do."""
-        return True
-
     def moved(self, system: Any, part: Part, state: Any) -> Any:
         """The state after it."""
         raise undefined(self, "moved")
@@ -152,6 +149,30 @@ class Motion(Record):
         as a state.
         """
         raise undefined(self, "back")
+
+
+@record
+class WholeStep(Motion):
+    """A step of a method in one piece; abstract.  A subclass writes `momenta` and `back`.
+
+    in_a_field : are there potentials, which are asked as often as energies of momenta?
+
+    Source: Griewank and Walther, Evaluating Derivatives, 2nd ed., section 3.2.
+    """
+
+    joins: ClassVar[bool] = False
+
+    method: Any
+    in_a_field: bool = False
+
+    @property
+    def elements(self) -> int:
+        """As often as energies of momenta, in a field."""
+        return self.momenta if self.in_a_field else 0
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The step."""
+        return fresh(self.method, system, part.t, state, part.h)
 
 
 def refused(method: Any, site: Any) -> str:
@@ -243,7 +264,7 @@ def moving(energy: Any, along: Vec) -> Vec:
 
 
 @record
-class RungeKutta(Motion):
+class RungeKutta(WholeStep):
     """A step of a Runge-Kutta-Munthe-Kaas method.  Backwards, with k_i for w_k_i,
 
         k_i = h b_i w_Omega + h sum_j a_ji w_Omega_j,
@@ -254,22 +275,11 @@ class RungeKutta(Motion):
     """
 
     method: RKMK
-    in_a_field: bool = False
-
-    @property
-    def joins(self) -> bool:
-        """Two steps are no longer one."""
-        return False
 
     @property
     def momenta(self) -> int:
         """Once in every stage that counts."""
         return len(self.stages)
-
-    @property
-    def elements(self) -> int:
-        """As often, in a field."""
-        return len(self.stages) if self.in_a_field else 0
 
     @property
     def stages(self) -> tuple[int, ...]:
@@ -284,10 +294,6 @@ class RungeKutta(Motion):
             ):
                 felt.append(i)
         return tuple(felt)
-
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
-        """The step."""
-        return fresh(self.method, system, part.t, state, part.h)
 
     def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
         """The stages once more, and then backwards."""
@@ -460,7 +466,7 @@ def _force(system: Any, free: Any, t: float, g: Any, along: Vec) -> tuple[Vec, A
 
 
 @record
-class Flows(Motion):
+class Flows(WholeStep):
     """A step of a commutator-free method: from stage to stage by flows with frozen velocities, and
     backwards through the flows to each stage, the last one first, each of which is a displacement.
 
@@ -469,26 +475,11 @@ class Flows(Motion):
     """
 
     method: CommutatorFree
-    in_a_field: bool = False
-
-    @property
-    def joins(self) -> bool:
-        """Two steps are no longer one."""
-        return False
 
     @property
     def momenta(self) -> int:
         """Once in every stage."""
         return self.method.tableau.stages
-
-    @property
-    def elements(self) -> int:
-        """As often, in a field."""
-        return self.momenta if self.in_a_field else 0
-
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
-        """The step."""
-        return fresh(self.method, system, part.t, state, part.h)
 
     def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
         """The flows once more, and then backwards."""
@@ -534,7 +525,7 @@ def _both(x: Any, y: Any) -> Any:
 
 
 @record
-class Mean(Motion):
+class Mean(WholeStep):
     """A step of a midpoint rule of rotations, mu_1 = Ad*_cay(x) mu by x = x(m, mu), where m is the mean
     of both.  Backwards, with w_x of the displacement and lambda = w_x - nu x m/2,
 
@@ -546,18 +537,9 @@ class Mean(Motion):
     method: ImplicitMidpoint
 
     @property
-    def joins(self) -> bool:
-        """Two steps are no longer one."""
-        return False
-
-    @property
     def momenta(self) -> int:
         """Once."""
         return 1
-
-    def moved(self, system: Any, part: Part, state: Any) -> Any:
-        """The step."""
-        return fresh(self.method, system, part.t, state, part.h)
 
     def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
         """By sweeps over all sites."""
@@ -625,13 +607,10 @@ class LoadedKick(Motion):
     Source: Marsden and West, Acta Numerica 10 (2001), section 3.2.
     """
 
+    joins: ClassVar[bool] = False
+
     method: FieldSplitting
     ends: bool = False
-
-    @property
-    def joins(self) -> bool:
-        """Two loads are no longer one."""
-        return False
 
     @property
     def momenta(self) -> int:
@@ -694,12 +673,9 @@ class Drift(Motion):
     Source: Hairer, Lubich, Wanner, II.5 and VI.4.
     """
 
-    free: Any
+    joins: ClassVar[bool] = False
 
-    @property
-    def joins(self) -> bool:
-        """Two steps are no longer one."""
-        return False
+    free: Any
 
     @property
     def momenta(self) -> int:
