@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import spin_peers
+from sites import Exchange, Zeeman
 
 import liemech as lm
 
@@ -83,26 +84,6 @@ def diffraxs(bodies: int, steps: int) -> tuple[Callable[[], np.ndarray], str] | 
     return lambda: np.asarray(many(keys)), "diffrax, Heun in R^3"
 
 
-@lm.record
-class Exchange(lm.Term):
-    """H = -J s.s for neighbours."""
-
-    J: float
-
-    def energy(self, a: Any, b: Any) -> Any:
-        return -self.J * lm.dot(a.mu, b.mu)
-
-
-@lm.record
-class Zeeman(lm.Term):
-    """H = -B s_z."""
-
-    B: float
-
-    def energy(self, a: Any) -> Any:
-        return -self.B * a.mu[2]
-
-
 DAMPING = 0.3
 
 
@@ -112,7 +93,9 @@ def baths(
     """Spins of a cubic lattice after so many steps more, by the library and by LAMMPS."""
     lattice = lm.neighbours.cubic(n, n, n)
     terms = [Exchange(exchange).over(lattice)] if exchange else []
-    spins = lm.LiePoissonSystem(lm.SO3() ** lattice.sites, lm.Terms(*terms, Zeeman(field)))
+    spins = lm.LiePoissonSystem(
+        lm.SO3() ** lattice.sites, lm.Terms(*terms, Zeeman([0.0, 0.0, field]))
+    )
     bath = lm.thermal_bath(spins, damping=DAMPING, temperature=temperature, seed=3)
     directions = np.random.default_rng(1).standard_normal((lattice.sites, 3)) + [0.0, 0.0, 1.0]
     directions /= np.linalg.norm(directions, axis=1)[:, None]
