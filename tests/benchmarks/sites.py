@@ -1,20 +1,23 @@
 """Systems of many sites beside C++: classical spins with exchange on a ring and on cubic lattices, a
 step of RKMK4; with how it grows, what a kernel costs, and what two workers gain.
 
-    python tests/benchmarks/sites.py [--rounds 5] [--largest 100000]
+    python tests/benchmarks/sites.py [--rounds 5] [--largest 100000] [--cliff FILE]
 
 Processor time in ns a site and step, least of the rounds, which take turns; of workers wall time.
-The last column is the difference from C++ after 20 steps.
+The last column is the difference from C++ after 20 steps.  `--cliff` draws instead how a step of rings
+grows when the energy is a sum of terms, and when it is one formula of all spins.
 """
 
 import argparse
 import ctypes
+import itertools
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import baseline
+import harness
 import numpy as np
 
 import liemech as lm
@@ -43,6 +46,26 @@ class Zeeman(lm.Term):
 
     def energy(self, a: Any) -> float:
         return -lm.dot(self.B, a.mu)
+
+
+@lm.record
+class OneFormula(lm.Hamiltonian):
+    """The same energy of a ring as a formula of all spins."""
+
+    J: float
+    B: lm.Vec
+
+    def energy(self, mu: Any) -> float:
+        n = len(mu) // 3
+        total = 0.0
+        for i in range(n):
+            for c in range(3):
+                total -= mu[3 * i + c] * (self.J * mu[3 * ((i + 1) % n) + c] + self.B[c])
+        return total
+
+    def gradient(self, mu: Any) -> Any:
+        n = len(mu)
+        return lm.vec(*(-self.J * (mu[i - 3] + mu[(i + 3) % n]) - self.B[i % 3] for i in range(n)))
 
 
 def lattice(n: int, cubic: bool) -> tuple[Any, int, Any]:
@@ -118,13 +141,51 @@ def measured(n: int, cubic: bool, rounds: int, libraries: dict[str, Any]) -> lis
     ]
 
 
+def grown(energy: Callable[[int], Any], n: int, steps: int) -> float:
+    """ns a site and step of a ring, when native code is there if there is to be any."""
+    system = lm.LiePoissonSystem(lm.SO3() ** n, energy(n))
+    plan = lm.Plan(system, lm.RKMK(order=4), h=H, every=10**9, progress=False)
+    start = system.state(mu=spins(n))
+    plan.run(start, steps=steps)
+    spent = [seconds(lambda: plan.run(start, steps=steps), time.process_time) for _ in range(3)]
+    return 1e9 * min(spent) / steps / n
+
+
+def cliff(path: Path, quick: bool) -> None:
+    """Draw the time of a step over the number of spins, as terms and as one formula."""
+    terms = lambda n: lm.Terms(Exchange(1.0).over(lm.neighbours.ring(n)), Zeeman(FIELD))  # noqa: E731
+    whole = lambda n: OneFormula(1.0, FIELD)  # noqa: E731
+    sizes = [6, 32, 128] if quick else [6, 10, 16, 32, 64, 128, 256, 512]
+    formula = [grown(whole, n, 200_000 // n if n <= 32 else 4) for n in sizes]
+    larger = [] if quick else [1024, 4096, 2**14, 2**16, 2**18, 2**20]
+    summed = [grown(terms, n, max(4, WORK // n)) for n in sizes + larger]
+    harness.table(
+        "A ring, ns a spin and step",
+        ["spins", "terms", "one formula"],
+        list(itertools.zip_longest(sizes + larger, summed, formula, fillvalue="")),
+    )
+    picture, ax = lm.plots.subplots(figsize=(7.0, 4.2))
+    ax.loglog(sizes, formula, "o-", label="one formula of all spins")
+    ax.loglog(sizes + larger, summed, "s-", label="a sum of terms over a graph")
+    ax.set(xlabel="spins on a ring", ylabel="ns a spin and step of RKMK4")
+    ax.text(10.0, 2.0 * max(formula[:3]), "written out", fontsize=8)
+    ax.text(sizes[-1], 0.5 * formula[-1], "plain Python", fontsize=8, ha="center")
+    ax.legend(fontsize=8, loc="center right", frameon=False)
+    lm.plots.save(picture, path, dpi=110)
+    print(f"written: {path}")
+
+
 def main() -> None:
     """Measure and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--largest", type=int, default=100_000)
     parser.add_argument("--quick", action="store_true", help="a thousand spins: does it run?")
+    parser.add_argument("--cliff", type=Path, help="where the picture of growth goes")
     given = parser.parse_args()
+    if given.cliff:
+        cliff(given.cliff, given.quick)
+        return
     if given.quick:
         given.rounds, given.largest = 1, 1000
     libraries = opponents()

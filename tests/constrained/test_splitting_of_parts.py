@@ -116,6 +116,7 @@ def test_order(order: int) -> None:
     assert slopes[-1] == pytest.approx(order, abs=0.3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("system", [FOUCAULT, GENERAL], ids=["frame", "general"])
 def test_steps_are_symplectic_on_m_and_stay_there(system: Ball) -> None:
     start = system.consistent([0.6, 0.0, -0.8], [0.4, 1.5, 0.3])

@@ -126,6 +126,7 @@ def test_by_sites_is_as_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @native
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("n", [1, 2, 3, 33])
 def test_any_number_of_sites(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lm.System, "small", 0)

@@ -538,7 +538,7 @@ def test_tableaus_are_looked_at() -> None:
         lm.BondSplitting(tableau="Strang")  # type: ignore[arg-type]
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("attitudes", [False, True])
 @pytest.mark.parametrize("order", [2, 4])
 def test_bonds_by_sites_have_the_bits_of_what_is_written_out(
