@@ -164,8 +164,6 @@ class SitesOfPlan:
             return f"{next(iter(plan.of_each))} of each member"
         if members and kept is not None:
             return "checkpoint of members"
-        if plan.options.dense and t_eval is not None:
-            return "dense=True beside t_eval"
         if plan.adaptive:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         if self.chain is not None and (t_eval is not None or plan.options.dense or plan.events):
