@@ -26,8 +26,8 @@ class BetweenEnds:
     `kind`, that of a state, and writes `inside`.
     """
 
-    t: np.ndarray
-    ends: dict[str, np.ndarray]
+    t: Any
+    ends: Any
     kind: Any
 
     def inside(self, k: int, times: np.ndarray) -> dict[str, np.ndarray]:
