@@ -501,6 +501,59 @@ def test_gradient_and_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(found - components.ravel() @ whole[9:]).max() < 1e-13
 
 
+def test_few_adaptive_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The map of the steps that were accepted, as where the system is written out."""
+    start, w = spins(3).state(mu=directions(3)), np.arange(9.0)
+    options: Any = {"rtol": 1e-5, "compiled": False}
+    plan = lm.Plan(spins(3), lm.RKMK(order=5), **options)
+    forwards = plan.tangent(start, t_end=0.5, along=w)
+    backwards = plan.tangent(start, t_end=0.5, against=w)
+    monkeypatch.setattr(lm.System, "small", 1000)
+    whole = lm.Plan(spins(3), lm.RKMK(order=5), **options).tangent(start, t_end=0.5)
+    assert forwards.steps == whole.steps > 1
+    j = whole.tangent["start"][-1]
+    assert np.abs(forwards.tangent["along"][-1] - j @ w).max() < 1e-13
+    assert np.abs(backwards.tangent["against"][-1] - j.T @ w).max() < 1e-13
+
+
+@native
+@pytest.mark.slow
+def test_adaptive_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the steps that were accepted: the map of the system as it is written out, and differences of
+    accurate runs.
+    """
+    system, rng = magnet(**FEW), np.random.default_rng(2)
+    start = system.state(mu=directions(5))
+    plan = lm.Plan(system, lm.RKMK(order=5), rtol=1e-6, progress=False)
+    v, w = rng.normal(size=(2, 15))
+    forwards = plan.tangent(start, t_end=1.0, along=v)
+    backwards = plan.tangent(start, t_end=1.0, against=w)
+    monkeypatch.setattr(lm.System, "small", 1000)
+    written_out = lm.Plan(system, lm.RKMK(order=5), rtol=1e-6, progress=False)
+    whole = written_out.tangent(start, t_end=1.0)
+    monkeypatch.setattr(lm.System, "small", 0)
+    assert (forwards.steps, forwards.rejected) == (whole.steps, whole.rejected)
+    assert np.array_equal(backwards.t, [0.0, 1.0])
+    j = whole.tangent["start"][-1]
+    assert np.abs(forwards.tangent["along"][-1] - j @ v).max() < 1e-13
+    assert np.abs(backwards.tangent["against"][-1] - j.T @ w).max() < 1e-13
+    costs: Any = {"along": lambda t, site: t * site.mu[0], "every": 3}
+    found = plan.gradient(lambda site: site.mu[2] ** 2, start, t_end=1.0, **costs)
+    run = found.run
+    z = run.mu[-1, :, 2]
+    assert abs(found.value - (z @ z + (run.t[:, None] * run.mu[..., 0]).sum())) < 1e-14
+    assert run.t[-1] == 1.0
+
+    def loss(J: Any) -> float:
+        other = magnet(**(FEW | {"J": J}))
+        accurate = lm.Plan(other, lm.RKMK(order=8), h=1.0 / 64.0, progress=False)
+        return float((accurate.run(start, steps=64).mu[-1, :, 2] ** 2).sum())
+
+    plan = lm.Plan(system, lm.RKMK(order=5), rtol=1e-10, atol=1e-11, progress=False)
+    by_couplings = plan.gradient(lambda site: site.mu[2] ** 2, start, t_end=1.0, by="J")["J"]
+    assert np.abs(by_couplings - differences(loss, COUPLINGS)).max() < 1e-9
+
+
 @native
 @pytest.mark.slow
 def test_units() -> None:

@@ -102,7 +102,7 @@ class SitesDense(BetweenEnds):
         return cls(run.plan.system, method, *given, run.plan.options.compiled)
 
     @property
-    def t(self) -> np.ndarray:  # type: ignore[override]
+    def t(self) -> np.ndarray:
         """The ends of the steps, (n + 1,)."""
         return self.rows[:, 0]
 
@@ -124,7 +124,7 @@ class SitesDense(BetweenEnds):
         return self._parts(np.array([self.shape.shown_rows(x) for x in self.memory]))
 
     @functools.cached_property
-    def kind(self) -> Any:  # type: ignore[override]
+    def kind(self) -> Any:
         """That of a state as users see it."""
         return type(self.system.state(**{name: x[0] for name, x in self.ends.items()}))
 

@@ -32,6 +32,7 @@ from ...sites.execution import SiteExecution
 from ...sites.lists import Lists
 from ...sites.states import first_of, site_rows
 from ..reversal import go_back
+from ..tangent import StepsOfARun
 from .backward import (
     PART,
     WayBack,
@@ -58,9 +59,13 @@ def why_not(sites: Any, start: Any) -> str:
     group = getattr(one, "configurations", one.group)
     if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
         return f"of {type(one).__name__} on {group!r}"
-    if plan.adaptive:
-        return "with adaptive steps"
-    return refused(uncut(plan._steps.way_of(0)), sites.site)
+    return refused(inner_method(plan), sites.site)
+
+
+def inner_method(plan: Any) -> Any:
+    """The method of the steps, wherever they are cut, and whoever has found their lengths."""
+    method = uncut(plan._steps.method if plan.adaptive else plan._steps.way_of(0))
+    return method.method if isinstance(method, StepsOfARun) else method
 
 
 class BackwardRun:
@@ -81,17 +86,22 @@ class BackwardRun:
             )
         self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
+        way = plan._steps.way_of(0)
+        self.grid: Any = (
+            None  # when steps begin, and how long they are, where they are of many lengths
+        )
+        if isinstance(way, StepsOfARun):
+            self.grid = way.begun.array[:-1], way.lengths.array[:-1]
         self.names, self.first = tuple(start.arrays), first_of(start)
         self.lists = Lists.of(plan._one, sites.site)
         wanted = [Parameter(plan._one, name) for name in names]
-        way = plan._steps.way_of(0)
         self.cut = None if uncut(way) is way else way
         if wanted and self.cut is not None and inputs(plan._one):
             raise IncompatibleSystem(
                 "Plan.gradient: there are no derivatives by parameters of many sites where an input is a table; "
                 "there is one by the start"
             )
-        self._made_of(uncut(way), sites.site, bool(wanted))
+        self._made_of(inner_method(plan), sites.site, bool(wanted))
         self.count = len(self.order)
         self.rows = site_rows(start)[:, self.order]
         self._room(steps, bool(wanted))
@@ -282,6 +292,8 @@ class BackwardRun:
         """Of steps, or of the pieces into which they are cut, the number of the step, when they begin, how
         long they are, and which are first in their step.
         """
+        if self.grid is not None:
+            return n, self.grid[0][n], self.grid[1][n], np.ones(len(n), dtype=bool)
         times = self.t0 + n * self.h
         if self.cut is None:
             return n, times, np.full(len(n), self.h), np.ones(len(n), dtype=bool)
