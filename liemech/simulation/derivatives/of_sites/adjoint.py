@@ -20,11 +20,11 @@ from ....errors import IncompatibleSystem, IntegrationFailure, NotFinite
 from ....formulas.pytree import carried_layout, layout_of, with_fields
 from ....formulas.sites import padded, rows_of
 from ....groups.species import SpeciesGroup
-from ....integrators.backward import Asked, Turn, parts_of, refused, released
+from ....integrators.backward import Asked, BondTurn, Turn, parts_of, refused, released
 from ....integrators.ending_at_jumps import uncut
-from ....integrators.sublattices import SublatticeSplitting, terms_of
+from ....integrators.sublattices import BondSplitting, SublatticeSplitting, terms_of
 from ....systems.site_state import SiteValues
-from ....systems.sublattices import Sublattices
+from ....systems.sublattices import Bonds, Sublattices
 from ....systems.sums_of_terms import MomentumTerms, PlaceTerms
 from ....systems.tabulated import inputs
 from ...between.dense import unpacked
@@ -82,7 +82,7 @@ class BackwardRun:
             raise IncompatibleSystem(
                 f"Plan.tangent: there is no way back through runs of many sites {why}; there is one with RKMK, "
                 "CommutatorFree, midpoint rules, KickDrift, LieVerlet, Splitting, "
-                "compositions of them, and SublatticeSplitting"
+                "compositions of them, SublatticeSplitting and BondSplitting"
             )
         self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
@@ -132,6 +132,14 @@ class BackwardRun:
             field, numbers = found.of_site(places)
             motions: Any = (Turn(field, released(field)),)
             rows = [(0, at, share, *numbers[k]) for k, share, at in method.turns(found)]
+        elif isinstance(method, BondSplitting):
+            bonds = Bonds(terms_of(self.plan._one))
+            places = bonds.places
+            self.order, self.places = places.sites, places.places
+            forms, numbers = bonds.of_site(places)
+            motions = tuple(map(BondTurn, forms))
+            turns = [(numbers[k], share, at) for k, share, at in method.turns(bonds)]
+            rows = [(term, at, share, 0, 0, colour) for (term, colour, _), share, at in turns]
         else:
             motions, some = parts_of(method, site)
             rows = [(*row, 0, 0, 0) for row in some]
