@@ -52,6 +52,7 @@ from ..formulas.pytree import exchanged, inside, with_fields
 from ..groups.so3 import SO3
 from ..retractions import Cayley, Exponential
 from ..solvers import fixed_point, newton
+from ..systems.bonds_at_site import BondsOfSite
 from ..systems.canonical import CanonicalState
 from ..systems.driven import DrivenLiePoissonSystem
 from ..systems.lie_poisson import BodyState, LiePoissonSystem
@@ -60,15 +61,16 @@ from ..systems.separable_sites import SeparableSite
 from ..systems.sublattices import FieldAtSite, turned
 from ..systems.sums_of_terms import DrivenTerms
 from ..systems.terms import at_time
-from ..systems.terms_at_site import SlopesOfLoad, TermsOfSite
+from ..systems.terms_at_site import SlopesOfLoad, TermsOfSite, at_this_site
 from .commutator_free import CommutatorFree
 from .composition import Composition
 from .kick_drift import FieldSplitting
+from .lie_poisson_hj import LiePoissonHamiltonJacobi
 from .method import Method
 from .midpoint import ImplicitMidpoint
 from .rkmk import RKMK, combination
 from .separable import SeparableSplitting
-from .sublattices import SublatticeSplitting
+from .sublattices import TermSplitting
 
 
 @record
@@ -196,8 +198,11 @@ def refused(method: Any, site: Any) -> str:
         free: Any = method.free  # type: ignore[attr-defined]
         known = free.symplectic and free.symmetric and not free.of_momenta
         return "" if known or isinstance(free, RKMK) else f"by drifts of {free!r}"
-    if isinstance(method, SublatticeSplitting):
+    if isinstance(method, TermSplitting):
         return ""
+    if isinstance(method, LiePoissonHamiltonJacobi):
+        held = [x for x in inside(site, TermsOfSite) if x.moves is not None]
+        return f"by {method!r} with sites that are held" if held else ""
     return "" if isinstance(method, SeparableSplitting) else f"by {method!r}"
 
 
@@ -245,6 +250,8 @@ def parts_of(method: Any, site: Any) -> tuple[tuple[Motion, ...], list[tuple[int
         whole = Flows(method, isinstance(site, MechanicalSystem))
     if isinstance(method, ImplicitMidpoint):
         whole = Mean(method)
+    if isinstance(method, LiePoissonHamiltonJacobi):
+        whole = Symplectic(method)
     return (whole,), [(0, 0.0, 1.0)]
 
 
@@ -572,6 +579,23 @@ class Mean(WholeStep):
         return Back(BodyState(w.mu + more, w.g), (Asked(part.t, place, asked),), ())
 
 
+@record
+class Symplectic(WholeStep):
+    """A step of a method that is symmetric, and symplectic on T*G:  J^T = Omega J^-1 Omega^-1, with the step of
+    length -h.
+
+    Source: Hairer, Lubich, Wanner, VI.4; Abraham and Marsden, Foundations of Mechanics, 2nd ed.,
+    proposition 4.4.1.
+    """
+
+    momenta: ClassVar[int] = 0
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """By the step backwards, of all sites."""
+        back = lambda there: fresh(self.method, system, part.t + part.h, there, -part.h)  # noqa: E731
+        return Back(carried_back(system.group, back, before, after, w), (), ())
+
+
 # ------------------------------------------------------------------ kicks and drifts
 
 
@@ -691,15 +715,24 @@ class Drift(Motion):
         if isinstance(self.free, RKMK):
             return RungeKutta(self.free).back(system.body, free.body, part, before, after, w)
         group, body = system.configurations, system.body
-        change = group.ad_star(w.mu, after.mu) - w.g
+        back = lambda there: fresh(self.free, body, part.t + part.h, there, -part.h)  # noqa: E731
+        return Back(carried_back(group, back, before, after, w), (), ())
 
-        def returned(e: float) -> BodyState:
-            there = BodyState(after.mu + e * change, group.compose_exp(after.g, e * w.mu))
-            return fresh(self.free, body, part.t + part.h, there, -part.h)
 
-        slope = derivative(returned, 0.0)
-        eta = group.body_velocity(before.g, slope.g)
-        return Back(BodyState(eta, group.ad_star(eta, before.mu) - slope.mu), (), ())
+def carried_back(group: Any, inverse: Any, before: Any, after: Any, w: Any) -> BodyState:
+    """J^T w = Omega J^-1 Omega^-1 w of a symplectic map of T*G, whose inverse is known and takes elements
+    k g as it takes g: they begin at the identity, whether or not they are known.
+    """
+    change = group.ad_star(w.mu, after.mu)
+    change = change if w.g is None else change - w.g
+    still = group.exp(0.0 * after.mu)
+
+    def returned(e: float) -> BodyState:
+        return inverse(BodyState(after.mu + e * change, group.compose_exp(still, e * w.mu)))
+
+    begun, slope = tangent(returned, 0.0, 1.0)
+    eta = group.body_velocity(begun.g, slope.g)
+    return BodyState(eta, None if w.g is None else group.ad_star(eta, before.mu) - slope.mu)
 
 
 @record
@@ -743,6 +776,36 @@ class PointDrift(Motion):
 
 
 # ------------------------------------------------------------------ turns
+
+
+@record
+class BondTurn(Motion):
+    """The two sites of every bond of one colour turned about their sum, or all sites by a term of one: the
+    exact motion of its energy, whose inverse is that of the time -h.
+
+    energy : of a site, `BondsOfSite` or terms of single sites.  The colour is `term` of the part.
+
+    Source: Steinigeweg and Schmidt, Comput. Phys. Commun. 174 (2006).
+    """
+
+    energy: Any
+
+    def turned(self, group: Any, part: Part, state: Any, time: float) -> BodyState:
+        """A site some time later."""
+        energy, mu = at_time(self.energy, part.t), state.mu
+        if isinstance(energy, BondsOfSite):
+            theirs, mine = energy.turns(int(part.term), mu, time)
+            return BodyState(*turned(group, mu, state.g, -theirs, mine + theirs))
+        return BodyState(*turned(group, mu, state.g, time * at_this_site(energy).gradient(mu)))
+
+    def moved(self, system: Any, part: Part, state: Any) -> Any:
+        """The turn."""
+        return self.turned(system.group, part, state, part.h)
+
+    def back(self, system: Any, free: Any, part: Part, before: Any, after: Any, w: Any) -> Back:
+        """J^T = Omega J^-1 Omega^-1, where elements are known or not: nothing depends on them."""
+        back = lambda there: self.turned(system.group, part, there, -part.h)  # noqa: E731
+        return Back(carried_back(system.group, back, before, after, w), (), ())
 
 
 @record

@@ -298,7 +298,7 @@ def beside(runs: list[Any]) -> dict[str, Any]:
         "compiled": all(run.compiled for run in runs),
         "rejected": None if first.rejected is None else sum(run.rejected for run in runs),
     }
-    if isinstance(first.dense, DenseOutput | DenseOutputs):
+    if isinstance(first.dense, DenseOutput | DenseOutputs) or hasattr(first.dense, "sites"):
         found["dense"] = DenseOutputs(
             tuple([one for run in runs for one in getattr(run.dense, "bodies", (run.dense,))])
         )

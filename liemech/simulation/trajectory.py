@@ -315,7 +315,7 @@ class Trajectory:
         group.
 
         Between adaptive steps by the polynomial of the method, between fixed steps by a
-        shorter step from the last sample; of many sites always by a shorter step.
+        shorter step from the last sample.
         Of an ensemble all bodies at these times, (m, bodies, ...).
         """
         return self._motion(t)
@@ -329,7 +329,7 @@ class Trajectory:
         kept = self.bodies is None and not self.observed and len(self.t) == self.steps + 1 > 1
         example = system.state(**{name: x[0] for name, x in self.states.items()}) if kept else None
         if isinstance(self.carry, SiteCarry) or isinstance(example, StateOfSites):
-            if kept:
+            if kept and self.rejected is None:
                 from .sites.between import SitesBetween
 
                 return SitesBetween(self, type(example))

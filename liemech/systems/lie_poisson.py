@@ -23,6 +23,7 @@ from ..groups.product import ProductGroup
 from ..groups.species import SpeciesGroup
 from ..retractions import Retraction
 from .agreement import require_one_body
+from .common_momentum import momenta_of_symmetry
 from .hamiltonian import Hamiltonian
 from .kinetic_energy import by_entries
 from .lagrangian import Lagrangian
@@ -227,8 +228,15 @@ class LiePoissonSystem(LiePoissonMotion):
         return made
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Energy, Casimirs and, if the attitude is known, the spatial momentum."""
-        return {"energy": np.asarray(self.energy(states["mu"]))} | super().constants(states)
+        """Energy, Casimirs, if the attitude is known, the spatial momentum, and what sites that are coupled
+        keep together.
+        """
+        energy = {"energy": np.asarray(self.energy(states["mu"]))}
+        return energy | super().constants(states) | self.momenta_of_sites(states)
+
+    def momenta_of_sites(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The sum of all momenta, where a turn of all sites leaves the energy as it is."""
+        return momenta_of_symmetry(self, np.asarray(states["mu"]))
 
     @property
     def is_large(self) -> bool:

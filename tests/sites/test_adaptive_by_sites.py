@@ -232,3 +232,54 @@ def test_order_of_cost() -> None:
     found = run(n, 0.3, rtol=1e-6)
     assert found.mu.shape == (2, n, 3)
     assert found.steps < 20
+
+
+@native
+def test_dense_beside_times(tmp_path: Path) -> None:
+    """`run.at` is on the way of each step, to the bits of `t_eval`, resumed, loaded and of members too."""
+    n, times = 20, np.linspace(0.0, 0.4, 8)
+    plan = adaptive(n, compiled=True, dense=True)
+    start = spins(n).state(mu=directions(n))
+    wanted = run(n, 0.4, times, compiled=True).mu
+    seen, ends = plan.run(start, t_end=0.4, t_eval=times), plan.run(start, t_end=0.4)
+    assert np.array_equal(seen.mu, wanted)
+    assert len(ends) == seen.steps + 1
+    assert np.array_equal(seen.at(times).mu, wanted)
+    assert np.array_equal(ends.at(times[::-1]).mu, wanted[::-1])
+    assert np.array_equal(seen.at(0.25).mu, ends.at(0.25).mu)
+    assert np.abs(seen.at(0.25).mu - exact(n, [0.25])[0]).max() < 1e-8
+    seen.save(tmp_path / "run.npz")
+    assert np.array_equal(lm.Trajectory.load(tmp_path / "run.npz").at(times).mu, wanted)
+    half = plan.run(start, t_end=0.2)
+    both = half.then(plan.resume(half, t_end=0.4))
+    assert np.array_equal(both.at(times[:4]).mu, half.at(times[:4]).mu)
+    assert np.abs(both.at(times).mu - wanted).max() < 1e-8
+    few = [run(5, 0.04, dense=True, compiled=c).at([0.01, 0.03]).mu for c in (False, True)]
+    assert np.array_equal(*few)
+    two = plan.run(spins(n).state(mu=np.stack([directions(n)] * 2)), t_end=0.4)
+    assert np.array_equal(two.at(times).mu[:, 1], wanted)
+    with pytest.raises(InvalidInput, match="outside the run"):
+        seen.at(0.5)
+
+
+@native
+def test_dense_up_to_an_event() -> None:
+    """The way of the step in which a run ends goes as far as the run, and on behind it."""
+    n = 20
+
+    def half(t: float, total: Any) -> float:
+        return t - 0.23
+
+    half.terminal = True  # type: ignore[attr-defined]
+    options: Any = {"events": [half], "record": ["mu", ("m", lambda t, site: site.mu)]}
+    plan = adaptive(n, compiled=True, dense=True, **options)
+    start = spins(n).state(mu=directions(n))
+    ended, whole = plan.run(start, t_end=0.4), run(n, 0.4, dense=True, compiled=True)
+    last = float(ended.t[-1])
+    assert abs(last - 0.23) < 1e-12
+    times = np.array([0.05, 0.2, 0.225, last])
+    assert np.abs(ended.at(times).mu - whole.at(times).mu).max() < 1e-13
+    with pytest.raises(InvalidInput, match="outside the run"):
+        ended.at(0.24)
+    on = ended.then(plan.resume(ended, t_end=0.4))
+    assert np.abs(on.at([0.1, 0.3]).mu - whole.at([0.1, 0.3]).mu).max() < 1e-8

@@ -501,6 +501,78 @@ def test_gradient_and_pullback(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(found - components.ravel() @ whole[9:]).max() < 1e-13
 
 
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("turned", [False, True], ids=["momenta", "elements"])
+@pytest.mark.parametrize(
+    "method",
+    [lm.BondSplitting(), lm.LiePoissonHamiltonJacobi(order=2), lm.BondSplitting(order=4),
+     lm.LiePoissonHamiltonJacobi(), lm.LiePoissonHamiltonJacobi(order=2, retraction=lm.Cayley())],
+    ids=repr,
+)  # fmt: skip
+@native
+def test_steps_that_are_symplectic(method: Any, turned: bool) -> None:
+    """Those of which the way back is the step backwards."""
+    n, terms = 5, [Exchange(1.0).over(lm.neighbours.ring(5)), Zeeman([0.1, 0.2, 0.3])]
+    terms += [] if isinstance(method, lm.BondSplitting) else [Easy(0.3)]
+    system = lm.LiePoissonSystem(lm.SO3() ** n, lm.Terms(*terms))
+    g = lm.SO3().random(np.random.default_rng(4), n) if turned else None
+    plan = lm.Plan(system, method, h=0.1, progress=False)
+    require_transposed(plan, system.state(mu=directions(n), g=g), 20)
+
+
+def test_few_adaptive_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The map of the steps that were accepted, as where the system is written out."""
+    start, w = spins(3).state(mu=directions(3)), np.arange(9.0)
+    options: Any = {"rtol": 1e-5, "compiled": False}
+    plan = lm.Plan(spins(3), lm.RKMK(order=5), **options)
+    forwards = plan.tangent(start, t_end=0.5, along=w)
+    backwards = plan.tangent(start, t_end=0.5, against=w)
+    monkeypatch.setattr(lm.System, "small", 1000)
+    whole = lm.Plan(spins(3), lm.RKMK(order=5), **options).tangent(start, t_end=0.5)
+    assert forwards.steps == whole.steps > 1
+    j = whole.tangent["start"][-1]
+    assert np.abs(forwards.tangent["along"][-1] - j @ w).max() < 1e-13
+    assert np.abs(backwards.tangent["against"][-1] - j.T @ w).max() < 1e-13
+
+
+@native
+@pytest.mark.slow
+def test_adaptive_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the steps that were accepted: the map of the system as it is written out, and differences of
+    accurate runs.
+    """
+    system, rng = magnet(**FEW), np.random.default_rng(2)
+    start = system.state(mu=directions(5))
+    plan = lm.Plan(system, lm.RKMK(order=5), rtol=1e-6, progress=False)
+    v, w = rng.normal(size=(2, 15))
+    forwards = plan.tangent(start, t_end=1.0, along=v)
+    backwards = plan.tangent(start, t_end=1.0, against=w)
+    monkeypatch.setattr(lm.System, "small", 1000)
+    written_out = lm.Plan(system, lm.RKMK(order=5), rtol=1e-6, progress=False)
+    whole = written_out.tangent(start, t_end=1.0)
+    monkeypatch.setattr(lm.System, "small", 0)
+    assert (forwards.steps, forwards.rejected) == (whole.steps, whole.rejected)
+    assert np.array_equal(backwards.t, [0.0, 1.0])
+    j = whole.tangent["start"][-1]
+    assert np.abs(forwards.tangent["along"][-1] - j @ v).max() < 1e-13
+    assert np.abs(backwards.tangent["against"][-1] - j.T @ w).max() < 1e-13
+    costs: Any = {"along": lambda t, site: t * site.mu[0], "every": 3}
+    found = plan.gradient(lambda site: site.mu[2] ** 2, start, t_end=1.0, **costs)
+    run = found.run
+    z = run.mu[-1, :, 2]
+    assert abs(found.value - (z @ z + (run.t[:, None] * run.mu[..., 0]).sum())) < 1e-14
+    assert run.t[-1] == 1.0
+
+    def loss(J: Any) -> float:
+        other = magnet(**(FEW | {"J": J}))
+        accurate = lm.Plan(other, lm.RKMK(order=8), h=1.0 / 64.0, progress=False)
+        return float((accurate.run(start, steps=64).mu[-1, :, 2] ** 2).sum())
+
+    plan = lm.Plan(system, lm.RKMK(order=5), rtol=1e-10, atol=1e-11, progress=False)
+    by_couplings = plan.gradient(lambda site: site.mu[2] ** 2, start, t_end=1.0, by="J")["J"]
+    assert np.abs(by_couplings - differences(loss, COUPLINGS)).max() < 1e-9
+
+
 @native
 @pytest.mark.slow
 def test_units() -> None:
@@ -520,15 +592,18 @@ def test_what_has_no_way_back() -> None:
     """Is told by name, with the cure; J^T w is found as before, direction by direction."""
     ring, start = spins(6), spins(6).state(mu=directions(6))
     w = np.arange(18.0)
-    bonds = lm.BondSplitting()
-    with pytest.raises(IncompatibleSystem, match=r"no way back.*by BondSplitting\(.*KickDrift"):
-        back(lm.Plan(ring, bonds, h=0.05, compiled=False), start, {1: w})
-    few = lm.Plan(spins(3), bonds, h=0.05, compiled=False)
-    first = spins(3).state(mu=directions(3))
+    terms = lm.Terms(Exchange(1.0).over(lm.neighbours.ring(3)), held=[2])
+    held = lm.LiePoissonSystem(lm.SO3() ** 3, terms)
+    few = lm.Plan(held, lm.LiePoissonHamiltonJacobi(order=2), h=0.05, compiled=False)
+    first = held.state(mu=directions(3))
+    with pytest.raises(IncompatibleSystem, match=r"no way back.*sites that are held.*KickDrift"):
+        back(few, first, {1: w[:9]})
     wanted = w[:9] @ few.tangent(first, steps=1).tangent["start"][-1]
     found = few.tangent(first, steps=1, against=w[:9]).tangent["against"][-1]
     assert np.allclose(found, wanted, atol=1e-14)
     assert np.allclose(few.pullback(w[:9], first, steps=1)["start"], wanted, atol=1e-14)
+    with pytest.raises(IncompatibleSystem, match="no derivative by J for many sites; RKMK"):
+        back(lm.Plan(ring, lm.BondSplitting(), h=0.05, compiled=False), start, {1: w}, ("J",))
     plan = lm.Plan(ring, lm.RKMK(order=2), h=0.05, compiled=False)
     with pytest.raises(InvalidInput, match="K is no parameter"):
         back(plan, start, {1: w}, ("K",))

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from terms_of_spins import Exchange
+from terms_of_spins import Exchange, Zeeman
 from test_runs_by_sites import native
 
 import liemech as lm
@@ -44,6 +44,16 @@ class Leaking(lm.BondSplitting):
 
 
 @lm.record
+class Quartic(lm.Term):
+    """A cubic anisotropy, which no turn leaves as it is."""
+
+    K: float
+
+    def energy(self, a: Any) -> float:
+        return self.K * sum([x**4 for x in a.mu])
+
+
+@lm.record
 class Late(lm.BondSplitting):
     """The motion of another time step."""
 
@@ -51,15 +61,67 @@ class Late(lm.BondSplitting):
         return super().step(system, t, memory, h * (1.0 + 1e-3 * h))
 
 
+@lm.record
+class Pushed(lm.BondSplitting):
+    """The first site is turned about x a little more, before and after: Casimirs stay."""
+
+    def step(self, system: Any, t: float, memory: Any, h: float) -> Any:
+        pushed = super().step(system, t, self._turned(memory, h), h)
+        return self._turned(pushed, h)
+
+    def _turned(self, memory: Any, h: float) -> Any:
+        state, left = memory.node
+        x = lm.SO3().exp(lm.vec(1e-7 * h, 0.0, 0.0)) @ lm.vec(*[*state.mu][:3])
+        return with_fields(memory, node=(with_fields(state, mu=lm.vec(*x, *[*state.mu][3:])), left))
+
+
+KEEPS = ("total momentum",)
+
+
 @pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("method", "law"),
-    [(Claiming(), "Poisson"), (Leaking(), f"Casimir {N}"), (Late(), "symmetric")],
-    ids=["form", "Casimir", "symmetry"],
+    [
+        (Pushed(), "total momentum"),
+        (Claiming(), "Poisson"),
+        (Leaking(), f"Casimir {N}"),
+        (Late(), "symmetric"),
+    ],
+    ids=["momentum", "form", "Casimir", "symmetry"],
 )
 def test_faults_are_seen(method: Any, law: str) -> None:
-    report = lm.check_method(method, spins(), start(), raises=False)
+    keeps = KEEPS if law in KEEPS else ()
+    report = lm.check_method(method, spins(), start(), keeps=keeps, raises=False)
     assert law in [f.law for f in report.findings if f.verdict == "broken"]
+
+
+@native
+def test_total_momentum_is_that_of_a_symmetry() -> None:
+    """Of all turns of all sites, about one axis, or of none; and kept by methods as they say."""
+    ring = lm.neighbours.ring(N)
+    rng = np.random.default_rng(3)
+    axis = np.array([0.6, 0.0, 0.8])
+    fields = Exchange(1.0).over(ring), Zeeman(0.3 * axis)
+    for n, more in ((N, ()), (5, ()), (N, (Quartic(0.2),))):
+        terms = Exchange(1.0).over(lm.neighbours.ring(n)), *more
+        system = lm.LiePoissonSystem(lm.SO3() ** n, lm.Terms(*terms))
+        mu = rng.normal(size=(n, 3))
+        run = lm.integrate(system, lm.RKMK(order=8), system.state(mu=mu), h=0.01, steps=10)
+        names = [name for name in run.drift() if "total" in name]
+        assert names == ([] if more else ["total momentum"])
+        assert np.ptp(run.mu.sum(axis=1), axis=0).max() < 1e-13 or more
+    system = lm.LiePoissonSystem(lm.SO3() ** N, lm.Terms(*fields))
+    run = lm.integrate(system, lm.BondSplitting(), start(), h=0.1, steps=10)
+    (kept,) = [one for one in run.drift().kept if "total" in one.name]
+    assert kept.name == "total momentum along (0.6, 0, 0.8)"
+    assert kept.largest < 1e-14
+    along = run.mu.sum(axis=1)
+    assert np.ptp(along @ axis) < 1e-14 < 1e-3 < np.ptp(along[:, 0])
+    for method, verdict in ((lm.BondSplitting(), "holds"), (lm.SphericalMidpoint(), "holds")):
+        report = lm.check_method(method, spins(), start(), keeps=KEEPS, native=False)
+        assert report["total momentum"].verdict == verdict
+    seen = lm.check_method(lm.SublatticeSplitting(), spins(), start(), native=False)
+    assert seen["total momentum"].verdict == "not seen"
 
 
 @native

@@ -109,5 +109,5 @@ def test_members() -> None:
     assert both.shape == (3, 2, 3 * n)
     assert np.array_equal(both[:, 1], alone)
     adaptive = lm.Plan(spins(n), lm.RKMK(order=5), rtol=1e-5)
-    with pytest.raises(lm.errors.IncompatibleSystem, match="no derivative of adaptive steps"):
-        adaptive.tangent(start(n), t_end=0.1)
+    with pytest.raises(lm.errors.IncompatibleSystem, match="no derivative by h"):
+        adaptive.tangent(start(n), t_end=0.1, by="h")

@@ -26,7 +26,6 @@ import numpy as np
 from ...errors import GradientWarning, IncompatibleSystem, InvalidInput, NotCompilable, warn
 from ...formulas.frozen import frozen
 from ...formulas.pytree import layout_of
-from ...formulas.tables import Table
 from ...integrators.ending_at_jumps import ending_at_jumps, overshoot
 from ...systems.system import State, member
 from ...systems.tabulated import NEAR, PiecewisePolynomial
@@ -42,7 +41,7 @@ from ..trajectory import Trajectory
 from .blocks import Blocks
 from .losses import Loss
 from .of_sites.pullback import goes_by_sites, gradient_by_sites
-from .tangent import StepsOfARun, frames_of, parameter_moves, real_numbers, slope, with_step
+from .tangent import frames_of, in_steps, parameter_moves, real_numbers, slope, with_step
 from .varied import Varied
 from .varied_input import table_of
 
@@ -288,17 +287,6 @@ class ForwardAdaptive(Forward):
         first, last = self.edges[:-1], self.edges[1:] - 1
         begun, lengths = self.begun, self.lengths
         return begun[first], lengths[first], begun[last], lengths[last]
-
-
-def in_steps(plan: Any, run: Trajectory) -> Any:
-    """The plan of fixed steps that makes those of a run by an error estimate, their lengths held fixed."""
-    way, begun = plan._steps, plan._steps.begun(run.t)
-    tables = Table([*begun, 0.0]), Table([*(run.t[1:] - begun), 0.0])
-    steps = Steps(
-        way.system, StepsOfARun(way.method, *tables), 1.0, 1, False, "double", way.compiled,
-        way.progress, 1, clock="step",
-    )  # fmt: skip
-    return like(plan, _steps=steps, begun=begun)
 
 
 def block_length(steps: int, many: int, intervals: int, width: int, every: int) -> int:
@@ -653,12 +641,8 @@ def _by_sites(
     plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: Any, asked: Any
 ) -> Gradient:
     """The gradient of a run of many sites, which is gone through backwards."""
-    if plan.adaptive:
-        raise IncompatibleSystem(
-            f"Plan.{what}: of many sites there is the gradient of fixed steps; give h and steps"
-        )
-    count = plan._count(steps, t_end, t0)
-    value, found, run, growth = gradient_by_sites(plan, what, start, count, t0, names, *asked)
+    given = plan, what, start, steps, t_end, t0, names
+    value, found, run, growth = gradient_by_sites(*given, *asked)
     if growth is not None:
         tell(growth)
     return Gradient(value, found, run, growth)
@@ -766,7 +750,7 @@ def adaptive_gradient_of(
     run = plan._in_pieces(start, t0, steps, t_end, None, None)
     every, loss, along, cotangent = asked
     return gradient_of(
-        in_steps(plan, run), start, len(run.t) - 1, 0.0, names, every, loss, along, cotangent, run
+        in_steps(plan, run.t), start, len(run.t) - 1, 0.0, names, every, loss, along, cotangent, run
     )
 
 

@@ -427,6 +427,20 @@ class StepsOfARun(Wrapping):
         return self.method.step(system, entry(self.begun, n), memory, entry(self.lengths, n))
 
 
+def in_steps(plan: Any, t: np.ndarray) -> Any:
+    """The plan of fixed steps that makes those of a run by an error estimate, their lengths held fixed.
+
+    t : the ends of the steps.
+    """
+    way, begun = plan._steps, plan._steps.begun(t)
+    tables = Table([*begun, 0.0]), Table([*(t[1:] - begun), 0.0])
+    steps = Steps(
+        way.system, StepsOfARun(way.method, *tables), 1.0, 1, False, "double", way.compiled,
+        way.progress, 1, clock="step",
+    )  # fmt: skip
+    return like(plan, _steps=steps, begun=begun)
+
+
 def adaptive_tangent_run(
     plan: Any, run: Trajectory, start: State, names: tuple[str, ...]
 ) -> TangentTrajectory:

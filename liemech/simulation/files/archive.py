@@ -29,6 +29,7 @@ from ..compiled.control import CLOCK
 from ..compiled.systems import Methods, OfBodies, Systems, of_body
 from ..fictive_time.arrival import FictiveMotion
 from ..origin import FictiveCarry, Origin
+from ..sites.between import SitesDense
 from ..sites.states import kind_of
 from ..stopped import Stopped
 from .arrays import read, write
@@ -81,6 +82,8 @@ def save(run: Any, path: str | os.PathLike[str]) -> None:
         about["dense"] = [each[0].order, encoded(each[0].example, pool)]
         if run.bodies is not None:
             about["dense"].append([len(one.rows) for one in each])
+        if isinstance(each[0], SitesDense):
+            about["dense.sites"] = each[0].sites
     about["events"] = []
     for i, event in enumerate(run.events):
         met = event if run.bodies is not None else (event,)
@@ -254,7 +257,8 @@ def _run_of(arrays: dict[str, Any], about: dict[str, Any], decode: Decoder) -> d
     if origin is not None and "dense.t" in arrays:
         dense = _fictive_motion_of(arrays, about["h"], method, origin, decode)
     elif origin is None and "dense" in about:
-        dense = _dense_of(arrays["dense"], about["dense"], system, method, decode)
+        told = about["dense"], about.get("dense.sites")
+        dense = _dense_of(arrays["dense"], *told, system, method, decode)
     events = tuple(
         [_event_of(i, arrays, about, bodies, decode) for i in range(len(about["events"]))]
     )
@@ -349,17 +353,24 @@ def _fictive_motion_of(
 
 
 def _dense_of(
-    rows: np.ndarray, told: Any, system: Any, method: Any, decode: Decoder
-) -> DenseOutput | DenseOutputs:
-    """The motion between adaptive steps, of one body or of each."""
+    rows: np.ndarray, told: Any, sites: int | None, system: Any, method: Any, decode: Decoder
+) -> DenseOutput | DenseOutputs | SitesDense:
+    """The motion between adaptive steps, of one body or of each.  sites : of systems of many."""
     (order, _, *counts), example = told, decode.record(told[1], State)
-    terms, rest = divmod(rows.shape[1] - 1 - layout_of(example).width, system.group.dim)
+    least, dim = layout_of(example).width, system.group.dim
+    if sites is not None:
+        known = type(sites) is int and sites > 0 and of_body(system, 0).site_form is not None
+        least, dim = least * sites if known else rows.shape[1], sites if known else 1
+    terms, rest = divmod(rows.shape[1] - 1 - least, dim)
     if terms < 0 or rest:
         raise InvalidInput(f"{decode.where}: rows of {rows.shape[1]} numbers are no way")
     _require_shape(decode.where, rows, rows.shape[:1] + rows.shape[1:2])
 
-    def of(i: int, own: np.ndarray) -> DenseOutput:
-        return DenseOutput(of_body(system, i), of_body(method, i).retraction, example, own, order)
+    def of(i: int, own: np.ndarray) -> Any:
+        law, way = of_body(system, i), of_body(method, i)
+        if sites is not None:
+            return SitesDense(law, way, example, sites, own, order)
+        return DenseOutput(law, way.retraction, example, own, order)
 
     if not counts:
         return of(0, rows)

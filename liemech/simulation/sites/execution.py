@@ -11,6 +11,9 @@ from ..compiled.execution import Execution
 WORTH = 100
 """Steps of single sites that are worth native code: one takes plain Python some milliseconds."""
 
+LONG = 50
+"""Steps that an adaptive run is expected to take."""
+
 
 class SiteExecution(Execution):
     """How runs execute one driver: in native code as soon as there is much to do, because plain

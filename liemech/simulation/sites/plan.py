@@ -164,8 +164,6 @@ class SitesOfPlan:
             return f"{next(iter(plan.of_each))} of each member"
         if members and kept is not None:
             return "checkpoint of members"
-        if plan.options.dense and t_eval is not None:
-            return "dense=True beside t_eval"
         if plan.adaptive:
             return f"adaptive {steps.method!r}" if steps.method.shortens else None
         if self.chain is not None and (t_eval is not None or plan.options.dense or plan.events):
@@ -243,8 +241,6 @@ class SitesOfPlan:
             runs = [self.tangent(self._member(start, i), *asked) for i in range(start.bodies)]
             return None if None in runs else of_bodies(self.plan.method, runs)
         wanted = [f"derivative by {name}" for name in names if name != "start"]
-        if self.plan.adaptive:
-            wanted.append("derivative of adaptive steps")
         if self.chain is not None:
             wanted.append(f"tangent map of {self.plan.method!r} along a chain")
         one = self.plan._one
@@ -255,8 +251,7 @@ class SitesOfPlan:
         if why is None:
             from ..derivatives.of_sites.tangent import tangent_by_sites
 
-            count = self.plan._count(steps, t_end, t0)
-            return tangent_by_sites(self, start, count, t0, given)
+            return tangent_by_sites(self, start, steps, t_end, t0, given)
         if start.width <= LARGE and self.as_one_body:
             return None
         raise self._too_many(why, start)

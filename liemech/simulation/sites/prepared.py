@@ -42,7 +42,7 @@ from .driver import (
     first_memory,
     look_inside,
 )
-from .execution import SiteExecution
+from .execution import LONG, SiteExecution
 from .links import linked_method
 
 SOME = 3
@@ -126,6 +126,33 @@ class Prepared:
             steps.compiled, steps.progress, look_inside, *self.looker, 0.0, 0.0, 0.0, planes, planes,
             shared, shared, none, none, None,
         )  # fmt: skip
+
+    def look(
+        self, site: Any, begun: float, at: float, end: float, sites: Planes, here: int, workers: int = 1,
+        totals: Any = None, values: Any = None,
+    ) -> tuple[Planes, list[Any] | None, int]:  # fmt: skip
+        """The states of all sites inside of the last step, and if they are not found the failures, else None,
+        and the first of the sites among which one failed.
+
+        here : which copy of the memory has the end of the step.  totals, values : to be filled.
+        """
+        looking, seen = self.looking, Planes.of_rows(self.state.width, sites.count)
+        done, place = np.zeros((1, 1)), np.zeros((2, 1))
+        place.view(np.int64)[0, 0] = here
+        totals = np.zeros(max(1, self.shown.totals.width)) if totals is None else totals
+        values = np.zeros(1) if values is None else values
+        failures, notes = [], 0  # type: list[Any], int
+        given: Any = self.way, site, *self.looker[2:], begun, at, end, sites, seen
+        if looking.ready_for(LONG * sites.count):
+            calls = looking.on_sites(sites.count, workers)
+            calls(*given, kernel.Shared(totals), kernel.Shared(values), place, done, None)
+            notes = calls.notes
+        else:
+            with looking.plain():
+                columns = totals, values, place.ravel(), done.reshape(-1)
+                driver: Any = look_inside
+                driver(*given, *columns, failures)
+        return seen, None if done[0, 0] else failures, notes
 
     @functools.cached_property
     def order(self) -> list[int] | None:

@@ -53,7 +53,6 @@ from .driver import (
     UNWATCHED,
     advance_sites,
     begin_sites,
-    look_inside,
     one_inside,
     one_look,
     one_rate,
@@ -62,6 +61,7 @@ from .driver import (
     one_step,
 )
 from .events import Sightings
+from .execution import LONG
 from .lists import STEP as SHORT
 from .lists import Lists
 from .states import as_users_see, by_site, first_of, site_rows, state_of_rows
@@ -74,9 +74,6 @@ MOST = 2**30
 
 AROUND = 20
 """Sites on both sides of one that failed, among which that is looked for of which it failed."""
-
-LONG = 50
-"""Steps that an adaptive run is expected to take."""
 
 
 class Failing:
@@ -104,7 +101,7 @@ class SiteRun(Course):
     pace = 1  # steps of a call
     ended: int | None = None  # by which event
     level: float | None = None  # of the derivative that numbers carry along
-    dense = False  # are the ends of all adaptive steps kept?
+    dense = False  # is the way of all adaptive steps kept?
 
     def __init__(
         self, plan: Any, site: Any, start: Any, t0: float, steps: Any, t_end: Any, t_eval: Any,
@@ -127,7 +124,7 @@ class SiteRun(Course):
         self.fixed_times = t_eval is not None
         self.aim(steps, t_end, t_eval)
         inner = (self.asked != self.begun) & (self.asked != self.t_end)
-        curves = self.adaptive and bool(plan.events or inner.any())
+        curves = self.adaptive and bool(plan.events or inner.any() or self.dense)
         first, rows = self.laid_out(state)
         self.starts: Any = Planes(rows_of(rows), self.count)
         self.shape = shape = plan._sites.prepared(first, self.starts, curves, self.level)
@@ -151,6 +148,8 @@ class SiteRun(Course):
             self._begin()
         else:
             self._take_up(start)
+        if self.dense:
+            self.ways.append((self.begun, self._memory.copy()))
         self.events = Sightings(self, plan.events, start) if plan.events else None
 
     def _room_for(self, width: int) -> Planes:
@@ -189,6 +188,7 @@ class SiteRun(Course):
         ends = np.array([self.begun, end] if end != self.begun else [end])
         self.dense = self.plan.options.dense is True
         self.asked = self.times = (ends[:1] if self.dense else ends) if asked is None else asked
+        self.ways: list[tuple[float, np.ndarray]] = []
         self.goals[:, 0] = end, way.rtol, way.atol, way.longest, self.steps, self.begun
         self.clocks[STEP] = way.first(self.begun, end)
         jumps = way.jumps(self.begun, end) if way.breaks or has_inputs(way.system) else ()
@@ -405,6 +405,8 @@ class SiteRun(Course):
         t = end = float(clock[TIME])
         if why == UNWATCHED:
             raise self._unwatched()
+        if self.dense and t != self.ways[-1][0]:
+            self.ways.append((t, self._memory.copy()))
         if why == CROSSED:
             self.march[2] = 0.0
             end = self.events.meet(begun, t)  # type: ignore[union-attr]
@@ -418,7 +420,7 @@ class SiteRun(Course):
             raise self._too_small(self.failures[-1])
         elif self.left and t == self.goals[LAST_TIME, 0] and t != self.t_end:
             beyond_jump(clock, self.goals[:, 0], self.left, self.t_end)
-        if self.dense and self.ended is None and t != self.times[-1]:
+        if self.dense and not self.fixed_times and self.ended is None and t != self.times[-1]:
             self.asked = self.times = np.append(self.times, t)
             self._make_room()
 
@@ -453,23 +455,14 @@ class SiteRun(Course):
         """The states of all sites at a time in the last step, (width, sites), the totals of what is
         recorded, and the events.
         """
-        shape, looking, totals = self.shape, self.shape.looking, np.zeros_like(self.look)
+        shape, totals = self.shape, np.zeros_like(self.look)
         if at == end:
             rows = shape.shown_rows(self._memory)
             return rows, self.look[: self.totals.shape[1]], self.values[1]
-        seen, done = Planes.of_rows(shape.state.width, self.count), np.zeros((1, 1))
-        values, failures, notes = np.zeros_like(self.values[0]), [], 0  # type: Any, list[Any], int
-        given: Any = shape.way, self.site, *shape.looker[2:], begun, at, end, self.sites, seen
-        if looking.ready_for(LONG * self.count):
-            calls = looking.on_sites(self.count, self.workers)
-            calls(*given, kernel.Shared(totals), kernel.Shared(values), self.place, done, None)
-            notes = calls.notes
-        else:
-            with looking.plain():
-                columns = totals, values, self.place.ravel(), done.reshape(-1)
-                driver: Any = look_inside
-                driver(*given, *columns, failures)
-        if not done[0, 0]:
+        values = np.zeros_like(self.values[0])
+        given = self.site, begun, at, end, self.sites, self._copy, self.workers
+        seen, failures, notes = shape.look(*given, totals, values)
+        if failures is not None:
             more: Any = begun, at, end, self.sites, self._copy, shape.memory, shape.inner.shown
             again = shape.way, self.site, *more, seen, totals
             error = self._why(
@@ -488,6 +481,10 @@ class SiteRun(Course):
             self.starts, self.place = Planes(rows_of(rows), self.count), np.zeros((2, 1))
             self._begin()
             go_on(self.clocks[:, 0], at)
+            if self.dense:
+                whole, lasting = self.ways.pop()[1], self.shape.lasting
+                part = part_of_way(whole[lasting:], (at - begun) / (end - begun), self.shape)
+                self.ways.append((at, np.concatenate([self._memory[:lasting], part])))
         self.t_end = at
 
     # ---------------------------------------------------------------- what came of it
@@ -639,7 +636,12 @@ class SiteRun(Course):
         if self.adaptive:
             h = float((self.clocks[TIME, 0] - self.begun) / max(1, self.most))
             rejected = int(self.clocks[REJECTED, 0])
-        return {"h": h, "rejected": rejected, "breaks": self.way.breaks}
+        known = {"h": h, "rejected": rejected, "breaks": self.way.breaks}
+        if self.dense:
+            from .between import SitesDense
+
+            known["dense"] = SitesDense.of(self)
+        return known
 
     @property
     def most(self) -> int:
@@ -665,6 +667,14 @@ class SiteRun(Course):
             return SiteCarry(self.t0, self.h, int(clock[TAKEN]), numbers, state, met=met)
         clock[MARK] = 0.0
         return SiteCarry(float(clock[TIME]), 0.0, 0, numbers, state, met, clock, self.ended)
+
+
+def part_of_way(curve: np.ndarray, part: float, shape: Any) -> np.ndarray:
+    """The coefficients of the first part of a way, Omega(part theta)."""
+    terms = len(shape.memory.parts[2].parts)
+    powers = part ** (1.0 + np.arange(terms))
+    found: np.ndarray = np.repeat(powers, len(curve) // terms)[:, None] * curve
+    return found
 
 
 def require_fitting(site: Any, count: int) -> None:

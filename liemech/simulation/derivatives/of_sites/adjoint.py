@@ -20,11 +20,11 @@ from ....errors import IncompatibleSystem, IntegrationFailure, NotFinite
 from ....formulas.pytree import carried_layout, layout_of, with_fields
 from ....formulas.sites import padded, rows_of
 from ....groups.species import SpeciesGroup
-from ....integrators.backward import Asked, Turn, parts_of, refused, released
+from ....integrators.backward import Asked, BondTurn, Turn, parts_of, refused, released
 from ....integrators.ending_at_jumps import uncut
-from ....integrators.sublattices import SublatticeSplitting, terms_of
+from ....integrators.sublattices import BondSplitting, SublatticeSplitting, terms_of
 from ....systems.site_state import SiteValues
-from ....systems.sublattices import Sublattices
+from ....systems.sublattices import Bonds, Sublattices
 from ....systems.sums_of_terms import MomentumTerms, PlaceTerms
 from ....systems.tabulated import inputs
 from ...between.dense import unpacked
@@ -32,6 +32,7 @@ from ...sites.execution import SiteExecution
 from ...sites.lists import Lists
 from ...sites.states import first_of, site_rows
 from ..reversal import go_back
+from ..tangent import StepsOfARun
 from .backward import (
     PART,
     WayBack,
@@ -58,9 +59,13 @@ def why_not(sites: Any, start: Any) -> str:
     group = getattr(one, "configurations", one.group)
     if isinstance(start, SiteValues) or isinstance(group, SpeciesGroup):
         return f"of {type(one).__name__} on {group!r}"
-    if plan.adaptive:
-        return "with adaptive steps"
-    return refused(uncut(plan._steps.way_of(0)), sites.site)
+    return refused(inner_method(plan), sites.site)
+
+
+def inner_method(plan: Any) -> Any:
+    """The method of the steps, wherever they are cut, and whoever has found their lengths."""
+    method = uncut(plan._steps.method if plan.adaptive else plan._steps.way_of(0))
+    return method.method if isinstance(method, StepsOfARun) else method
 
 
 class BackwardRun:
@@ -77,21 +82,26 @@ class BackwardRun:
             raise IncompatibleSystem(
                 f"Plan.tangent: there is no way back through runs of many sites {why}; there is one with RKMK, "
                 "CommutatorFree, midpoint rules, KickDrift, LieVerlet, Splitting, "
-                "compositions of them, and SublatticeSplitting"
+                "compositions of them, SublatticeSplitting and BondSplitting"
             )
         self.plan, self.start, self.t0 = plan, start, t0
         self.h, self.sites = plan._steps.h, start.sites
+        way = plan._steps.way_of(0)
+        self.grid: Any = (
+            None  # when steps begin, and how long they are, where they are of many lengths
+        )
+        if isinstance(way, StepsOfARun):
+            self.grid = way.begun.array[:-1], way.lengths.array[:-1]
         self.names, self.first = tuple(start.arrays), first_of(start)
         self.lists = Lists.of(plan._one, sites.site)
         wanted = [Parameter(plan._one, name) for name in names]
-        way = plan._steps.way_of(0)
         self.cut = None if uncut(way) is way else way
         if wanted and self.cut is not None and inputs(plan._one):
             raise IncompatibleSystem(
                 "Plan.gradient: there are no derivatives by parameters of many sites where an input is a table; "
                 "there is one by the start"
             )
-        self._made_of(uncut(way), sites.site, bool(wanted))
+        self._made_of(inner_method(plan), sites.site, bool(wanted))
         self.count = len(self.order)
         self.rows = site_rows(start)[:, self.order]
         self._room(steps, bool(wanted))
@@ -122,6 +132,14 @@ class BackwardRun:
             field, numbers = found.of_site(places)
             motions: Any = (Turn(field, released(field)),)
             rows = [(0, at, share, *numbers[k]) for k, share, at in method.turns(found)]
+        elif isinstance(method, BondSplitting):
+            bonds = Bonds(terms_of(self.plan._one))
+            places = bonds.places
+            self.order, self.places = places.sites, places.places
+            forms, numbers = bonds.of_site(places)
+            motions = tuple(map(BondTurn, forms))
+            turns = [(numbers[k], share, at) for k, share, at in method.turns(bonds)]
+            rows = [(term, at, share, 0, 0, colour) for (term, colour, _), share, at in turns]
         else:
             motions, some = parts_of(method, site)
             rows = [(*row, 0, 0, 0) for row in some]
@@ -282,6 +300,8 @@ class BackwardRun:
         """Of steps, or of the pieces into which they are cut, the number of the step, when they begin, how
         long they are, and which are first in their step.
         """
+        if self.grid is not None:
+            return n, self.grid[0][n], self.grid[1][n], np.ones(len(n), dtype=bool)
         times = self.t0 + n * self.h
         if self.cut is None:
             return n, times, np.full(len(n), self.h), np.ones(len(n), dtype=bool)

@@ -5,6 +5,7 @@ them.
 from __future__ import annotations
 
 import inspect
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,14 +18,15 @@ from ... import arguments
 from ...compiled.parameters import full_name, parameter
 from ...sites.states import by_site, first_of, kind_of, site_rows
 from ..losses import Loss
+from .adaptive import steps_of, with_samples
 from .adjoint import BackwardRun, why_not
 from .parameters import terms_of_sites
 from .tangent import Frames
 
 
 def gradient_by_sites(
-    plan: Any, what: str, start: Any, steps: int, t0: float, names: tuple[str, ...], every: int | None,
-    loss: Any, along: Any, cotangent: Any,
+    plan: Any, what: str, start: Any, steps: Any, t_end: Any, t0: float, names: tuple[str, ...],
+    every: int | None, loss: Any, along: Any, cotangent: Any,
 ) -> tuple[float | None, dict[str, np.ndarray], Any, float | None]:  # fmt: skip
     """A loss, its derivatives by "start" and by parameters of terms, the run, and |J^T w|/|w| where w is felt
     at the end alone; or of a cotangent.
@@ -38,9 +40,14 @@ def gradient_by_sites(
         raise IncompatibleSystem(
             f"Plan.{what}: many sites go member by member: give one start at a time"
         )
+    state, ends = plan._sites.started(plan, start), None
+    if plan.adaptive:
+        plan, ends, _ = steps_of(plan._sites, state, steps, t_end, t0)
+        steps, t0 = len(ends) - 1, 0.0
+    else:
+        steps = plan._count(steps, t_end, t0)
     between = every or max(1, steps)
-    shown = plan.replace(every=between)
-    state = shown._sites.started(shown, start)
+    shown = with_samples(plan, between)
     others = tuple(n for n in names if n != "start")
     by_directions = bool(why_not(shown._sites, state)) and not others
     if not by_directions:
@@ -54,6 +61,8 @@ def gradient_by_sites(
     sites = shown._sites
     run = sites.kind(shown, sites.site, state, t0, steps, None, None, None).trajectory()
     numbers = np.minimum(np.arange(len(run.t)) * between, steps).tolist()
+    if ends is not None:
+        run = replace(run, t=ends[numbers])
     value, felt = None, {}
     if cotangent is not None:
         some = len(numbers) if every else 1

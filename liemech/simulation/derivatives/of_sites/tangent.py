@@ -4,6 +4,7 @@ carry the derivative along one direction through the same steps, site by site.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from ...equal import affordable
 from ...result import of_tangent
 from ...sites.states import first_of, site_rows
 from ..tangent import LEVEL, frame
+from .adaptive import steps_of
 from .adjoint import BackwardRun, why_not
 
 
@@ -90,13 +92,24 @@ class Frames:
         return np.concatenate(found, axis=1)
 
 
-def tangent_by_sites(sites: Any, start: Any, steps: int, t0: float, given: Any) -> Any:
+def tangent_by_sites(sites: Any, start: Any, steps: Any, t_end: Any, t0: float, given: Any) -> Any:
     """A run of many sites with its tangent map J, of which every direction of the start makes a column;
     or with products of it.
 
     given : "along", the run has J v, or "against", J^T w, and the directions; None for J itself.  J^T w is
-    found backwards, where steps have a way back and there are fewer samples than directions.
+    found backwards, where steps have a way back and there are fewer samples than directions.  Of adaptive
+    steps it is the derivative of those that were accepted, their lengths held fixed.
     """
+    plan = sites.plan
+    if not plan.adaptive:
+        return of_fixed_steps(sites, start, plan._count(steps, t_end, t0), t0, given)
+    fixed, ends, run = steps_of(sites, start, steps, t_end, t0)
+    made = of_fixed_steps(fixed._sites, start, len(ends) - 1, 0.0, given)
+    return replace(made, t=ends[[0, -1]], h=run.h, rejected=run.rejected, method=plan.method)
+
+
+def of_fixed_steps(sites: Any, start: Any, steps: int, t0: float, given: Any) -> Any:
+    """That of fixed steps."""
     plan, frames = sites.plan, Frames(sites.site, start)
     n, every = frames.components, plan.options.every
     name, wanted = given or ("start", None)
