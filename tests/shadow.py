@@ -67,7 +67,7 @@ class Shadow:
         """All bodies of all members, free for a time a h."""
         start = self.body.state(mu=mu.reshape(-1, 6), g=g.reshape(-1, 4, 4))
         run = self.free[a].run(start, steps=1)
-        return run.mu[-1].reshape(mu.shape), run.g[-1].reshape(g.shape)
+        return np.asarray(run.mu)[-1].reshape(mu.shape), np.asarray(run.g)[-1].reshape(g.shape)
 
     def steps(self, mu: np.ndarray, g: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Rotations with the ways from the start, and actions, step by step.  (Of places that are far

@@ -299,10 +299,7 @@ class Emitter:
             down = (rest != 0) & ((rest < 0) != (q < 0))
             return (self.select(down, self.each(self.builder.sub, quotient.values, self.alike(1, quotient)[1][0]), quotient),
                     self.select(down, self.each(self.builder.add, rest.values, q.values), rest))  # fmt: skip
-        if isinstance(b, float) and b == 1.0:  # what fmod gives, without a call for each lane
-            rest = self.call("llvm.copysign", p - self.call("llvm.trunc", p), p)
-        else:
-            rest = self.each(self.builder.frem, p.values, q.values)
+        rest = self.each(self.builder.frem, p.values, q.values)
         whole = self.each(self.builder.fdiv, (p - rest).values, q.values)
         down = (rest != 0.0) & ((q < 0.0) != (rest < 0.0))
         floor = self.call("llvm.floor", self.select(down, whole - 1.0, whole))

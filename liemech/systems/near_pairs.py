@@ -85,7 +85,8 @@ class NearPairs(Term):
         apart = place(self.first, ends[0].g) - place(self.second, ends[1].g)
         x = self.depth(apart)
         s = self.switch(x)
-        steep = where(x > 0.0, where(x < 1.0, 140.0 * (x * (1.0 - x)) ** 3, 0.0), 0.0)
+        y = x * (1.0 - x)
+        steep = where(x > 0.0, where(x < 1.0, 140.0 * (y * y * y), 0.0), 0.0)
         return ends, s, (2.0 * steep * self.term.energy(*ends) / self.layer) * apart
 
     def _whole(self, group: Any, end: Any, s: float, force: Vec, push: Vec) -> Vec:

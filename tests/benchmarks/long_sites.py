@@ -27,7 +27,7 @@ import liemech as lm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-import shadow  # noqa: E402
+import shadow
 
 PIECES = 200
 """Pieces of a run, each with some samples."""
@@ -198,7 +198,7 @@ def main() -> None:
         table(name, columns, shown)
     if chosen.figure:
         others = [json.loads(path.read_text())["water"] for path in chosen.also]
-        picture(chosen.figure, sum([*others, kept.get("water", [])], []))
+        picture(chosen.figure, [row for rows in (*others, kept.get("water", [])) for row in rows])
     if chosen.out:
         write(chosen.out, kept)
 
