@@ -13,6 +13,7 @@ from ..errors import InvalidInput
 from ..formulas import Mat, Vec, dot, norm, record, sqrt, vec
 from ..groups.se3 import join
 from ..systems.kinetic_energy import KineticEnergy
+from ..systems.point_terms import PointTerm
 from ..systems.terms import Term
 from .pendulums import check_positive
 
@@ -27,7 +28,7 @@ OXYGEN, HYDROGEN = 15.9994, 1.008
 
 
 @record
-class SPC(Term):
+class SPC(PointTerm):
     """Rigid water molecules, a term of two on SE(3): charges on the three atoms, and one
     Lennard-Jones potential between the oxygens.
 
@@ -85,34 +86,30 @@ class SPC(Term):
         """That of one molecule: moments of inertia in u A^2, and its mass in u."""
         return KineticEnergy(self.moments)
 
-    def energy(self, a: Any, b: Any) -> float:
-        """Of two molecules, in u A^2/ps^2."""
-        first, second = self._places(a.g), self._places(b.g)
-        d = first[0] - second[0]
+    def points(self, g: Any) -> tuple[Vec, ...]:
+        """The oxygen and the hydrogens, which are in the plane of the first axis and the third."""
+        (_, _, high), (side, _, low), _ = self.atoms
+        along = vec(*[high * g[k][2] + g[k][3] for k in range(3)])
+        middle = [low * g[k][2] + g[k][3] for k in range(3)]
+        right = vec(*[middle[k] + side * g[k][0] for k in range(3)])
+        left = vec(*[middle[k] - side * g[k][0] for k in range(3)])
+        return along, right, left
+
+    def between(self, a: Any, b: Any) -> float:
+        """The energy of two molecules, in u A^2/ps^2."""
+        d = a[0] - b[0]
         s = 1.0 / dot(d, d)
         s = s * s * s
         energy = s * (self.repulsion * s - self.attraction)
         for i in range(3):
             for j in range(3):
-                d = first[i] - second[j]
+                d = a[i] - b[j]
                 energy = energy + self._product(i, j) * (1.0 / sqrt(dot(d, d)))
         return energy
 
-    def force(self, group: Any, k: int, *sites: Any) -> Vec:
-        """Torque and force on molecule k, in its axes."""
-        pushes, _ = self._pushes(sites[k], sites[1 - k], False)
-        return self._felt(sites[k].g, pushes)
-
-    def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
-        """Torque and force on both molecules, each in its axes."""
-        a, b = sites
-        first, second = self._pushes(a, b, True)
-        return self._felt(a.g, first), self._felt(b.g, second)
-
-    def _pushes(self, a: Any, b: Any, both: bool) -> tuple[list[Vec], list[Vec]]:
-        """The forces on the atoms of the first molecule, in space, and of the second as well."""
-        first, second = self._places(a.g), self._places(b.g)
-        d = first[0] - second[0]
+    def pushes(self, a: Any, b: Any) -> tuple[Vec, Vec]:
+        """The forces on the atoms of the first molecule and of the second, in space."""
+        d = a[0] - b[0]
         r = 1.0 / dot(d, d)
         s = r * r * r
         push = (r * s * (12.0 * self.repulsion * s - 6.0 * self.attraction)) * d
@@ -120,31 +117,19 @@ class SPC(Term):
         of_a, of_b = [push, none, none], [-push, none, none]
         for i in range(3):
             for j in range(3):
-                d = first[i] - second[j]
+                d = a[i] - b[j]
                 r = 1.0 / sqrt(dot(d, d))
                 push = (self._product(i, j) * (r * r * r)) * d
                 of_a[i] = of_a[i] + push
-                if both:
-                    of_b[j] = of_b[j] - push
-        return of_a, of_b
+                of_b[j] = of_b[j] - push
+        return vec(*[x for f in of_a for x in f]), vec(*[x for f in of_b for x in f])
 
-    def _places(self, g: Any) -> list[Vec]:
-        """The atoms of a molecule, in space: the hydrogens are in the plane of the first axis and the
-        third.
-        """
-        (_, _, high), (side, _, low), _ = self.atoms
-        along = vec(*[high * g[k][2] + g[k][3] for k in range(3)])
-        middle = [low * g[k][2] + g[k][3] for k in range(3)]
-        right = vec(*[middle[k] + side * g[k][0] for k in range(3)])
-        left = vec(*[middle[k] - side * g[k][0] for k in range(3)])
-        return [along, right, left]
-
-    def _felt(self, g: Any, pushes: list[Vec]) -> Vec:
+    def felt(self, group: Any, g: Any, push: Any) -> Vec:
         """Torque and force in the axes of a molecule, of forces on its atoms in space."""
         (_, _, high), (side, _, low), _ = self.atoms
-        oxygen = _turned_back(g, pushes[0])
-        hydrogens = _turned_back(g, pushes[1] + pushes[2])
-        apart = _turned_back(g, pushes[1] - pushes[2])
+        oxygen = _turned_back(g, push[:3])
+        hydrogens = _turned_back(g, push[3:6] + push[6:])
+        apart = _turned_back(g, push[3:6] - push[6:])
         x, y = (high * oxygen[k] + low * hydrogens[k] for k in range(2))
         return join(vec(-y, x - side * apart[2], side * apart[1]), oxygen + hydrogens)
 

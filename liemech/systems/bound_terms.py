@@ -18,7 +18,7 @@ from ..groups.species import SpeciesGroup
 from .among import Among, Species, is_near
 from .graphs import AllPairs, EachSite, Graph, Incidence, place
 from .kinds_of_terms import Kind
-from .near_pairs import NearPairs
+from .point_terms import near_pairs
 from .terms import Over, Term, Terms, timed
 
 # ------------------------------------------------------------------ on the sites of a system
@@ -243,7 +243,7 @@ def _bound(over: Over, group: PowerGroup | SpeciesGroup) -> BoundTerm:
                 "one for all; give sites their own, Terms(..., name=each(values))"
             )
         within: Any = graph.graph if isinstance(graph, Among) else graph
-        near = NearPairs(given, bases[0], bases[1], within.cutoff, within.inner, within.box)
+        near = near_pairs(given, bases[0], bases[1], within.cutoff, within.inner, within.box)
         return BoundTerm(near, graph)
     count = len(graph.edges) if _each_of(over.term) else 0
     for own in _each_of(over.term):

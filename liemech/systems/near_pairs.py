@@ -36,11 +36,18 @@ class NearPairs(Term):
         """The image of b that is nearest to a."""
         if self.box is None:
             return b
-        apart = place(self.second, b.g) - place(self.first, a.g)
-        shift = vec(
-            *[-length * ((constant(d) / length + 0.5) // 1.0) for d, length in zip(apart, self.box)]
-        )
+        shift = self.shift(place(self.second, b.g) - place(self.first, a.g))
         return with_fields(b, g=displaced(self.second, b.g, shift))
+
+    def shift(self, apart: Any) -> Vec:
+        """Of the second site to its nearest image, in a box.  apart : where it is, seen from the first."""
+        box: Any = self.box
+        return vec(
+            *[
+                -length * ((constant(d) * (1.0 / length) + 0.5) // 1.0)
+                for d, length in zip(apart, box)
+            ]
+        )
 
     @property
     def layer(self) -> float:
@@ -49,7 +56,7 @@ class NearPairs(Term):
 
     def depth(self, apart: Vec) -> float:
         """x of two sites that are so far apart."""
-        return (dot(apart, apart) - self.inner * self.inner) / self.layer
+        return (dot(apart, apart) - self.inner * self.inner) * (1.0 / self.layer)
 
     def switch(self, x: float) -> float:
         """1 for sites that are near, 0 from the cutoff on.  x : see above."""
@@ -64,29 +71,31 @@ class NearPairs(Term):
 
     def force(self, group: Any, k: int, *sites: Any) -> Vec:
         """The force on site number k: s times that of the term, and what the switch adds."""
-        ends, s, push = self._pushed(*sites)
+        ends = (sites[0], self.image(*sites))
+        s, push = self._pushed(*ends)
         whole = self.term.force(group, k, *ends)
         return self._whole(group, ends[k], s, whole, push if k == 0 else -push)
 
     def forces(self, group: Any, *sites: Any) -> tuple[Vec, ...]:
         """The forces on both sites."""
-        ends, s, push = self._pushed(*sites)
-        first, second = self.term.forces(group, *ends)
-        ours, theirs = ends
+        ours, theirs = sites[0], self.image(*sites)
+        s, push = self._pushed(ours, theirs)
+        first, second = self.term.forces(group, ours, theirs)
         return self._whole(group, ours, s, first, push), self._whole(
             group, theirs, s, second, -push
         )
 
-    def _pushed(self, a: Any, b: Any) -> tuple[tuple[Any, Any], float, Vec]:
-        """The two sites, the second as the image that is nearest; the switch, and the force on the first
-        that comes of it, in space.
+    def _pushed(self, a: Any, b: Any) -> tuple[float, Vec]:
+        return self.pushed(place(self.first, a.g) - place(self.second, b.g), self.term.energy(a, b))
+
+    def pushed(self, apart: Any, energy: float) -> tuple[float, Vec]:
+        """The switch, and the force on the first site that comes of it, in space.  apart : of the two,
+        energy : of the term.
         """
-        ends = (a, self.image(a, b))
-        apart = place(self.first, ends[0].g) - place(self.second, ends[1].g)
         x = self.depth(apart)
-        s = self.switch(x)
-        steep = where(x > 0.0, where(x < 1.0, 140.0 * (x * (1.0 - x)) ** 3, 0.0), 0.0)
-        return ends, s, (2.0 * steep * self.term.energy(*ends) / self.layer) * apart
+        y = x * (1.0 - x)
+        steep = where(x > 0.0, where(x < 1.0, 140.0 * (y * y * y), 0.0), 0.0)
+        return self.switch(x), ((2.0 / self.layer) * steep * energy) * apart
 
     def _whole(self, group: Any, end: Any, s: float, force: Vec, push: Vec) -> Vec:
         """The force on one of them; none beyond the cutoff."""

@@ -19,6 +19,7 @@ from .among import Among, Species, is_all_pairs, is_near
 from .bound_terms import BoundTerm
 from .graphs import Incidence, Lattice, Within
 from .hamiltonian import Hamiltonian
+from .point_terms import PointTerm
 from .potential import Force, Potential
 from .terms import Term, site_class
 
@@ -194,6 +195,32 @@ class RoleAtSite(Record):
         for d in range(first.degree):
             total = total + of_edge(meeting.of(first, d), d)
         return total
+
+    @property
+    def through_points(self) -> bool:
+        """Do sites act on each other through their points?"""
+        return isinstance(self.term, PointTerm) and self.of == () and not self.once
+
+    def through(self, group: Any, g: Any) -> Vec:
+        """The force on this site, with what sites publish of their points."""
+        term: Any = self.term
+        mine = term.points(g)
+        meeting = meet(mine)
+        zero = vec(*[0.0 for point in mine for _ in point])
+        if len(self.others) == 0:
+            return term.felt(group, g, meeting.pairs(term.pushes, zero))
+
+        def of_edge(b: Any, d: Any) -> Any:
+            here: Any = self.at_edge(d)
+            value = here.pushes(mine, b)[0] if self.role == 0 else here.pushes(b, mine)[1]
+            return value if self.counts is None else masked(d < own(self.counts), value)
+
+        table = self.others[0]
+        if table.degree is None:
+            return term.felt(group, g, meeting.sum(table, of_edge, zero))
+        for d in range(table.degree):
+            zero = zero + of_edge(meeting.of(table, d), d)
+        return term.felt(group, g, zero)
 
     def if_there(self, value: Any) -> Any:
         """A value of the first edge of this site; zero if it has none."""
@@ -392,7 +419,10 @@ class PotentialOfSite(TermsOfSite, Potential):
     def _forces(self, group: LieGroup, g: Element, roles: Any) -> Vec:
         force = vec(*[0.0 for _ in range(group.dim)])
         some = self.roles if roles is None else roles
-        apart = [role for role in some if not role.once]
+        through = [role for role in some if role.through_points]
+        for role in through:
+            force = force + role.through(group, g)
+        apart = [role for role in some if not role.once and not role.through_points]
         if len(apart) > 0:
             force = self.added(
                 force,

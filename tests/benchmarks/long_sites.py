@@ -5,12 +5,14 @@
 
 spins : the sublattice splitting on a cubic lattice of 1000 spins, whose energy and lengths it keeps to
 rounding.  water : rigid molecules, a drop in open space, 216 by default; what is told is the line through the
-energies of blocks, with its standard error, and that of the modified energy of order 2, which tells a
-drift from a mean of the error that changes with the state of the drop.  A case ends after so many minutes at the latest, and
-says how far it came.
+energies of blocks, with its standard error, and that of the modified energy, which tells a drift from a mean
+of the error that changes with the state of the drop.  With --figure both are drawn.  A case ends after so many
+minutes at the latest, and says how far it came.
 """
 
 import argparse
+import json
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,11 +25,15 @@ from water import EV, SPC, drop, warmed
 
 import liemech as lm
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import shadow
+
 PIECES = 200
 """Pieces of a run, each with some samples."""
 
-SELDOM = 4
-"""One piece of so many is looked at for its modified energy."""
+SHORT = 0.001
+"""The longest step, in ps, from which modified energies are found directly."""
 
 
 def pieces(plan: Any, start: Any, steps: int, minutes: float) -> Iterator[tuple[int, Any]]:
@@ -83,30 +89,6 @@ def lengths_and_energy(order: int, compensated: bool, steps: int, minutes: float
     }
 
 
-def modified_energy(system: Any, h: float) -> Any:
-    """What order 2 nearly keeps beside H = T + V, a function of momenta and poses in eV:
-
-        h^2 (V''/12 - <f, J^-1 f>/24),  V'' along the free motion, f the forces
-
-    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., IX.3 and example IX.4.
-    """
-    J, far, near = np.array(SPC.moments), 1e-4, 1e-6
-    ways = [lm.Plan(system.body, lm.RKMK(8), h=s * far, progress=False) for s in (1.0, -1.0)]
-    kick = lm.Plan(system, lm.KickDrift(), h=near, progress=False)
-
-    def potential(mu: Any, g: Any) -> float:
-        return float(system.energy(mu, g)) - 0.5 * float((np.asarray(mu) ** 2 / J).sum())
-
-    def found(mu: np.ndarray, g: np.ndarray) -> float:
-        start = system.state(mu=mu, g=g)
-        ends = [way.run(start, steps=1) for way in ways]
-        change = sum(potential(run.mu[-1], run.g[-1]) for run in ends) - 2.0 * potential(mu, g)
-        f = kick.run(system.state(mu=0.0 * mu, g=g), steps=1).mu[-1] / near
-        return float(h * h * (change / far**2 / 12.0 - (f**2 / J).sum() / 24.0)) / EV
-
-    return found
-
-
 def line(t: np.ndarray, means: Any) -> tuple[float, float]:
     """The slope of a line through means of blocks, and its standard error."""
     if len(means) < 4:
@@ -123,30 +105,63 @@ def energy_of_water(
     start = warmed(system, start, kelvin)
     method = lm.KickDrift(order=order)
     plan = lm.Plan(system, method, h=h, every=max(1, steps // PIECES // 10), progress=False)
-    beyond = modified_energy(system, h) if order == 2 else None
     means, spread, begun = [], [], time.process_time()
-    others: list[float] = []
+    ends: list[list[Any]] = []
     for n, run in pieces(plan, start, steps, minutes):  # noqa: B007
         energies = np.asarray(run.energy)[1:] / EV
         means.append(energies.mean())
         spread.append(energies.std())
-        if beyond is not None and len(means) % SELDOM == 1:
-            others.append(energies[-1] + beyond(run.mu[-1], run.g[-1]))
-    t = np.arange(len(means)) / max(1, len(means) - 1) * n * h * 1e-3  # ns
+        ends.append([energies[-1], run.mu[-1], run.g[-1]])
+    spent = (time.process_time() - begun) / 60.0
+    t = np.arange(1, len(means) + 1) / len(means) * n * h * 1e-3  # ns
+    energies, mu, g = map(np.array, zip(*ends, strict=True))
+    beyond = shadow.beyond(system, method, h, SPC.moments, SHORT)
+    modified = energies + beyond(mu, g) / EV
+    kinetic = 0.5 * (mu**2 / np.array(SPC.moments)).sum(axis=(1, 2)) / EV
     slope, error = line(t, means)
-    found = {
+    other, its = line(t, modified)
+    return {
         "order": order,
         "h, fs": 1e3 * h,
+        "kelvin": kelvin,
         "steps": n,
-        "minutes": (time.process_time() - begun) / 60.0,
+        "minutes": spent,
         "fluctuation, eV": float(np.sqrt(np.mean(np.square(spread)))),
         "trend, eV/ns": slope,
         "its error": error,
+        "modified: fluctuation": float(np.std(modified)),
+        "trend": other,
+        "error": its,
+        "series": [x.tolist() for x in (t, np.array(means), modified, kinetic)],
     }
-    if beyond is not None:
-        slope, error = line(t[::SELDOM], others)
-        found |= {"modified: fluctuation": float(np.std(others)), "trend": slope, "error": error}
-    return found
+
+
+def picture(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Energies and modified energies in the course of runs, from their starts, over kinetic energies."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(
+        2, len(rows), figsize=(4.2 * len(rows), 5.0), sharex="col", squeeze=False, dpi=110
+    )
+    for (above, below), row in zip(axes.T, rows, strict=True):
+        t, energy, modified, kinetic = map(np.array, row["series"])
+        unit = 10.0 ** np.floor(np.log10(np.ptp(energy)))
+        above.plot(
+            t, (energy - energy[0]) / unit, color="tab:red", lw=1.0, label="energy, block means"
+        )
+        above.plot(
+            t, (modified - modified[0]) / unit, color="tab:blue", lw=1.4, label="modified energy"
+        )
+        above.set_title(
+            f"order {row['order']}, {row['h, fs']:g} fs, {row['kelvin']:g} K", fontsize=10
+        )
+        above.set_ylabel(f"change, {unit:.0e} eV")
+        below.plot(t, kinetic, color="0.4", lw=0.8)
+        below.set_ylabel("kinetic energy, eV")
+        below.set_xlabel("t, ns")
+    axes[0, 0].legend(fontsize=8, frameon=False)
+    figure.tight_layout()
+    figure.savefig(path)
 
 
 def main() -> None:
@@ -161,6 +176,8 @@ def main() -> None:
     parser.add_argument("--kelvin", type=float, default=300.0, help="of the drop at the start")
     parser.add_argument("--side", type=int, default=6, help="of the drop, in molecules")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--figure", type=Path, help="of the runs in --also, and this one, of water")
+    parser.add_argument("--also", type=Path, nargs="*", default=[], help="files of --out")
     parser.add_argument("--quick", action="store_true", help="1000 steps: does it run?")
     chosen = parser.parse_args()
     side = 3 if chosen.quick else chosen.side
@@ -176,8 +193,12 @@ def main() -> None:
         given = chosen.order, 1e-3 * chosen.step, chosen.steps, chosen.minutes, side, chosen.kelvin
         kept["water"] = [energy_of_water(*given)]
     for name, rows in kept.items():
-        shown = [[f"{x:.3g}" if type(x) is float else x for x in r.values()] for r in rows]
-        table(name, list(rows[0]), shown)
+        columns = [c for c in rows[0] if c != "series"]
+        shown = [[f"{r[c]:.3g}" if type(r[c]) is float else r[c] for c in columns] for r in rows]
+        table(name, columns, shown)
+    if chosen.figure:
+        others = [json.loads(path.read_text())["water"] for path in chosen.also]
+        picture(chosen.figure, [row for rows in (*others, kept.get("water", [])) for row in rows])
     if chosen.out:
         write(chosen.out, kept)
 
