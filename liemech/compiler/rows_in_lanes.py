@@ -91,7 +91,7 @@ class RowsInLanes:
         return self.e.num(registers)
 
     def _apart(self, x: Any, rows: int) -> list[Any]:
-        """What a number is in every row."""
+        """The numbers that a number is in the rows, one after the other."""
         if not isinstance(x, Num) or not x.varying:
             return [x] * rows
         if x.mixed:
