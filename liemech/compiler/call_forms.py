@@ -97,7 +97,7 @@ class CallForms:
             general = tuple([(name, form(x, False, True)) for name, x in items])
         except Unknown:
             return None
-        here = function, bool(self.t.state.escapes)
+        here = function, self.e.lanes, bool(self.t.state.escapes)
         return Call((*here, known), (*here, general), of_known, numbers, constants, all_parts)
 
     def _told(self, x: Any) -> Any:

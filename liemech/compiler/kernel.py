@@ -478,6 +478,7 @@ def _translation(
         from .instructions import Builder, Names, drop_unused
         from .ir_numbers import F64, I64, Emitter
         from .large_arrays import LargeArrays
+        from .rows_in_lanes import RowsInLanes
         from .sites import SiteLoops
         from .translation import Interpreter
 
@@ -531,7 +532,7 @@ def _translation(
         driver.any_body: emitter.any,
     }
     sites = SiteLoops(interpreter, lanes, width())
-    interpreter.intrinsics |= sites.intrinsics
+    interpreter.intrinsics |= sites.intrinsics | RowsInLanes(interpreter, width()).intrinsics
     if of_sites:
         sites.scratch, sites.notes, sites.crew = hidden(emitter, kinds, args, function)
     try:

@@ -129,7 +129,7 @@ class Loops(Branches):
             if isinstance(env[name], Undefined):
                 del env[name]
         changed = {*changed_names(body), *counters}
-        key = self.frames[-1].node, forms(env), self.active(env) is None
+        key = self.frames[-1].node, self.emitter.lanes, forms(env), self.active(env) is None
         form = self.loop_forms.get(key, Form(self._parting(body))).copy()
         env |= {name: _grown(env[name], new) for name, new in form.grown.items()}
         while True:

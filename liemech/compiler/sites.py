@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import types
 from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
 
 from ..errors import NotCompilable
+from ..formulas import series_of_sites
 from ..formulas import sites as words
 from ..formulas.pytree import (
     Layout,
@@ -27,6 +29,7 @@ from ..formulas.pytree import (
     leaves,
     with_slopes,
 )
+from ..formulas.series_of_sites import SeriesMeeting, has_series
 from ..formulas.sites import EIGHT, TOGETHER, Meeting, SiteArray, SiteTable
 from ..formulas.vectors import Vec
 from . import planes as driver
@@ -39,6 +42,15 @@ from .ir_numbers import F64, I32, I64, Num
 from .joins import Open, come_from
 from .rounds import Rounds
 from .rows_of_blocks import SquareBlocks
+
+OF_SERIES = (
+    SeriesMeeting.of,
+    SeriesMeeting.at,
+    SeriesMeeting.sum,
+    SeriesMeeting.some,
+    SeriesMeeting.pairs,
+)
+"""Methods that run as they stand."""
 
 ROWS = 7
 """The place among the words of a crew where the number of rows of scratch memory is."""
@@ -163,6 +175,7 @@ class SiteLoops:
             Meeting.of: self.of,
             Meeting.at: self.at,
             Meeting.pairs: self.pairs,
+            **{f: f for f in OF_SERIES},
             **SquareBlocks(self).intrinsics,
         }
 
@@ -340,10 +353,12 @@ class SiteLoops:
 
     # -------------------------------------------------------------- the words of formulas
 
-    def meet(self, value: Any) -> Meeting:
+    def meet(self, value: Any) -> Any:
         """Publish a value: in rows of its own, unless it lies in rows that stay as they are, or was
         published last.
         """
+        if has_series(value):
+            return SeriesMeeting(value, self.meet, self._formula_of_series, Meeting)
         over, value = self._meeting("meet"), vector(as_others_see(value))
         layout = carried_layout(value)
         numbers = leaves(value, layout)
@@ -366,6 +381,12 @@ class SiteLoops:
         self._open()
         over.met = Published(layout, rows, over.meetings, len(over.passes), numbers)
         return Meeting(over.met, None)
+
+    def _formula_of_series(self, formula: Any, *args: Any) -> Any:
+        """The value of a call, among whose arguments there may be formulas that are Python's."""
+        known = {x: x for x in args if isinstance(x, types.FunctionType) and x.__closure__}
+        self.t.intrinsics |= {x: x for x in known if x.__module__ == series_of_sites.__name__}
+        return self.t.call(formula, *args)
 
     def _publish(self, over: Over, numbers: list[Any]) -> list[tuple[SiteRows, Any]]:
         """Store numbers where others find them; the rows of two meetings in turn are others."""

@@ -20,6 +20,7 @@ from ..errors import InvalidInput, InvalidType
 from .functions import where
 from .pytree import as_others_see, build, carried_layout, leaves
 from .records import Record, record
+from .series_of_sites import SeriesMeeting, has_series
 from .tables import Table
 from .vectors import Vec
 
@@ -150,13 +151,15 @@ class SiteArray(Record):
 # ------------------------------------------------------------------ the words of formulas
 
 
-def meet(value: Any) -> Meeting:
+def meet(value: Any) -> Any:
     """Publish a value of this site, a number, a vector, a record of numbers; the meeting gives what
-    other sites have published in the same place of the formula.
+    other sites have published in the same place of the formula.  Power series meet once an order.
 
     Numbers that carry a derivative along are published with it, unless this site moves alone.
     """
     visit = _visit("meet")
+    if has_series(value):
+        return SeriesMeeting(value, meet, lambda formula, *x: formula(*x), Meeting)
     return Meeting(visit.ask("meet", as_others_see(value)), visit.site)
 
 

@@ -10,6 +10,7 @@ from ..formulas import Vec, derivative, exp, log, plain, record, sqrt, vec, wher
 from ..formulas.numbers import InMemory
 from ..formulas.products import Products
 from ..formulas.series import Series, SeriesInMemory
+from ..formulas.sites import mean
 from ..groups.bernoulli import TERMS
 from ..groups.lie_algebra import sided
 from ..retractions import Cayley, Exponential, Retraction
@@ -231,11 +232,11 @@ def _nearly(x: float, n: int) -> float:
 
 
 def mean_square(weights: Sequence[float], x: Vec) -> float:
-    """The mean square of the components of a vector times their weights."""
+    """The mean square of the components of a vector times their weights; of many sites of all."""
     total = 0.0
     for w, a in zip(weights, x):
         total = total + (w * a) * (w * a)
-    return total * (1.0 / len(x))
+    return mean(total * (1.0 / len(x)))
 
 
 def total(terms: Sequence[Vec]) -> Vec:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import InvalidInput, NoConvergence
 from ..formulas import Vec, check_finite, dot, norm, plain, real_array, record, vec, where
+from ..formulas.lanes import in_lanes
 from ..groups.poisson_structure import Canonical, PoissonStructure
 from ..systems.hamiltonian import Hamiltonian
 from ..systems.parts import Part, SplitHamiltonian, StraightLineFlow
@@ -89,11 +90,11 @@ class KeplerMotions(Part):
     def flow(self, structure: PoissonStructure, y: Vec, t: float) -> Vec:
         """Every planet along its orbit.  y : (6n,)."""
         here, n = plain(y), len(self.masses)
-        gains: list[Any] = []
-        kicks: list[Any] = []
-        for i, m in enumerate(self.masses):
-            gain, kick = kepler_step(_body(here, i), _body(here, n + i) / m, self.attractions[i], t)
-            gains, kicks = [*gains, *gain], [*kicks, *(m * kick)]
+        places = [_body(here, i) for i in range(n)]
+        speeds = [_body(here, n + i) / m for i, m in enumerate(self.masses)]
+        moved = in_lanes(kepler_step, places, speeds, [*self.attractions], [t for _ in range(n)])
+        gains = [x for gain, _ in moved for x in gain]
+        kicks = [m * x for m, (_, kick) in zip(self.masses, moved) for x in kick]
         return y + vec(*gains, *kicks)
 
 
@@ -125,23 +126,29 @@ class Perturbation(Hamiltonian):
     def gradient(self, mu: Vec) -> Vec:
         """(dV/dQ, 0).  mu : (6n,)."""
         m, G, n = self.masses, self.gravity, len(self.masses)
-        places = self.places(mu)
-        slopes = [vec(0.0, 0.0, 0.0) for _ in m]
+        places, inside = self.places(mu), self.masses[0]
+        # the sun and the first planet are Kepler's problem
+        pairs = [(i, j) for i in range(2, n) for j in range(i)]
+        apart = [places[i] - places[j] for i, j in pairs]
+        strengths = [G * m[i] * m[j] for i, j in pairs]
         for i in range(1, n):
-            for j in range(i):
-                if i > 1:  # the sun and the first planet are Kepler's problem
-                    x = places[i] - places[j]
-                    pull = (G * m[i] * m[j] / (dot(x, x) * norm(x))) * x
-                    slopes[i], slopes[j] = slopes[i] + pull, slopes[j] - pull
+            if i > 1:
+                apart, strengths = (
+                    [*apart, _body(mu, i - 1)],
+                    [*strengths, -(G * m[i] * inside)],
+                )
+            inside = inside + m[i]
+        pulls = in_lanes(_pull, apart, strengths)
+        slopes = [vec(0.0, 0.0, 0.0) for _ in m]
+        for (i, j), pull in zip(pairs, pulls):
+            slopes[i], slopes[j] = slopes[i] + pull, slopes[j] - pull
         found: list[Any] = []
         outside = vec(0.0, 0.0, 0.0)
-        inside = sum([m[i] for i in range(n)])
         for i in range(n - 1, 0, -1):
             slope = slopes[i] + (m[i] / inside) * outside
             inside = inside - m[i]
             if i > 1:
-                Q = _body(mu, i - 1)
-                slope = slope - (G * m[i] * inside / (dot(Q, Q) * norm(Q))) * Q
+                slope = slope + pulls[len(pairs) + i - 2]
             outside = outside + slopes[i]
             found = [*slope, *found]
         return vec(*found, *[0.0 for _ in range(3 * (n - 1))])
@@ -157,6 +164,10 @@ class Perturbation(Hamiltonian):
             inside = inside + m[i]
             centre = centre + (m[i] / inside) * Q
         return found
+
+
+def _pull(x: Vec, strength: float) -> Vec:
+    return (strength / (dot(x, x) * norm(x))) * x
 
 
 def _body(y: Vec, i: int) -> Vec:

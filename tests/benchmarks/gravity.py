@@ -98,16 +98,17 @@ def places(sim: Any) -> np.ndarray:
 
 
 def least(runs: dict[str, Callable[[int], Any]], rounds: int) -> dict[str, float]:
-    """Microseconds a step."""
+    """Microseconds a step, of so many steps that the call does not count."""
     steps = {}
     for name, run in runs.items():
         run(2)
-        begun = time.process_time()
-        run(2)
-        steps[name] = max(2, int(2 * DURATION / max(time.process_time() - begun, 1e-5)))
-        begun = time.process_time()
-        run(steps[name])
-        steps[name] = max(2, int(steps[name] * DURATION / max(time.process_time() - begun, 1e-5)))
+        n, spent = 2, 0.0
+        while spent < 0.25 * DURATION:
+            n *= 4
+            begun = time.process_time()
+            run(n)
+            spent = time.process_time() - begun
+        steps[name] = max(2, int(n * DURATION / spent))
     found = dict.fromkeys(runs, np.inf)
     for _ in range(rounds):
         for name, run in runs.items():

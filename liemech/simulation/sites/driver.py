@@ -56,7 +56,11 @@ class OverSites(Record):
     memory: Any
     told: Any
 
-    shortens: ClassVar[bool] = False
+    @property
+    def shortens(self) -> bool:
+        """Does that of one site?"""
+        shortens: bool = self.method.shortens
+        return shortens
 
     def _held(self, name: str, value: Any) -> Any:
         """As it is: what is told is written."""
@@ -103,7 +107,8 @@ class OverSites(Record):
         there = 1 - place.copy
         given = t, h, rtol, atol, dense, self.sites, place.copy, there, self.memory, self.told
         each(self.sites, one_trial, self.method, system, *given)
-        return Trial(Place(there), first, read(self.told, 0, PAIR)[0], ())
+        error, share = read(self.told, 0, PAIR)
+        return Trial(Place(there), first, error, (), share)
 
     def first_velocity(
         self, system: Any, t: float, place: Place, rtol: float, atol: float
@@ -234,6 +239,12 @@ class Embedded(Record):
     curves: bool
     ending: ClassVar[None] = None
 
+    @property
+    def shortens(self) -> bool:
+        """Are its steps as long as they turn out?"""
+        shortens: bool = self.method.shortens
+        return shortens
+
     def __repr__(self) -> str:
         return repr(self.method)
 
@@ -292,7 +303,7 @@ def one_trial(
     made = method.method.trial(one, t, old.state, old.velocity, h, rtol, atol, dense)
     new = Standing(made.state, made.velocity, made.curve)
     require_finite(new)
-    write(told, 0, (made.error, 0.0), PAIR)
+    write(told, 0, (made.error, made.share), PAIR)
     save(sites, there, new, memory)
 
 

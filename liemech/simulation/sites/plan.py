@@ -165,7 +165,7 @@ class SitesOfPlan:
         if members and kept is not None:
             return "checkpoint of members"
         if plan.adaptive:
-            return f"adaptive {steps.method!r}" if steps.method.shortens else None
+            return None
         if self.chain is not None and (t_eval is not None or plan.options.dense or plan.events):
             what = "events" if plan.events else "t_eval" if t_eval is not None else "dense=True"
             return f"{what} of {plan.method!r} along a chain"

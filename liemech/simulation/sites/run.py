@@ -79,10 +79,8 @@ AROUND = 20
 class Failing:
     """In place of a method: one whose trial fails, as that of a site has failed in native code."""
 
-    shortens = False
-
     def __init__(self, method: Any, error: Any) -> None:
-        self.error_order, self.error = method.error_order, error
+        self.error_order, self.shortens, self.error = method.error_order, method.shortens, error
 
     def trial(self, *given: Any) -> Any:
         """The failure."""

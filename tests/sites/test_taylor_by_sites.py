@@ -1,0 +1,147 @@
+"""Taylor's method for systems of many sites: what a site publishes is a power series, of which the others
+need every term before the next one of theirs.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from test_adaptive_by_sites import exact
+from test_attacked import Repulsion, masses_in_space
+from test_runs_by_sites import chain, directions, native, spins
+from test_sublattices import triangle
+
+import liemech as lm
+from liemech.simulation.sites import plan as plans
+
+FIELD = lm.Exponential()
+
+
+def atoms(graph: Any) -> tuple[Any, Any]:
+    """Soft spheres in a box."""
+    rng = np.random.default_rng(0)
+    system = masses_in_space(8, Repulsion(1.0).over(graph))
+    return system, system.state(mu=rng.normal(size=(8, 3)), g=rng.uniform(0.0, 5.0, (8, 3)))
+
+
+CASES: dict[str, Any] = {
+    "ring": (lambda: (spins(6), spins(6).state(mu=directions(6))), lm.Taylor(5)),
+    "pairs, triples, a field": (
+        lambda: (triangle(), triangle().state(mu=directions(4))),
+        lm.Taylor(3),
+    ),
+    "attitudes": (lambda: chain(5), lm.Taylor(3, FIELD)),
+    "lists": (
+        lambda: atoms(lm.neighbours.within(2.4, box=[5.0] * 3)),
+        lm.Taylor(3, FIELD),
+    ),
+    "all pairs": (lambda: atoms(lm.neighbours.all_pairs()), lm.Taylor(3, FIELD)),
+}
+
+
+@pytest.fixture
+def only_sites(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is written out as one body."""
+    monkeypatch.setattr(lm.System, "small", 0)
+    monkeypatch.setattr(lm.models.NBody, "small", 0)
+    monkeypatch.setattr(plans, "LARGE", 0)
+
+
+def same(a: Any, b: Any) -> None:
+    for name in ("mu", "g", "q", "p"):
+        if getattr(a, name, None) is not None:
+            assert np.array_equal(getattr(a, name), getattr(b, name)), name
+
+
+@native
+@pytest.mark.parametrize("case", CASES)
+def test_bits_of_plain_python(only_sites: None, case: str) -> None:
+    """With fixed steps, whatever sites ask of each other."""
+    (system, start), method = CASES[case][0](), CASES[case][1]
+    runs = [lm.integrate(system, method, start, h=0.1, steps=2, compiled=c) for c in (False, True)]
+    assert runs[1].compiled
+    same(*runs)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_as_written_out(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
+    """The steps of all sites as one body, whose series know nothing of sites."""
+    (system, start), method = CASES[case][0](), CASES[case][1]
+    found = []
+    for small in (1000, 0):
+        monkeypatch.setattr(lm.System, "small", small)
+        plan = lm.Plan(system, method, h=0.1, compiled=False)
+        found.append(plan.run(start, steps=2))
+    for name in ("mu", "g"):
+        a, b = (getattr(run, name) for run in found)
+        assert a is None or np.abs(a - b).max() < 1e-13
+
+
+@native
+def test_order_against_scipy() -> None:
+    n, t = 60, 1.0
+    right = exact(n, [t])[0]
+    for order in (4, 8):
+        errors = []
+        for steps in (5, 10):
+            run = lm.integrate(
+                spins(n),
+                lm.Taylor(order),
+                spins(n).state(mu=directions(n)),
+                h=t / steps,
+                steps=steps,
+            )
+            errors.append(np.abs(run.mu[-1] - right).max())
+        assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.5)
+        assert np.abs(np.linalg.norm(run.mu, axis=2) - 1.0).max() < 1e-14
+
+
+@native
+def test_adaptive_steps_against_scipy() -> None:
+    """The error goes with the tolerance; samples at times, and ways inside of steps; no step is rejected."""
+    n, times = 60, np.linspace(0.0, 3.0, 7)
+    right = exact(n, times)
+    for order, rtol in ((8, 1e-6), (12, 1e-9), (16, 1e-11)):
+        plan = lm.Plan(spins(n), lm.Taylor(order), rtol=rtol, atol=rtol)
+        run = plan.run(spins(n).state(mu=directions(n)), t_end=3.0, t_eval=times)
+        assert run.compiled and run.rejected == 0 and np.array_equal(run.t, times)
+        assert 1e-3 * rtol < np.abs(run.mu - right).max() < 30.0 * rtol
+
+
+@native
+def test_adaptive_bits(only_sites: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of plain Python, natively, with any number of workers; and backwards to the start."""
+    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 2**11)
+    given: dict[str, Any] = {"rtol": 1e-6, "atol": 1e-6}
+    start, times = spins(5).state(mu=directions(5)), [0.02, 0.3]
+    runs = [
+        lm.Plan(spins(5), lm.Taylor(5), compiled=c, **given).run(start, t_end=0.3, t_eval=times)
+        for c in (False, True)
+    ]
+    same(*runs)
+    assert runs[0].steps == runs[1].steps > 1
+    n = 7000
+    start = spins(n).state(mu=directions(n))
+    many = [
+        lm.Plan(spins(n), lm.Taylor(6), workers=w, **given).run(start, t_end=0.5) for w in (1, 3)
+    ]
+    same(*many)
+    back = lm.Plan(spins(n), lm.Taylor(6), **given).run(many[0].last, t0=0.5, t_end=0.0)
+    assert np.abs(back.mu[-1] - directions(n)).max() < 1e-5
+
+
+@native
+def test_events_and_going_on() -> None:
+    n = 60
+    plan = lm.Plan(
+        spins(n), lm.Taylor(10), rtol=1e-10, atol=1e-10,
+        record=[("spin", lambda t, site: site.mu)], events=[lambda t, total: t - 0.7],
+    )  # fmt: skip
+    run = plan.run(spins(n).state(mu=directions(n)), t_end=1.0)
+    assert run.events[0][0] == pytest.approx([0.7], abs=1e-12)
+    bare = lm.Plan(spins(n), lm.Taylor(10), rtol=1e-10, atol=1e-10)
+    first = bare.run(spins(n).state(mu=directions(n)), t_end=0.6)
+    rest = bare.resume(first, t_end=1.0)
+    assert np.abs(rest.mu[-1] - exact(n, [1.0])[0]).max() < 1e-9
