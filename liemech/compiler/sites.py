@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import functools
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from llvmlite import ir
@@ -30,7 +31,7 @@ from ..formulas.pytree import (
     with_slopes,
 )
 from ..formulas.series_of_sites import SeriesMeeting, has_series
-from ..formulas.sites import EIGHT, TOGETHER, Meeting, SiteArray, SiteTable
+from ..formulas.sites import EIGHT, FAR, TOGETHER, Meeting, SiteArray, SiteTable
 from ..formulas.vectors import Vec
 from . import planes as driver
 from . import rounds
@@ -403,8 +404,8 @@ class SiteLoops:
         lasts = type(d) is int and t.state.region == self._over("Meeting").region
         key = t.emitter.cast(table.entries.place, "f", False)[0], d
         if not (lasts and key in gathered):
-            which = self._entries(table, d, "i")
-            found = self._published(meeting, lambda rows: self._gathered(rows, which))
+            which, reach = self._entries(table, d, "i"), self._reach(table, d)
+            found = self._published(meeting, lambda rows: self._gathered(rows, which, reach))
             if not lasts:
                 return found
             gathered[key] = found
@@ -603,9 +604,31 @@ class SiteLoops:
         e = self.e
         return e.each(lambda v: self.b.fptosi(v, I64), e.cast(x, "f", False))
 
-    def _gathered(self, rows: list[tuple[SiteRows, Any]], which: Num) -> list[Num]:
+    def _reach(self, table: SiteTable, d: Any) -> list[ir.Value] | None:
+        """How the entries of eight sites each lie in memory; None where it is asked of them."""
+        e, b, over = self.e, self.b, self.t.state.over
+        if e.lanes == 1 or e.width != EIGHT:
+            return None
+        place, places, row = (
+            b.fptosi(e.cast(x, kind, False)[0], I64) if kind == "f" else e.cast(x, kind, False)[0]
+            for x, kind in ((table.reach.place, "f"), (table.places, "f"), (d, "i"))
+        )
+        first = b.inttoptr(b.mul(place, I64(8)), I32.as_pointer())
+        eight = b.ashr(b.add(b.mul(row, places), over.passes[-1].index), I64(3))
+        found = []
+        for r in range(e.registers(True)):
+            at = b.gep(first, [b.add(eight, I64(r))], source_etype=I32)
+            found.append(b.load(at, align=4, typ=I32))
+            over.again.add(found[-1])
+        return [b.sext(x, I64) for x in found]
+
+    def _gathered(
+        self, rows: list[tuple[SiteRows, Any]], which: Num, reach: list[ir.Value] | None = None
+    ) -> list[Num]:
         """The numbers of rows at the places of the lanes: side by side, as neighbours on a lattice
-        mostly are, or lane by lane.
+        mostly are; out of sixteen that are; or lane by lane.
+
+        reach : of a table's entries, which of these it is; None if it is to be found.
         """
         e, b = self.e, self.b
         firsts = [row.at(k) for row, k in rows]
@@ -615,53 +638,83 @@ class SiteLoops:
 
         if e.lanes == 1:
             return [e.num([one(k, which.values[0])]) for k in range(len(rows))]
-        zero, type_ = ir.Constant(I32, 0), e.type("f", True)
-        begins = [b.extract_element(places, zero) for places in which.values]
-        steps = ir.Constant(ir.VectorType(I64, e.width), [*range(e.width)])
-        bits = ir.IntType(e.width)
-        together: ir.Value = ir.Constant(ir.IntType(1), 1)
-        for places, first in zip(which.values, begins):
-            same = b.icmp_signed("==", places, b.add(e.spread(first, e.width), steps))
-            together = b.and_(
-                together, b.icmp_signed("==", b.bitcast(same, bits), ir.Constant(bits, -1))
-            )
-        side, apart, done = (b.append_basic_block() for _ in range(3))
-        b.cbranch(together, side, apart)
-        b.position_at_end(side)
-        loaded = [
-            [
-                b.load(b.bitcast(row.after(first, at), type_.as_pointer()), align=8, typ=type_)
-                for at in begins
-            ]
-            for (row, _), first in zip(rows, firsts)
-        ]
-        side_end = b.block
-        b.branch(done)
-        b.position_at_end(apart)
-
+        type_, registers = e.type("f", True), range(e.registers(True))
         lanes = [ir.Constant(I32, i) for i in range(e.width)]
+
+        def some(k: int, place: ir.Value) -> ir.Value:
+            where = rows[k][0].after(firsts[k], place)
+            return b.load(b.bitcast(where, type_.as_pointer()), align=8, typ=type_)
+
+        def all_of(conditions: Iterable[ir.Value]) -> ir.Value:
+            return functools.reduce(b.and_, conditions)
+
+        ways: list[tuple[list[list[ir.Value]], ir.Block]] = []
+        done = b.append_basic_block()
+
+        def way(load: Callable[[int, int], ir.Value]) -> None:
+            ways.append(([[load(k, r) for r in registers] for k in range(len(rows))], b.block))
+            b.branch(done)
+
+        def if_so(condition: ir.Value, load: Callable[[int, int], ir.Value]) -> None:
+            here, other = b.append_basic_block(), b.append_basic_block()
+            b.cbranch(condition, here, other)
+            b.position_at_end(here)
+            way(load)
+            b.position_at_end(other)
+
+        if reach is None:
+            begins = [b.extract_element(places, lanes[0]) for places in which.values]
+            steps = ir.Constant(ir.VectorType(I64, e.width), [*range(e.width)])
+            bits = ir.IntType(e.width)
+            same = [
+                b.icmp_signed("==", places, b.add(e.spread(first, e.width), steps))
+                for places, first in zip(which.values, begins)
+            ]
+            together = all_of(
+                b.icmp_signed("==", b.bitcast(x, bits), ir.Constant(bits, -1)) for x in same
+            )
+            if_so(together, lambda k, r: some(k, begins[r]))
+        else:
+            begins = reach
+            if_so(
+                all_of(b.icmp_signed(">=", x, I64(0)) for x in reach),
+                lambda k, r: some(k, begins[r]),
+            )
+            least = [b.select(b.icmp_signed("<", x, I64(0)), b.not_(x), x) for x in reach]
+            among = [b.sub(p, e.spread(x, EIGHT)) for p, x in zip(which.values, least)]
+            if_so(
+                all_of(b.icmp_signed("!=", x, I64(FAR)) for x in reach),
+                lambda k, r: b.call(
+                    self._of_sixteen(),
+                    [some(k, least[r]), among[r], some(k, b.add(least[r], I64(EIGHT)))],
+                ),
+            )
         singly = [[b.extract_element(places, lane) for lane in lanes] for places in which.values]
 
-        def register(k: int, places: list[ir.Value]) -> ir.Value:
+        def register(k: int, r: int) -> ir.Value:
             found: ir.Value = ir.Constant(type_, ir.Undefined)
-            for lane, place in zip(lanes, places, strict=True):
+            for lane, place in zip(lanes, singly[r], strict=True):
                 found = b.insert_element(found, one(k, place), lane)
             return found
 
-        gathered = [[register(k, places) for places in singly] for k in range(len(rows))]
-        apart_end = b.block
-        b.branch(done)
+        way(register)
         b.position_at_end(done)
         found = []
-        for x, y in zip(loaded, gathered):
-            values = []
-            for v, w in zip(x, y):
-                value = b.phi(type_)
-                value.add_incoming(v, side_end)
-                value.add_incoming(w, apart_end)
-                values.append(value)
+        for k in range(len(rows)):
+            values = [b.phi(type_) for _ in registers]
+            for loaded, end in ways:
+                for value, x in zip(values, loaded[k], strict=True):
+                    value.add_incoming(x, end)
             found.append(e.num(values))
         return found
+
+    def _of_sixteen(self) -> ir.Function:
+        """The instruction that takes eight numbers, at eight places, of two registers of eight."""
+        module, name = self.b.module, "llvm.x86.avx512.vpermi2var.pd.512"
+        if name not in module.globals:
+            numbers, places = (ir.VectorType(t, EIGHT) for t in (F64, I64))
+            ir.Function(module, ir.FunctionType(numbers, [numbers, places, numbers]), name)
+        return module.globals[name]
 
     def own(self, array: Any, d: Any = None) -> Any:
         """A site's own parameters."""

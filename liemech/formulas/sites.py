@@ -72,12 +72,14 @@ class SiteTable(Record):
 
     entries : (degree, sites) of them, whole numbers of four bytes, in rows of so many `places`.
     rows : how many each site has, the degree.  degree : the same where it is known to formulas, which write
-    loops over it out; None where every run may have another.  Make it by `SiteTable.of`.
+    loops over it out; None where every run may have another.  reach : for each eight sites in turn how
+    their entries lie, `reach_of`.  Make it by `SiteTable.of`.
     """
 
     entries: Any
     rows: float
     places: float
+    reach: Any
     degree: int | None = None
 
     @classmethod
@@ -96,7 +98,8 @@ class SiteTable(Record):
         rows = rows_of(found.astype(np.int32))
         degree = len(found) if fixed else None
         table = Table(rows.view(np.float64).ravel())
-        return cls(table, float(len(found)), float(rows.shape[1]), degree)
+        reach = Table(reach_of(rows).view(np.float64).ravel())
+        return cls(table, float(len(found)), float(rows.shape[1]), reach, degree)
 
     @property
     def numbers(self) -> np.ndarray:
@@ -112,6 +115,23 @@ class SiteTable(Record):
     def fits(self, count: int) -> bool:
         """Is it one of so many sites?"""
         return self.places == padded(count)
+
+
+FAR = -(2**31)
+"""In place of a reach: of entries that lie far from each other."""
+
+
+def reach_of(entries: np.ndarray) -> np.ndarray:
+    """How the entries of every eight sites lie, so that native code need not look: the first of them if they
+    follow each other; else ~(the first of sixteen among which all of them are), which is negative;
+    or `FAR`.
+    """
+    eights = entries.reshape(len(entries), -1, EIGHT)
+    firsts = eights[..., 0]
+    least = np.minimum(eights.min(axis=-1), entries.shape[1] - TOGETHER)
+    follow = (eights - firsts[..., None] == np.arange(EIGHT)).all(axis=-1)
+    near = (eights.max(axis=-1) - least) < TOGETHER
+    return np.where(follow, firsts, np.where(near, ~least, FAR)).astype(np.int32)
 
 
 @record
