@@ -11,18 +11,25 @@ GIVEN_UP = 2
 """A flag: the step is given up."""
 
 PATIENCE = 2**14
-"""Looks at a barrier, some 20 us, before the thread sleeps for a while, so that the others find a
-processor.
+"""Looks at a barrier, some 20 us, before the thread lets others have its processor whenever they ask for
+it, and looks again.
+"""
+
+YIELDS = 2**13
+"""Times that it does, some milliseconds, before it sleeps between looks.  A thread that sleeps wakes up
+late, so that the next one comes to sleep as well, and all of them sleep at every barrier from then on:
+nobody may sleep because another was interrupted for a moment.
 """
 
 REST = 20
-"""Microseconds of such a sleep."""
+"""Microseconds of a sleep."""
 
-SLEEPS = 2**10
-"""Sleeps between two looks at whether the thread is to stop."""
+SELDOM = 2**10
+"""Yields or sleeps between two looks at whether the thread is to stop."""
 
 BARRIER = f"""
 declare i32 @liemech_sleep(i32)
+declare i32 @liemech_yield()
 
 define internal i64 @barrier(ptr %crew, i64 %flags) noinline nounwind {{
 entry:
@@ -54,7 +61,7 @@ free:
   store atomic i64 %next, ptr %met release, align 8
   ret i64 %together
 wait:
-  %k = phi i64 [ 1, %many ], [ %more, %on ], [ %more, %rest ], [ %more, %ask ]
+  %k = phi i64 [ 1, %many ], [ %more, %on ], [ %more, %yield ], [ %more, %rest ], [ %more, %ask ]
   %now = load atomic i64, ptr %met acquire, align 8
   %done = icmp ne i64 %now, %turn
   br i1 %done, label %through, label %patient
@@ -69,9 +76,15 @@ tired:
   %alone_now = icmp ne i64 %given_up, 0
   br i1 %alone_now, label %leave, label %check
 check:
-  %seldom = and i64 %k, {SLEEPS - 1}
+  %seldom = and i64 %k, {SELDOM - 1}
   %asks = icmp eq i64 %seldom, 0
-  br i1 %asks, label %ask, label %rest
+  br i1 %asks, label %ask, label %pause
+pause:
+  %very_long = icmp sgt i64 %k, {PATIENCE + YIELDS}
+  br i1 %very_long, label %rest, label %yield
+yield:
+  %nothing = call i32 @liemech_yield()
+  br label %wait
 rest:
   %ignored = call i32 @liemech_sleep(i32 {REST})
   br label %wait

@@ -235,14 +235,19 @@ def _functions() -> dict[str, int]:
         or 0
         for f in (*LIBM, pow)
     }
-    of_c["liemech_sleep"] = _sleep(library)
+    of_c["liemech_sleep"], of_c["liemech_yield"] = _pauses(library)
     return of_c | callbacks.addresses() | interrupts.addresses()
 
 
-def _sleep(library: Any) -> int:
-    """Where the function lies with which a thread sleeps for some microseconds."""
-    function = ctypes.windll.kernel32.SwitchToThread if os.name == "nt" else library.usleep  # type: ignore[attr-defined]
-    return ctypes.cast(function, ctypes.c_void_p).value or 0
+def _pauses(library: Any) -> list[int]:
+    """Where the functions lie with which a thread sleeps for some microseconds, and with which it lets
+    others that wait have its processor.
+    """
+    if os.name == "nt":
+        functions = [ctypes.windll.kernel32.SwitchToThread] * 2  # type: ignore[attr-defined]
+    else:
+        functions = [library.usleep, library.sched_yield]
+    return [ctypes.cast(f, ctypes.c_void_p).value or 0 for f in functions]
 
 
 def _c_library() -> ctypes.CDLL:

@@ -232,6 +232,14 @@ def advance_turns(
 # ------------------------------------------------------------------ Python's side
 
 
+def in_order(rows: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Numbers of sites, (..., sites), in another order: row by row, four times as fast as at once."""
+    found = np.empty((*rows.shape[:-1], len(places)))
+    for row in np.ndindex(rows.shape[:-1]):
+        np.take(rows[row], places, out=found[row], mode="clip")  # without a copy; all are there
+    return found
+
+
 class Turning:
     """How a splitting steps the sites of a system: their places, the turns of a step, and the code
     that makes them.
@@ -260,7 +268,7 @@ class Turning:
 
     def spread(self, rows: np.ndarray) -> Planes:
         """Rows of numbers of sites in the order of their places, in the first of the copies."""
-        return self.begun(rows[..., self.places.sites])
+        return self.begun(in_order(rows, self.places.sites))
 
     def begun(self, rows: np.ndarray) -> Planes:
         """Rows of numbers of sites that are in this order already, in the first of the copies."""
@@ -315,7 +323,7 @@ class TurnsRun(SiteRun):
             self.clocks[MARK] = STUCK
         if whole:
             here = self.shape.turning.places.places
-            self._show(first, rows[:good, self.shape.order][..., here])
+            self._show(first, in_order(rows[:good, self.shape.order], here))
             self.made += good
 
     def _show(self, first: int, rows: np.ndarray) -> None:
@@ -423,7 +431,7 @@ class TurnsRun(SiteRun):
 
     def _seen(self, rows: np.ndarray) -> np.ndarray:
         """States by places as they are shown, (..., width, sites)."""
-        return rows[..., self.shape.order, :][..., self.shape.turning.places.places]
+        return in_order(rows[..., self.shape.order, :], self.shape.turning.places.places)
 
     def looked(self, at: float, begun: float, end: float) -> tuple[Any, Any, Any]:
         """The states of all sites at a time in the last step, the totals, and the events."""
@@ -528,8 +536,8 @@ class TurnsRun(SiteRun):
             here, width = self.shape.turning.places.places, self.shape.started.width
             memory = self._memory
             last = self._turned(0, 1, 1)[0] if self.last is None else self.last
-            memory[:width] = last[:, here]
-            memory[width : 2 * width] = self._before_last[:, here]
+            memory[:width] = in_order(last, here)
+            memory[width : 2 * width] = in_order(self._before_last, here)
             memory[2 * width] = self.clock[0]
 
     def _fail(self) -> None:
