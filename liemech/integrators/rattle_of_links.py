@@ -297,6 +297,11 @@ def first_jump(one: Any, t: float, to: float, every: bool) -> float:
     return to
 
 
+READY, BROKEN = 1.0, 2.0
+"""In `note`: field, velocity and rows are those of the state; or of none, because a step was given up.  Zero
+at the start of a run, when what is shown is the state itself.
+"""
+
 BLOCKS = 3
 """Blocks of a place: that of its joint, and two of the tie to another one."""
 
@@ -307,17 +312,26 @@ ENDS, TOUCH = carried_layout((0, 0, 0.0, 0)), carried_layout((0, 0.0, 0, 0.0))
 
 @record
 class LinkMemory(Record):
-    """Numbers that steps carry along for the body and the joint of one place: the state, and for every
-    substep the last three displacements and impulses.
+    """Numbers that steps carry along for the body and the joint of one place: the state, for every
+    substep the last three displacements and impulses, and the state that is shown, whose momentum is
+    on the constraint, if it is another one.
     """
 
     state: Any
     pasts: tuple[Any, ...]
+    shown: Any = ()
 
 
 @record
 class RattleOfLinks(Record):
     """LieRATTLE, or a composition of it, of many bodies and joints.
+
+    The impulse -G* l' that ends a step and the one that begins the next, -G* l, act at one place, and
+    what follows depends on their sum alone.  So steps without loads go from mu_i + G* l' with l + l' as
+    unknowns, and l' is found where a state is looked at.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.4 (SHAKE and RATTLE);
+    Leimkuhler and Skeel, J. Comput. Phys. 112 (1994), 117.
 
     shares : of the substeps, each with its node.  substeps, stages : how many there are.  ending :
     where steps are cut at jumps of inputs, as an EndingAtJumps has it; None: nowhere.
@@ -332,6 +346,7 @@ class RattleOfLinks(Record):
     ending: Any = None
 
     together: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     symmetric: ClassVar[bool] = True
 
     def __repr__(self) -> str:
@@ -340,11 +355,37 @@ class RattleOfLinks(Record):
     def start(self, system: Any, state: Any, h: float) -> LinkMemory:
         """A state, with pasts that are still to come: zeros."""
         none = vec(*[0.0] * (6 + self.most))
-        return LinkMemory(state, (repeated(none),) * self.stages)
+        return LinkMemory(state, (repeated(none),) * self.stages, state)
 
     def observe(self, memory: LinkMemory) -> Any:
-        """The state."""
-        return memory.state
+        """The state, once it is settled."""
+        return memory.shown
+
+    def settle(self, system: Any, t: float, sites: Any, here: int, memory: Layout) -> None:
+        """Find what is shown of the state to which steps have led: its momentum without what leads off
+        the constraint, mu - G* l' with G J^-1 (mu - G* l') = 0.  Steps go on as if nobody had looked.
+        """
+        (state, pasts, _), rows, n = memory.parts, system.rows, system.most
+        work, place = below(sites, 2 * memory.width), below(sites, here * memory.width)
+        shown = below(place, state.width + pasts.width)
+        if system.loaded:
+            each(sites, shown_as_it_is, place, shown, state)
+        elif at(below(work, rows.note), 0, 2, NUMBER) == READY:
+            each(sites, excess_of, system, work)
+            each(sites, tied, system, rows.first, n, work)
+            coupled(system, work, rows.first, n)
+            factored(system, work, 1.0, n)
+            solved(system, work, n)
+            each(sites, wrench_of_impulses, system, work)
+            scattered(system, work)
+            each(sites, shown_on_the_constraint, system, place, shown, work, state)
+
+    def settle_anew(self, system: Any, t: float, sites: Any, here: int, memory: Layout) -> None:
+        """As `settle`, where a step was given up that had begun to write down the next field."""
+        work, place = below(sites, 2 * memory.width), below(sites, here * memory.width)
+        self.field(system, t, 0.0, sites, place, place, work, memory.parts[0])
+        put(below(work, system.rows.note), 0, 2, READY, NUMBER)
+        self.settle(system, t, sites, here, memory)
 
     # ---------------------------------------------------------------- a step
 
@@ -393,80 +434,68 @@ class RattleOfLinks(Record):
         work: Any, state: Layout,
     ) -> None:  # fmt: skip
         """One step of LieRATTLE: in the first turn, at the start of a run, the field alone; in the
-        second the displacement, in the third what leads off the constraint.
+        second the displacement, in the third, under loads, what leads off the constraint.
 
         begun, there : the rows of the state before it, and of the one to which it leads.
         """
         ready, old, new = below(work, system.rows.note), below(sites, begun), below(sites, there)
-        turn = 1 if at(ready, 0, 2, NUMBER) == 1.0 else 0
-        put(ready, 0, 2, 0.0, NUMBER)
+        state_of_work = at(ready, 0, 2, NUMBER)
+        turn = 1 if state_of_work == READY else 0
         while turn < 3:
             if system.loaded and turn > 0:
                 before = below(sites, begun if turn == 1 else there)
                 self.loads(system, t, turn, h, sites, before, new, work, state)
             if turn == 1:
                 each(sites, guessed, system, h, old, past, s, work, state)
-            if turn == 1 or (turn > 0 and not system.loaded):
-                self.solve(system, t, turn, h, sites, old, work, state)
-            if turn == 1:
+                self.solve(system, t, h, sites, old, work, state)
                 each(sites, moved_body, system, self.retraction, h, old, new, work, state)
+                put(ready, 0, 2, where(state_of_work == 0.0, 0.0, BROKEN), NUMBER)
             if turn < 2:
-                seen = below(sites, begun if turn == 0 else there)
-                now = system.at_time(t + h * float(turn))
-                each(sites, joints_here, now, seen, work, state)
-                scattered(system, work)
-                if system.on_all is not None and system.on_all.potential is not None:
-                    pulled_together(system, seen, work, state)
-                each(sites, kicked, system, 0.5 * h * float(turn), seen, new, work, state)
+                seen, k = below(sites, begun if turn == 0 else there), h * float(turn)
+                self.field(system, t + k, 0.5 * k, sites, seen, new, work, state)
             turn = turn + 1
         each(sites, ended, system, past, new, s, work, state)
-        put(ready, 0, 2, 1.0, NUMBER)
+        put(ready, 0, 2, READY, NUMBER)
+
+    def field(
+        self, system: Any, t: float, h: float, sites: Any, seen: Any, new: Any, work: Any, state: Layout
+    ) -> None:
+        """The field at a state, the one after a kick h by it, its velocity, and the rows of joints."""
+        each(sites, joints_here, system.at_time(t), seen, work, state)
+        scattered(system, work)
+        if system.on_all is not None and system.on_all.potential is not None:
+            pulled_together(system, seen, work, state)
+        each(sites, kicked, system, h, seen, new, work, state)
 
     def solve(
-        self, system: Any, t: float, turn: int, h: float, sites: Any, old: Any, work: Any,
-        state: Layout,
-    ) -> None:  # fmt: skip
-        """In turn 1 displacements and impulses: the solution that grows out of zero with h, as
-        `LieRATTLE` finds it.  While corrections are small the derivative is that of the first of
-        them.  In turn 2 the impulses that take away what leads off the constraint.
+        self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, state: Layout
+    ) -> None:
+        """Displacements and impulses: the solution that grows out of zero with h, as `LieRATTLE` finds it.
+        While corrections are small the derivative is that of the first of them.
         """
-        rows, retraction = system.rows, self.retraction
+        rows, retraction, n = system.rows, self.retraction, system.most
         reached, piece, part, tried, bad = 0.0, 1.0, 1.0, 0.0, -1.0
         while True:
-            if turn == 1:
-                each(sites, wrench_of_unknown, system, work)
-                scattered(system, work)
-                each(sites, held_by_unknown, system, work)
+            each(sites, wrench_of_unknown, system, work)
+            scattered(system, work)
+            each(sites, held_by_unknown, system, work)
             before, anew, done, inside = INFINITY, True, False, False
             while True:
                 k = part * h
-                if not system.loaded and turn == 2:
-                    each(sites, excess_of, system, work)
-                elif anew:
+                now = system.at_time(t + k)
+                if anew:
+                    sign = 1.0 if h > 0.0 else -1.0
                     each(sites, correction_of_body, system, retraction, k, old, work, state)
-                    each(
-                        sites,
-                        correction_of_joint,
-                        system.at_time(t + k),
-                        1.0 if h > 0.0 else -1.0,
-                        work,
-                    )
+                    each(sites, correction_of_joint, now, sign, work)
+                    each(sites, tied, system, rows.first_there, n, work)
+                    coupled(system, work, rows.first_there, n)
+                    bad = factored(system, work, h, n)
                 else:
                     each(sites, mismatch_of_body, system, retraction, k, old, work, state)
-                    each(sites, mismatch_of_joint, system.at_time(t + k), work)
-                if anew:
-                    there, sign = rows.first_there if turn == 1 else rows.first, 1.0
-                    if turn == 1:
-                        sign = h
-                    each(sites, tied, system, there, system.most, work)
-                    coupled(system, work, there, system.most)
-                    bad = factored(system, work, sign, system.most)
-                solved(system, work, system.most)
+                    each(sites, mismatch_of_joint, now, work)
+                solved(system, work, n)
                 each(sites, wrench_of_impulses, system, work)
                 scattered(system, work)
-                if turn == 2:
-                    reached = 1.0
-                    break
                 each(sites, corrected, system, retraction, work)
                 length, whole, size, upright, inside = summed(system, work)
                 tried = tried + 1.0
@@ -480,9 +509,9 @@ class RattleOfLinks(Record):
                 before, anew = length, length > NEAR * whole
                 if done or not good or not tried < MOST:
                     break
-            if turn == 2 or (done and inside):
+            if done and inside:
                 reached, piece = part, 2.0 * piece
-                if turn == 1 and reached < 1.0:
+                if reached < 1.0:
                     each(sites, sloped, system, 1.0 / part, work)
             else:
                 piece = 0.5 * piece
@@ -851,9 +880,8 @@ def weight_of(system: Any, work: Any, g: Any) -> Vec:
 
 
 def ended(system: Any, pasts: Any, place: Any, s: int, work: Any, state: Layout) -> None:
-    """The momentum without what leads off the constraint, and the past with this step."""
-    rows, one, layout = system.rows, load(place, 0, state), vector(6 + system.most)
-    mu = one.mu - pull_on(system, work)
+    """The past with this step; under loads the momentum without what leads off the constraint."""
+    rows, layout = system.rows, vector(6 + system.most)
     unknown = load(below(work, rows.unknown), 0, layout)
     past = [load(pasts, 3 * s + i, layout) for i in range(3)]
     fresh = nothing(past)
@@ -861,9 +889,29 @@ def ended(system: Any, pasts: Any, place: Any, s: int, work: Any, state: Layout)
         vec(*[where(fresh, a, b) for a, b in zip(unknown, y)])
         for y in followed(tuple(past), unknown)
     ]
-    save(place, 0, fitted(BodyState(mu, one.g), state), state)
+    if system.loaded:
+        on = on_the_constraint(system, load(place, 0, state), work)
+        save(place, 0, fitted(on, state), state)
     for i in range(3):
         save(below(place, state.width), 3 * s + i, new[i], layout)
+
+
+def on_the_constraint(system: Any, one: BodyState, work: Any) -> BodyState:
+    """The state of a body without the momentum that leads off the constraint."""
+    return BodyState(one.mu - pull_on(system, work), one.g)
+
+
+def shown_on_the_constraint(
+    system: Any, place: Any, shown: Any, work: Any, state: Layout
+) -> None:
+    """What is shown of a body."""
+    on = on_the_constraint(system, load(place, 0, state), work)
+    save(shown, 0, fitted(on, state), state)
+
+
+def shown_as_it_is(place: Any, shown: Any, state: Layout) -> None:
+    """What is shown of a body whose momentum is on the constraint."""
+    save(shown, 0, load(place, 0, state), state)
 
 
 # ------------------------------------------------------------------ formulas of one joint

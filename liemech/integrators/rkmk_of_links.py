@@ -65,6 +65,7 @@ class RkmkOfLinks(Record):
     name: str = ""
 
     together: ClassVar[bool] = True
+    settles: ClassVar[bool] = False
     symmetric: ClassVar[bool] = False
 
     def __repr__(self) -> str:

@@ -15,7 +15,7 @@ from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.derived import is_derived
 from ..formulas.pytree import layout_of, leaves, with_fields
 from ..formulas.signatures import bare
-from ..formulas.sites import padded
+from ..formulas.sites import EIGHT, padded
 from ..formulas.tables import Table, of_whole
 from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import BLOCKS, Links, Rows
@@ -23,8 +23,8 @@ from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
 from .joint_forces import AtJoint
 from .joints import REST6
 
-EIGHT = 8
-"""Places in memory go by eights, as many as run side by side."""
+FEW = 4
+"""Places in memory of the smallest linkages; those of others go by eights, as many as run side by side."""
 
 
 @record
@@ -153,7 +153,8 @@ def linked(linkage: Any) -> LinkedForm:
     rows = Rows.of(
         full, most, freedoms, own, sum(kind.width for kind in fields), pushed, bent, moving
     )
-    places = EIGHT * -(-max(len(given.links), len(joints)) // EIGHT)
+    most_places = max(len(given.links), len(joints))
+    places = FEW if most_places <= FEW else EIGHT * -(-most_places // EIGHT)
     fixed = np.zeros((rows.note, places))
     bodies = [given.links[b if b < len(given.links) else 0] for b in range(places)]
     for b, link in enumerate(bodies):
