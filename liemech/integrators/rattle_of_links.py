@@ -40,7 +40,8 @@ from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System
 from ..systems.tabulated import during, inputs, jump_ahead
-from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, carried, eliminated
+from ..retractions import Exponential
+from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, eliminated
 from .memory import extrapolated, followed, repeated
 from .solvability import CONTRACTION, INFINITY, SHORTEST
 from .variational import momentum_slope, with_inertia
@@ -493,6 +494,7 @@ class RattleOfLinks(Record):
                 else:
                     each(sites, mismatch_of_body, system, retraction, k, old, work, state)
                     each(sites, mismatch_of_joint, now, work)
+                    eliminated_again(system, work, n)
                 solved(system, work, n)
                 each(sites, wrench_of_impulses, system, work)
                 scattered(system, work)
@@ -568,6 +570,7 @@ class RattleOfLinks(Record):
                 factored(system, work, 1.0, n)
             else:
                 each(sites, excess_again, system, work)
+                eliminated_again(system, work, n)
             solved(system, work, n)
             each(sites, wrench_of_corrections, system, work)
             scattered(system, work)
@@ -755,17 +758,54 @@ def correction_of_body(
     rate = 1.0 / h
     r, by_p, by_x = retraction.residual(group, x, times(J, rate * x), momentum)
     A = with_inertia(by_x, momentum_slope(by_p, rate * J))
-    pushes = [carried(retraction, group, x, by_p, unit) for unit in UNITS]
-    columns, upright = eliminated(A, [r, *pushes], h)
-    ends = [retraction.dtau(group, x, column) for column in columns]
+    inverse, same, _ = inverted(A, REST6, h)
+    free, answer, moved = inverse @ r, *answers(retraction, group, x, by_p, inverse)
     told = below(work, rows.told)
-    save(below(work, rows.free), 0, columns[0], SIX)
-    save(below(work, rows.answer), 0, mat(*columns[1:]), BLOCK)
-    save(below(work, rows.led), 0, ends[0], SIX)
-    save(below(work, rows.moved), 0, mat(*ends[1:]), BLOCK)
+    save(below(work, rows.free), 0, free, SIX)
+    save(below(work, rows.answer), 0, answer, BLOCK)
+    save(below(work, rows.led), 0, retraction.dtau(group, x, free), SIX)
+    save(below(work, rows.moved), 0, moved, BLOCK)
     save(below(work, rows.pose), 0, retraction.compose_tau(group, g, x), POSE)
-    save(told, 3, where(upright, 1.0, 0.0), NUMBER)
+    save(told, 3, same, NUMBER)
     save(told, 4, largest([a for row in g for a in row]), NUMBER)
+
+
+def answers(
+    retraction: Any, group: Any, x: Vec, by_p: Any, inverse: Mat
+) -> tuple[Mat, Mat]:
+    """A^-1 B with B = by_p (dtau_-x)*, and dtau_x A^-1 B, by columns, in blocks of three."""
+    a, b, c = dtau_blocks(retraction, group, x)
+    d, e, f = [transpose(block) for block in dtau_blocks(retraction, group, -x)]
+    p, q, r, s = quarters(inverse @ by_p if isinstance(by_p, vectors.Mat) else by_p * inverse)
+    top, corner = p @ d, p @ e + q @ f
+    low, last = r @ d, r @ e + s @ f
+    moved = a @ top, a @ corner, b @ top + c @ low, b @ corner + c @ last
+    return transpose(of_quarters(top, corner, low, last)), transpose(of_quarters(*moved))
+
+
+def dtau_blocks(retraction: Any, group: Any, x: Vec) -> tuple[Mat, Mat, Mat]:
+    """The blocks a, b, c of dtau_x = [[a, 0], [b, c]] on SE(3): a displacement turns nothing."""
+    if type(retraction) is Exponential:
+        a, b = group.algebra.dexp_blocks(x)
+        return a, b, a
+    columns = [retraction.dtau(group, x, unit) for unit in UNITS]
+    a, b, c = [column[:3] for column in columns[:3]], [column[3:] for column in columns[:3]], [
+        column[3:] for column in columns[3:]
+    ]
+    return transpose(mat(*a)), transpose(mat(*b)), transpose(mat(*c))
+
+
+def quarters(m: Mat) -> tuple[Mat, Mat, Mat, Mat]:
+    """The blocks A, B, C, D of [[A, B], [C, D]], of which A is of three rows and columns."""
+    return (
+        mat(*[row[:3] for row in m[:3]]), mat(*[row[3:] for row in m[:3]]),
+        mat(*[row[:3] for row in m[3:]]), mat(*[row[3:] for row in m[3:]]),
+    )  # fmt: skip
+
+
+def of_quarters(A: Mat, B: Mat, C: Mat, D: Mat) -> Mat:
+    """[[A, B], [C, D]]."""
+    return mat(*[vec(*a, *b) for a, b in zip(A, B)], *[vec(*c, *d) for c, d in zip(C, D)])
 
 
 def mismatch_of_body(
@@ -1313,8 +1353,8 @@ def coupled(system: Any, work: Any, begins: int, n: int) -> None:
 
 
 def factored(system: Any, work: Any, sign: float, n: int) -> float:
-    """Elimination of the blocks, in place; the first joint whose conditions depend on those before
-    it, or the last joint if the determinant has lost its sign; -1 if all is well.
+    """Elimination of the blocks, in place, and of what the conditions miss; the first joint whose conditions
+    depend on those before it, or the last joint if the determinant has lost its sign; -1 if all is well.
     """
     blocks, diagonals = below(work, system.rows.block), below(work, system.rows.diagonal)
     bad, same = -1.0, 1.0
@@ -1326,6 +1366,7 @@ def factored(system: Any, work: Any, sign: float, n: int) -> float:
         if not far and bad < 0.0:
             bad = float(k)
         put_block(blocks, BLOCKS * k, inverse)
+        forward(system, work, n, k, begin, end, inverse)
         for b in range(begin, end):
             lead_block(blocks, whole(system.belows, 5 * b + 2), inverse)
         for b in range(begin, end):
@@ -1342,17 +1383,13 @@ def inverted(m: Mat, before: Vec, sign: float) -> tuple[Mat, float, bool]:
     """
     n = len(m)
     if n > 3:
-        A, B = mat(*[row[:3] for row in m[:3]]), mat(*[row[3:] for row in m[:3]])
-        C, D = mat(*[row[:3] for row in m[3:]]), mat(*[row[3:] for row in m[3:]])
+        A, B, C, D = quarters(m)
         first, same, far = inverted(A, before[:3], sign)
         left, right = C @ first, first @ B
         last, turned, apart = inverted(D - C @ right, before[3:], sign)
         corner = right @ last
-        top = first + corner @ left
-        low = -(last @ left)
-        rows = [vec(*a, *[-x for x in b]) for a, b in zip(top, corner)]
-        rows = [*rows, *[vec(*a, *b) for a, b in zip(low, last)]]
-        return mat(*rows), same * turned, far and apart
+        whole = of_quarters(first + corner @ left, -corner, -(last @ left), last)
+        return whole, same * turned, far and apart
     minors, cofactors = of_three(m)
     far = abs(m[0][0]) > DEPENDENT * before[0]
     for k in range(1, n):
@@ -1376,18 +1413,31 @@ def of_three(m: Mat) -> tuple[list[float], list[Vec]]:
     return [a, minor, a * x + b * y + c * z], [*rows, vec(z, b * g - a * h, minor)]
 
 
-def solved(system: Any, work: Any, n: int) -> None:
-    """The impulses, from what the conditions miss and the blocks after elimination."""
-    rows, layout = system.rows, vector(n)
-    blocks, rest = below(work, rows.block), below(work, rows.rest)
-    impulse, count = below(work, rows.impulse), int(system.joints)
-    for p in range(count):
+def eliminated_again(system: Any, work: Any, n: int) -> None:
+    """Elimination of what the conditions miss, with the blocks as `factored` has left them."""
+    blocks = below(work, system.rows.block)
+    for p in range(int(system.joints)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
-        x = block_at(blocks, BLOCKS * k, n) @ at(rest, k, 0, layout)
-        put(impulse, k, 0, x, layout)
-        for b in range(begin, end):
-            i, left = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 1)
-            put(rest, i, 0, at(rest, i, 0, layout) - block_at(blocks, left, n) @ x, layout)
+        forward(system, work, n, k, begin, end, block_at(blocks, BLOCKS * k, n))
+
+
+def forward(
+    system: Any, work: Any, n: int, k: int, begin: int, end: int, inverse: Mat
+) -> None:
+    """A joint's share of the impulses, without those of later joints, which are told of it."""
+    layout, blocks = vector(n), below(work, system.rows.block)
+    rest, impulse = below(work, system.rows.rest), below(work, system.rows.impulse)
+    x = inverse @ at(rest, k, 0, layout)
+    put(impulse, k, 0, x, layout)
+    for b in range(begin, end):
+        i, left = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 1)
+        put(rest, i, 0, at(rest, i, 0, layout) - block_at(blocks, left, n) @ x, layout)
+
+
+def solved(system: Any, work: Any, n: int) -> None:
+    """The impulses, from the last joint to the first."""
+    layout, count = vector(n), int(system.joints)
+    blocks, impulse = below(work, system.rows.block), below(work, system.rows.impulse)
     for back in range(count):
         k, begin, end = (whole(system.pivots, 3 * (count - 1 - back) + i) for i in range(3))
         for b in range(begin, end):
