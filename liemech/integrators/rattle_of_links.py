@@ -35,12 +35,12 @@ from ..formulas import (
 from ..formulas.pytree import Layout, carried_layout, fitted, layout_of, with_fields
 from ..formulas.tables import entry, whole
 from ..groups.lie_group import LieGroup
+from ..retractions import Exponential
 from ..solvers import NOISE, TOLERANCE
 from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System
 from ..systems.tabulated import during, inputs, jump_ahead
-from ..retractions import Exponential
 from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, eliminated
 from .memory import extrapolated, followed, repeated
 from .solvability import CONTRACTION, INFINITY, SHORTEST
@@ -82,7 +82,8 @@ class Rows(Record):
     along: the row with which they begin.
 
     Fixed are: inertia and its inverse, weight, `ends` of a joint (first and second body, is there a
-    second one, the kind), `alive` (which conditions count), `touch` (of a body a joint of which it is the
+    second one, the kind), `alive` (which conditions count), `beside` (are the first and the second body no
+    hubs?), `touch` (of a body a joint of which it is the
     first one, a joint of which it is the second one, each with 1, or 0 if there is none), `tie` (of a joint
     another one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
     is none), `own` (the parameters of a joint of each
@@ -95,6 +96,7 @@ class Rows(Record):
     weight: int
     ends: int
     alive: int
+    beside: int
     touch: int
     tie: int
     own: int
@@ -137,15 +139,15 @@ class Rows(Record):
     @classmethod
     def of(
         cls, full: bool, most: int, freedoms: int, own: int, on: int, pushed: bool, bent: bool,
-        moving: bool,
+        moving: bool, hubs: bool,
     ) -> Rows:  # fmt: skip
         """Those of inertias that are matrices, or not; so many conditions and coordinates of a
         joint, and numbers of its own; of what acts on a body, whether there are loads on bodies, and
-        one on all of them by one formula; of joints in a given motion.
+        one on all of them by one formula; of joints in a given motion; of hubs.
         """
         n, J, w = most + freedoms, 36 if full else 6, 6 if pushed else 0
         widths = dict(
-            inertia=J, inverse=J, weight=1, ends=4, alive=most, touch=4, tie=4, own=own, acting=1,
+            inertia=J, inverse=J, weight=1, ends=4, alive=most, beside=2 if hubs else 0, touch=4, tie=4, own=own, acting=1,
             on=on, note=3, force=6, pull=6,
             held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
@@ -170,11 +172,13 @@ class Links(System):
     length of the step that tables see, if they jump.  clock : the time that joints in a given motion see; rheonomic : are
     there any?  most, freedoms : conditions of a joint, at most, and
     coordinates that loads act along.  full : are inertias matrices?
-    bodies, joints : how many.  sides : on which of the two sides of joints the body of a `tie` is,
+    bodies, joints, nodes : how many; of nodes, that are eliminated, each joint is one, and behind them each
+    of the `parts` of the motion of a hub.  sides : on which of the two sides of joints the body of a `tie` is,
     of the one and of the other joint, where it is the same for all of them; else -1.
     more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
-    couplings : pairs of joints that a body ties together, beside `tie`, with the sides on which it is,
-    and the block.  pivots, belows, updates : what elimination does, see `order_of`.  places : in a row.
+    borders : joints at hubs, with the blocks.  couplings : pairs of joints that a body ties together,
+    beside `tie`, with the sides on which it is, and the block.  pivots, belows, updates : what elimination
+    does, see `tables_of`.
     """
 
     group: LieGroup
@@ -192,9 +196,12 @@ class Links(System):
     pushed: bool
     bodies: float
     joints: float
+    nodes: float
+    parts: int
     trace: float
     sides: tuple[int, int]
     more: Any
+    borders: Any
     couplings: Any
     pivots: Any
     belows: Any
@@ -374,7 +381,7 @@ class RattleOfLinks(Record):
         elif at(below(work, rows.note), 0, 2, NUMBER) == READY:
             each(sites, excess_of, system, work)
             each(sites, tied, system, rows.first, n, work)
-            coupled(system, work, rows.first, n)
+            coupled(system, work, rows.first, 1.0, n)
             factored(system, work, 1.0, n)
             solved(system, work, n)
             each(sites, wrench_of_impulses, system, work)
@@ -459,7 +466,15 @@ class RattleOfLinks(Record):
         put(ready, 0, 2, READY, NUMBER)
 
     def field(
-        self, system: Any, t: float, h: float, sites: Any, seen: Any, new: Any, work: Any, state: Layout
+        self,
+        system: Any,
+        t: float,
+        h: float,
+        sites: Any,
+        seen: Any,
+        new: Any,
+        work: Any,
+        state: Layout,
     ) -> None:
         """The field at a state, the one after a kick h by it, its velocity, and the rows of joints."""
         each(sites, joints_here, system.at_time(t), seen, work, state)
@@ -489,7 +504,7 @@ class RattleOfLinks(Record):
                     each(sites, correction_of_body, system, retraction, k, old, work, state)
                     each(sites, correction_of_joint, now, sign, work)
                     each(sites, tied, system, rows.first_there, n, work)
-                    coupled(system, work, rows.first_there, n)
+                    coupled(system, work, rows.first_there, sign, n)
                     bad = factored(system, work, h, n)
                 else:
                     each(sites, mismatch_of_body, system, retraction, k, old, work, state)
@@ -566,7 +581,7 @@ class RattleOfLinks(Record):
             if system.pushed or tried == 0 or bends(system, work):
                 each(sites, excess_of_rates, system, work)
                 each(sites, tied, system, rows.first, n, work)
-                coupled(system, work, rows.first, n)
+                coupled(system, work, rows.first, 1.0, n)
                 factored(system, work, 1.0, n)
             else:
                 each(sites, excess_again, system, work)
@@ -770,9 +785,7 @@ def correction_of_body(
     save(told, 4, largest([a for row in g for a in row]), NUMBER)
 
 
-def answers(
-    retraction: Any, group: Any, x: Vec, by_p: Any, inverse: Mat
-) -> tuple[Mat, Mat]:
+def answers(retraction: Any, group: Any, x: Vec, by_p: Any, inverse: Mat) -> tuple[Mat, Mat]:
     """A^-1 B with B = by_p (dtau_-x)*, and dtau_x A^-1 B, by columns, in blocks of three."""
     a, b, c = dtau_blocks(retraction, group, x)
     d, e, f = [transpose(block) for block in dtau_blocks(retraction, group, -x)]
@@ -789,9 +802,11 @@ def dtau_blocks(retraction: Any, group: Any, x: Vec) -> tuple[Mat, Mat, Mat]:
         a, b = group.algebra.dexp_blocks(x)
         return a, b, a
     columns = [retraction.dtau(group, x, unit) for unit in UNITS]
-    a, b, c = [column[:3] for column in columns[:3]], [column[3:] for column in columns[:3]], [
-        column[3:] for column in columns[3:]
-    ]
+    a, b, c = (
+        [column[:3] for column in columns[:3]],
+        [column[3:] for column in columns[:3]],
+        [column[3:] for column in columns[3:]],
+    )
     return transpose(mat(*a)), transpose(mat(*b)), transpose(mat(*c))
 
 
@@ -941,16 +956,14 @@ def on_the_constraint(system: Any, one: BodyState, work: Any) -> BodyState:
     return BodyState(one.mu - pull_on(system, work), one.g)
 
 
-def shown_on_the_constraint(
-    system: Any, place: Any, shown: Any, work: Any, state: Layout
-) -> None:
-    """What is shown of a body."""
+def shown_on_the_constraint(system: Any, place: Any, shown: Any, work: Any, state: Layout) -> None:
+    """A body as it is shown."""
     on = on_the_constraint(system, load(place, 0, state), work)
     save(shown, 0, fitted(on, state), state)
 
 
 def shown_as_it_is(place: Any, shown: Any, state: Layout) -> None:
-    """What is shown of a body whose momentum is on the constraint."""
+    """A body whose momentum is on the constraint, as it is shown."""
     save(shown, 0, load(place, 0, state), state)
 
 
@@ -1073,11 +1086,14 @@ def save_pushed(system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: 
     """The answers to the impulses of a joint, and its own block; `blank` is added to its diagonal,
     for conditions that do not count.
     """
-    rows = system.rows
+    rows, sides = system.rows, there
+    if system.parts > 0:
+        beside = load(below(work, rows.beside), 0, vector(2))
+        sides = [[x * row for row in side] for x, side in zip(beside, there)]
     block = [
         vec(*[dot(a, p) + dot(b, q) + (blank[i] if i == j else 0.0)
               for j, (p, q) in enumerate(zip(*pushed))])
-        for i, (a, b) in enumerate(zip(*there))
+        for i, (a, b) in enumerate(zip(*sides))
     ]  # fmt: skip
     for place, side in zip((rows.first_pushed, rows.second_pushed), pushed):
         save(below(work, place), 0, mat(*side), matrix(n, 6))
@@ -1333,23 +1349,63 @@ def scattered(system: Any, work: Any) -> None:
         put(pull, body, 0, at(pull, body, 0, SIX) + at(wrench, j, side, SIX), SIX)
 
 
-def coupled(system: Any, work: Any, begins: int, n: int) -> None:
+def coupled(system: Any, work: Any, begins: int, sign: float, n: int) -> None:
     """The blocks of pairs of joints that a body ties together; those that elimination fills are
-    zero.
+    zero.  sign : of the matrix.
     """
     rows, layout = system.rows, matrix(n, 6)
-    blocks, table = below(work, rows.block), system.couplings
+    blocks, table, side = below(work, rows.block), system.couplings, rows.second - rows.first
     for p in range(whole(table, 0)):
         j, k, mine, theirs, block, kind = (whole(table, 1 + 6 * p + i) for i in range(6))
-        side = rows.second - rows.first
-        a = at(below(work, begins + side * mine), j, 0, layout)
-        b = at(below(work, rows.first_pushed + side * theirs), k, 0, layout)
-        found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
-        if kind == 1:
-            found = block_at(blocks, block, n) + found
         if kind < 0:
-            found = 0.0 * found
-        put_block(blocks, block, found)
+            put_block(blocks, block, mat(*[vec(*[0.0] * n)] * n))
+        else:
+            a = at(below(work, begins + side * mine), j, 0, layout)
+            b = at(below(work, rows.first_pushed + side * theirs), k, 0, layout)
+            found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
+            if kind == 1:
+                found = block_at(blocks, block, n) + found
+            put_block(blocks, block, found)
+    if system.parts > 0:
+        bordered(system, work, begins, sign, n)
+
+
+def bordered(system: Any, work: Any, begins: int, sign: float, n: int) -> None:
+    """The blocks of the motions z of hubs.  Of S = S_0 + U K V* with the rows U and V of joints at a hub and
+    its answer K to momenta, S l = r is
+
+        S_0 l + U z = r,   z - K V* l = 0,
+
+    and S_0 ties no joints by hubs, so that a hub of n joints takes n blocks, not n^2.
+
+    sign : of S; the second line is multiplied by it.
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 2.1.4 (Woodbury).
+    """
+    rows, layout, m = system.rows, matrix(n, 6), system.most
+    blocks, table, side = below(work, rows.block), system.borders, rows.second - rows.first
+    width = 2 + 2 * system.parts
+    for p in range(whole(table, 0)):
+        j, mine = whole(table, 1 + width * p), whole(table, 2 + width * p)
+        a = at(below(work, begins + side * mine), j, 0, layout)
+        b = at(below(work, rows.first_pushed + side * mine), j, 0, layout)
+        for k in range(system.parts):
+            some = [*range(m * k, min(6, m * k + m))]
+            rest = [0.0] * (n - len(some))
+            places = [whole(table, 3 + width * p + 2 * k + i) for i in range(2)]
+            put_block(blocks, places[0], mat(*[vec(*[x[i] for i in some], *rest) for x in a]))
+            found = [vec(*[-sign * x[i] for x in b]) for i in some]
+            put_block(blocks, places[1], mat(*found, *[vec(*[0.0] * n)] * len(rest)))
+    for v in range(int(system.joints), int(system.nodes)):
+        unit = [vec(*[sign if i == k else 0.0 for i in range(n)]) for k in range(n)]
+        put_block(blocks, BLOCKS * v, mat(*unit))
+        put(below(work, rows.diagonal), v, 0, vec(*[1.0] * n), vector(n))
+    nothing_of_hubs(system, below(work, rows.rest), n)
+
+
+def nothing_of_hubs(system: Any, place: Any, n: int) -> None:
+    """Set numbers of the motions of hubs, which are no conditions and no impulses, to zero."""
+    for v in range(int(system.joints), int(system.nodes)):
+        put(place, v, 0, vec(*[0.0] * n), vector(n))
 
 
 def factored(system: Any, work: Any, sign: float, n: int) -> float:
@@ -1358,13 +1414,13 @@ def factored(system: Any, work: Any, sign: float, n: int) -> float:
     """
     blocks, diagonals = below(work, system.rows.block), below(work, system.rows.diagonal)
     bad, same = -1.0, 1.0
-    for p in range(int(system.joints)):
+    for p in range(int(system.nodes)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
         before = at(diagonals, k, 0, vector(n))
         inverse, turned, far = inverted(block_at(blocks, BLOCKS * k, n), before, sign)
         same = same * turned
         if not far and bad < 0.0:
-            bad = float(k)
+            bad = min(float(k), system.joints - 1.0)
         put_block(blocks, BLOCKS * k, inverse)
         forward(system, work, n, k, begin, end, inverse)
         for b in range(begin, end):
@@ -1416,14 +1472,14 @@ def of_three(m: Mat) -> tuple[list[float], list[Vec]]:
 def eliminated_again(system: Any, work: Any, n: int) -> None:
     """Elimination of what the conditions miss, with the blocks as `factored` has left them."""
     blocks = below(work, system.rows.block)
-    for p in range(int(system.joints)):
+    if system.parts > 0:
+        nothing_of_hubs(system, below(work, system.rows.rest), n)
+    for p in range(int(system.nodes)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
         forward(system, work, n, k, begin, end, block_at(blocks, BLOCKS * k, n))
 
 
-def forward(
-    system: Any, work: Any, n: int, k: int, begin: int, end: int, inverse: Mat
-) -> None:
+def forward(system: Any, work: Any, n: int, k: int, begin: int, end: int, inverse: Mat) -> None:
     """A joint's share of the impulses, without those of later joints, which are told of it."""
     layout, blocks = vector(n), below(work, system.rows.block)
     rest, impulse = below(work, system.rows.rest), below(work, system.rows.impulse)
@@ -1436,7 +1492,7 @@ def forward(
 
 def solved(system: Any, work: Any, n: int) -> None:
     """The impulses, from the last joint to the first."""
-    layout, count = vector(n), int(system.joints)
+    layout, count = vector(n), int(system.nodes)
     blocks, impulse = below(work, system.rows.block), below(work, system.rows.impulse)
     for back in range(count):
         k, begin, end = (whole(system.pivots, 3 * (count - 1 - back) + i) for i in range(3))
@@ -1444,6 +1500,8 @@ def solved(system: Any, work: Any, n: int) -> None:
             i, right = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 2)
             shared = block_at(blocks, right, n) @ at(impulse, i, 0, layout)
             put(impulse, k, 0, at(impulse, k, 0, layout) - shared, layout)
+    if system.parts > 0:
+        nothing_of_hubs(system, impulse, n)
 
 
 def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:
