@@ -333,6 +333,7 @@ class RattleOfLinks(Record):
 
     together: ClassVar[bool] = True
     symmetric: ClassVar[bool] = True
+    room: ClassVar[int] = 0  # rows of numbers before those that all methods work with
 
     def __repr__(self) -> str:
         return self.name

@@ -66,6 +66,7 @@ class RkmkOfLinks(Record):
 
     together: ClassVar[bool] = True
     symmetric: ClassVar[bool] = False
+    room: ClassVar[int] = 0
 
     def __repr__(self) -> str:
         return self.name
