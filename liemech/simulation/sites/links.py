@@ -18,6 +18,8 @@ from ...formulas.tables import Table
 from ...integrators.composition import Composition
 from ...integrators.ending_at_jumps import EndingAtJumps, cuts
 from ...integrators.lie_rattle import LieRATTLE, near_a_dead_point, thrown_back
+from ...integrators.multiple_time_steps import MultipleTimeSteps
+from ...integrators.multiple_time_steps_of_links import MultipleTimeStepsOfLinks
 from ...integrators.rattle import RATTLE
 from ...integrators.rattle_of_links import Links, RattleOfLinks
 from ...integrators.rkmk import RKMK
@@ -51,7 +53,7 @@ FEW = 600
 """Conditions among which those are found that depend on each other, where a step has failed."""
 
 
-def linked_method(plan: Any) -> RattleOfLinks | RkmkOfLinks | TaylorOfLinks | None:
+def linked_method(plan: Any) -> Any:
     """The method of a plan as that of many bodies and joints; None if there is none, or the system has no
     such form.
     """
@@ -72,6 +74,10 @@ def linked_method(plan: Any) -> RattleOfLinks | RkmkOfLinks | TaylorOfLinks | No
     if type(base) is Taylor and base is method:
         plainly = ending is None and not site.rheonomic and site.on_all is None
         return taylor_of(base, site) if plainly else None
+    if type(base) is MultipleTimeSteps and base is method and ending is None:
+        table, ratio = Table(np.array([1.0, 0.0])), float(base.ratios[0])
+        fast = RattleOfLinks(Exponential(), table, 1.0, 1, site.most)
+        return MultipleTimeStepsOfLinks(fast, ratio, repr(method))
     if not isinstance(base, (LieRATTLE, RATTLE)):
         return None
     retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
