@@ -72,6 +72,10 @@ def segment_curvature(x: mpf) -> mpf:
     return (versine_slope - 5 * slope) / (2 * x)
 
 
+def arcsine(x: mpf) -> mpf:
+    return mp.asin(mp.sqrt(x)) / mp.sqrt(x)
+
+
 POLYNOMIALS: dict[str, tuple[Function, Fraction, tuple[float, ...]]] = {
     "SINC": (sinc, Fraction(1), code.SINC),
     "VERSINE": (versine, Fraction(1, 2), code.VERSINE),
@@ -113,3 +117,4 @@ if __name__ == "__main__":
         c = coefficients(f, at_zero, code.LIMIT)
         print(f"# relative error {relative_error(f, c, code.LIMIT):.1e}\n{name} = (")
         print("".join(f"    {ci!r},\n" for ci in c) + ")")
+    print("ARCSINE =", coefficients(arcsine, Fraction(1), code.ARCSINE_LIMIT))

@@ -174,3 +174,10 @@ def log1p_over(x: Any) -> Any:
 def atan_over(x: Any) -> Any:
     """arctan(x)/x, 1 at zero."""
     return _quotient(x, HALF, lambda x: _sum(ATAN, 36, x * x), lambda x: atan(x) / x)
+
+
+def atan_root_over(z: Any) -> Any:
+    """arctan(x)/x as a series in z = x^2, for z up to 1/25: without a root, which has no slope at
+    zero.
+    """
+    return _sum(ATAN, 12, z)

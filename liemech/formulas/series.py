@@ -160,6 +160,10 @@ class Series(Operand):
             return NotImplemented
         return _made(lambda k: self.term(k) if k else self[0] % other, self)
 
+    def __floordiv__(self, other: Any) -> Any:
+        """How often a number goes into it where the series begins: that does not change."""
+        return NotImplemented if isinstance(other, Series) else self[0] // other
+
     def __neg__(self) -> Series:
         return _made(lambda k: _each(lambda c: -c, self.term(k)), self)
 

@@ -25,9 +25,11 @@ sinc, versine and segment are the Stumpff functions c_1, c_2, c_3 of celestial m
 from __future__ import annotations
 
 from ..errors import InvalidType, OutsideChart
-from ..formulas import Vec, cos, sin, sqrt, tan
+from ..formulas import Vec, cos, horner, sin, sqrt, tan, where
 from ..formulas.double_double import is_long, rounded_number, sin_cos, two_sum
+from ..formulas.dual import is_series
 from . import stumpff
+from .bernoulli import BERNOULLI as NUMBERS
 
 LIMIT = 0.4
 """Up to this x (theta = 0.63, a tenth of a turn: more than a step should make) the polynomials
@@ -70,6 +72,21 @@ BERNOULLI = (
     5.281585624531128e-10,
     1.386118227211967e-11,
 )
+OF_SERIES = tuple([abs(b) for b in NUMBERS[2::2]])
+"""|B_2k|/(2k)!, for power series, which ask for all derivatives."""
+
+ARCSINE = (
+    1.0,
+    0.16666666666663632,
+    0.07500000002357851,
+    0.04464285105005667,
+    0.0303826670664572,
+    0.022328962275578693,
+    0.018613573250000653,
+)
+ARCSINE_LIMIT = 0.025
+"""arcsin(y)/y of x = y^2, up to this x, the squared sine of half an angle of 0.32, to 1.3e-17."""
+
 STUMPFF4 = (
     0.041666666666666664,
     -0.001388888888888889,
@@ -296,6 +313,12 @@ def bernoulli(x: float) -> float:
     """
     if is_long(x):
         return bernoulli_coefficients(x)[0]
+    if is_series(x):
+        check_chart(x)
+        close = x <= 1.0
+        near, t = where(close, x, 0.0), sqrt(where(close, 1.0, x))
+        far = (1.0 - 0.5 * t * cos(0.5 * t) / sin(0.5 * t)) / (t * t)
+        return where(close, horner(OF_SERIES, near), far)
     d = polynomial(BERNOULLI, x)
     if x > LIMIT:
         check_chart(x)

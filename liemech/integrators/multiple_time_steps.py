@@ -21,6 +21,7 @@ from ..systems.vector_field import SplitField, has_flow, recognised_field
 from .kick_drift import KickDrift
 from .memory import Memory, Remembering
 from .method import Method, alternatives
+from .rattle_of_links import Links
 
 NEAR = 0.1
 """How near h w may come to a multiple of pi, as a part of pi, before a resonance is warned of."""
@@ -42,6 +43,8 @@ class MultipleTimeSteps(Remembering):
 
     Of a MechanicalSystem whose potential is `Terms`, such as many bodies, the parts are its terms,
     the fastest first; fast(h) is KickDrift.
+    Of a Linkage with a `potential` the slow force is that of the potential, and fast(h) is LieRATTLE
+    with all others, such as stiff springs at joints: one ratio.
     Of a SplitField, y' = f_1(y) + ... + f_m(y), fastest part first, slow(h) and fast(h) are the
     motions of its parts, or steps of any symmetric `methods`.
 
@@ -129,6 +132,9 @@ class MultipleTimeSteps(Remembering):
         if isinstance(system, MechanicalSystem) and isinstance(system.potential, PlaceTerms):
             self._require_terms(system)
             return
+        if isinstance(system.site_form, Links):
+            self._require_links(system)
+            return
         if self.methods is not None:
             raise IncompatibleSystem(
                 f"{self!r}: methods are for the parts of a SplitField; got {system!r}. Leave them "
@@ -161,6 +167,17 @@ class MultipleTimeSteps(Remembering):
             )
         FAST.require(system)
 
+    def _require_links(self, system: Any) -> None:
+        """One ratio, and a potential that is slow."""
+        if self.methods is not None or self.mollified or len(self.ratios) != 1:
+            raise IncompatibleSystem(
+                f"{self!r}: a linkage takes one ratio, for its potential and all other forces; got {system!r}"
+            )
+        if system.potential is None:
+            raise IncompatibleSystem(
+                f"{self!r}: the slow force is that of the `potential` of a linkage, and {system!r} has none"
+            )
+
     def _require_fields(self, system: SplitField) -> None:
         """A sum of as many fields, each with a motion or a method."""
         if len(system.parts) != len(self.ratios) + 1:
@@ -191,7 +208,9 @@ class MultipleTimeSteps(Remembering):
         """A warning of resonance or of unstable fast steps, by the frequencies at the start of all
         parts but the slowest.
         """
-        if isinstance(system, (SplitField, MechanicalSystem)):
+        if isinstance(system, (SplitField, MechanicalSystem)) or isinstance(
+            system.site_form, Links
+        ):
             return None
         if start.bodies is None:
             return self._caution(system, start.q, start.p, h)
@@ -241,6 +260,10 @@ class MultipleTimeSteps(Remembering):
         """The force of each part, None for a mollified one; nothing of fields."""
         if isinstance(system, SplitField):
             return None
+        if isinstance(system.site_form, Links):
+            raise IncompatibleSystem(
+                f"{self!r}: a linkage steps this way by loops over bodies and joints, in runs of fixed steps"
+            )
         if isinstance(system, MechanicalSystem):
             fastest, *slower = self._parts(system)
             forces = [part.force(state.g) for part in slower]

@@ -178,7 +178,7 @@ class Links(System):
     more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
     borders : joints at hubs, with the blocks.  couplings : pairs of joints that a body ties together,
     beside `tie`, with the sides on which it is, and the block.  pivots, belows, updates : what elimination
-    does, see `tables_of`.
+    does, see `tables_of`.  pulled : do potentials of bodies count among the forces?
     """
 
     group: LieGroup
@@ -206,6 +206,7 @@ class Links(System):
     pivots: Any
     belows: Any
     updates: Any
+    pulled: bool = True
 
     @property
     def loaded(self) -> bool:
@@ -356,6 +357,7 @@ class RattleOfLinks(Record):
     together: ClassVar[bool] = True
     settles: ClassVar[bool] = True
     symmetric: ClassVar[bool] = True
+    room: ClassVar[int] = 0  # rows of numbers before those that all methods work with
 
     def __repr__(self) -> str:
         return self.name
@@ -908,7 +910,7 @@ def kicked(system: Any, h: float, old: Any, new: Any, work: Any, state: Layout) 
     force = weight_of(system, work, one.g) + pull_on(system, work)
     if system.on_all is not None and system.on_all.potential is not None:
         force = force + load(below(work, rows.field), 0, SIX)
-    if len(system.fields) > 0:
+    if len(system.fields) > 0 and system.pulled:
         force = force + system.on_body(work, lambda it: it.pull(plain(one.g)))
     mu = one.mu + h * force
     mu = vec(*[where(h == 0.0, a, b) for a, b in zip(one.mu, mu)])  # rests of rounding as well

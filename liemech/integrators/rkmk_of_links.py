@@ -67,6 +67,7 @@ class RkmkOfLinks(Record):
     together: ClassVar[bool] = True
     settles: ClassVar[bool] = False
     symmetric: ClassVar[bool] = False
+    room: ClassVar[int] = 0
 
     def __repr__(self) -> str:
         return self.name

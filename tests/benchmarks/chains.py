@@ -1,7 +1,7 @@
 """Chains of rods by loops over bodies and joints, against C++ and, if they are there, MuJoCo and
 Pinocchio.
 
-    python tests/benchmarks/chains.py [--quick] [--peers] [--out FILE]
+    python tests/benchmarks/chains.py [--quick] [--peers] [--only PART] [--out FILE]
 
 Figures are nanoseconds of processor time per rod and step of 2 ms, of whole runs that keep the last
 state, the least of several rounds in turn; "hinges" is the same chain on hinges, "order 4" a
@@ -153,6 +153,68 @@ COLUMNS = (
     "ours", "hinges", "order 4", "C++, lanes", "C++", "MuJoCo, Euler", "MuJoCo, RK4", "aba of Pinocchio"
 )  # fmt: skip
 
+
+def reduced(chosen: Any) -> dict[str, Any]:
+    """Nanoseconds per rod and step of methods that leave the conditions, and of chains of points."""
+    kept, lines = {}, []  # type: dict[str, Any], list[Any]
+    methods = {
+        "RKMK 4": lm.RKMK(order=4), "RKMK 8": lm.RKMK(order=8), "Taylor 4": lm.Taylor(order=4),
+        "Taylor 8": lm.Taylor(order=8), "Taylor 12": lm.Taylor(order=12),
+    }  # fmt: skip
+    if chosen.quick:
+        methods = {"Taylor 4": methods["Taylor 4"]}
+    for n in (4, 64) if chosen.quick else (4, 64, 1000):
+        steps, (linkage, start, _) = 20_000 // n, bent(n)
+        runs: dict[str, Callable[[], Any]] = {}
+        for name, method in methods.items():
+            plan = lm.Plan(linkage, method, h=H, every=steps, compiled=True, progress=False)
+            runs[name] = functools.partial(plan.run, start, steps=steps)
+        points = lm.models.ChainPendulum([1.0] * n, [1.0] * n, 9.81)
+        places = np.cumsum([[0.05 * np.cos(k), 0.2, -0.97] for k in range(n)], axis=0)
+        unit = places - np.vstack([np.zeros(3), places[:-1]])
+        hung = np.cumsum(unit / np.linalg.norm(unit, axis=1)[:, None], axis=0).ravel()
+        plan = lm.Plan(points, lm.RATTLE(), h=H, every=steps, compiled=True, progress=False)
+        at_rest = points.state(hung, np.zeros(3 * n))
+        runs["points, RATTLE"] = functools.partial(plan.run, at_rest, steps=steps)
+        for run in runs.values():
+            run()
+        times = least(runs, 3 if chosen.quick else 7)
+        kept[str(n)] = {k: 1e9 * t / n / steps for k, t in times.items()}
+        lines.append([n, *kept[str(n)].values()])
+    table("nanoseconds per rod and step", ["rods", *runs], lines)
+    return kept
+
+
+def long_run(chosen: Any) -> dict[str, Any]:
+    """Ten rods, 10^5 steps of 1 ms: band and trend of the energy, conditions."""
+    kept, lines = {}, []  # type: dict[str, Any], list[Any]
+    linkage, steps = lm.joints.chain(10), 2_000 if chosen.quick else 100_000
+    start = linkage.state(angles={0: [0.3, 0.8, 0.1], 5: [0.5, 0.0, 0.3]})
+    for order, method in ((2, lm.LieRATTLE()), (4, lm.Composition(lm.LieRATTLE(), order=4))):
+        run = lm.integrate(
+            linkage, method, start, h=1e-3, steps=steps, every=10, compiled=True, progress=False
+        )
+        fall = np.abs(linkage.energy(np.zeros_like(run.mu), run.g)).max()
+        parts = np.array_split(run.energy, 20)
+        middles = np.array([part.mean() for part in parts])
+        slope, cov = np.polyfit(np.arange(20.0), middles, 1, cov=True)
+        missed = np.abs(linkage.conditions_at(run.mu[-1], run.g[-1])[0]).max() / 10.0
+        found = [
+            np.ptp(run.energy) / fall,
+            20.0 * slope[0] / fall,
+            20 * cov[0, 0] ** 0.5 / fall,
+            missed,
+        ]
+        kept[str(order)] = [float(x) for x in found]
+        lines.append([order, *found])
+    table(
+        "ten rods",
+        ["order", "band of the energy", "trend", "+-", "conditions, of the length"],
+        lines,
+    )
+    return kept
+
+
 COMPILED = """
 import sys, time
 import numpy as np
@@ -196,9 +258,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--peers", action="store_true", help="MuJoCo and Pinocchio, if installed")
+    parser.add_argument("--only", choices=["pace", "reduced", "long", "compiling"])
     parser.add_argument("--out")
     chosen = parser.parse_args()
-    kept = {"pace": pace(chosen), "compiling": compiling(chosen)}
+    parts = {"pace": pace, "reduced": reduced, "long": long_run, "compiling": compiling}
+    kept = {name: part(chosen) for name, part in parts.items() if chosen.only in (None, name)}
     if chosen.out:
         write(chosen.out, kept)
 

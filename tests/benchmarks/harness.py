@@ -143,6 +143,6 @@ def options(doc: str | None, out: str) -> tuple[Path, tuple[int, float]]:
     return chosen.out, (15, 0.0005) if chosen.quick else (250, 0.001)
 
 
-def write(path: Path, results: Mapping[str, object]) -> None:
-    path.write_text(json.dumps({"machine": machine(), **results}, indent=1) + "\n")
+def write(path: Path | str, results: Mapping[str, object]) -> None:
+    Path(path).write_text(json.dumps({"machine": machine(), **results}, indent=1) + "\n")
     print(f"\nwritten: {path}")

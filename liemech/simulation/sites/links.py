@@ -18,10 +18,14 @@ from ...formulas.tables import Table
 from ...integrators.composition import Composition
 from ...integrators.ending_at_jumps import EndingAtJumps, cuts
 from ...integrators.lie_rattle import LieRATTLE, near_a_dead_point, thrown_back
+from ...integrators.multiple_time_steps import MultipleTimeSteps
+from ...integrators.multiple_time_steps_of_links import MultipleTimeStepsOfLinks
 from ...integrators.rattle import RATTLE
 from ...integrators.rattle_of_links import BROKEN, Links, RattleOfLinks
 from ...integrators.rkmk import RKMK
 from ...integrators.rkmk_of_links import FREE, RkmkOfLinks
+from ...integrators.taylor import Taylor
+from ...integrators.taylor_of_links import SeriesRows, TaylorOfLinks
 from ...retractions import Exponential
 from ...systems.constrained_body import BoundBody
 from ...systems.system import small_state
@@ -40,11 +44,16 @@ NOTHING = np.zeros(0)
 SEEN = 256
 """Steps between two looks at events."""
 
+SHORT, LOW = 3, 4
+"""Conditions of a joint, and orders, up to which the formulas of joints are written out once for each
+order.
+"""
+
 FEW = 600
 """Conditions among which those are found that depend on each other, where a step has failed."""
 
 
-def linked_method(plan: Any) -> RattleOfLinks | RkmkOfLinks | None:
+def linked_method(plan: Any) -> Any:
     """The method of a plan as that of many bodies and joints; None if there is none, or the system has no
     such form.
     """
@@ -62,6 +71,13 @@ def linked_method(plan: Any) -> RattleOfLinks | RkmkOfLinks | None:
         base, shares = method.base, zip(method.tableau.gamma, method.tableau.nodes)
     if type(base) is RKMK and base is method and base.tableau.explicit:
         return rkmk_of(base, site) if ending is None and not site.rheonomic else None
+    if type(base) is Taylor and base is method:
+        plainly = ending is None and not site.rheonomic and site.on_all is None
+        return taylor_of(base, site) if plainly else None
+    if type(base) is MultipleTimeSteps and base is method and ending is None:
+        table, ratio = Table(np.array([1.0, 0.0])), float(base.ratios[0])
+        fast = RattleOfLinks(Exponential(), table, 1.0, 1, site.most)
+        return MultipleTimeStepsOfLinks(fast, ratio, repr(method))
     if not isinstance(base, (LieRATTLE, RATTLE)):
         return None
     retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
@@ -90,6 +106,15 @@ def rkmk_of(method: RKMK, site: Links) -> RkmkOfLinks:
         repr(method),
     )
     return found
+
+
+def taylor_of(method: Taylor, site: Links) -> TaylorOfLinks:
+    """A Taylor series method as that of many bodies and joints."""
+    order = method.order
+    rows = SeriesRows.of(order, site.most)
+    short = site.most <= SHORT or order <= LOW
+    spans = range(2, order + 2) if short else (order // 2 + 1, order + 1)
+    return TaylorOfLinks(method, order, float(order), tuple(spans), rows, repr(method))
 
 
 def place_of(linkage: Any, one: Any) -> tuple[int, int] | None:
@@ -221,8 +246,9 @@ class LinksRun(SiteRun):
         """
         self.workers = 1
         form = self.plan._one.linked
-        made = Planes.of_rows(2 * width + len(form.fixed) + form.more, self.count)
-        self.work = made.array[2 * width :]
+        before = 2 * width + self.shape.method.room
+        made = Planes.of_rows(before + len(form.fixed) + form.more, self.count)
+        self.work = made.array[before:]
         self.work[: len(form.fixed), : self.count] = form.fixed
         return made
 
