@@ -50,6 +50,7 @@ class MultipleTimeStepsOfLinks(Record):
     name: str = ""
 
     together: ClassVar[bool] = True
+    settles: ClassVar[bool] = False
     symmetric: ClassVar[bool] = True
     room: ClassVar[int] = 0
 
@@ -103,7 +104,7 @@ class MultipleTimeStepsOfLinks(Record):
         each(sites, slowly_kicked, system, h, place, work, state)
         each(sites, excess_of, system, work)
         each(sites, tied, system, first, n, work)
-        coupled(system, work, first, n)
+        coupled(system, work, first, 1.0, n)
         factored(system, work, 1.0, n)
         solved(system, work, n)
         each(sites, wrench_of_impulses, system, work)

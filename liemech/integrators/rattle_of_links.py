@@ -194,6 +194,7 @@ class Links(System):
     full: bool
     springs: bool
     pushed: bool
+    pulled: bool
     bodies: float
     joints: float
     nodes: float
@@ -206,7 +207,6 @@ class Links(System):
     pivots: Any
     belows: Any
     updates: Any
-    pulled: bool = True
 
     @property
     def loaded(self) -> bool:

@@ -31,6 +31,7 @@ from .rattle_of_links import (
     SIX,
     LinkMemory,
     coupled,
+    eliminated_again,
     factored,
     matrix,
     pull_on,
@@ -99,6 +100,7 @@ class TaylorOfLinks(Record):
     name: str = ""
 
     together: ClassVar[bool] = True
+    settles: ClassVar[bool] = False
     symmetric: ClassVar[bool] = False
 
     def __repr__(self) -> str:
@@ -146,12 +148,14 @@ class TaylorOfLinks(Record):
             if k == 0:
                 each(sites, own_block, self, system, terms, work)
                 each(sites, tied, system, system.rows.first, n, work)
-                coupled(system, work, system.rows.first, n)
+                coupled(system, work, system.rows.first, 1.0, n)
                 bad = factored(system, work, 1.0, n)
                 if bad >= 0.0:
                     put(below(work, system.rows.note), 0, 0, bad, NUMBER)
                     put(below(work, system.rows.note), 0, 1, -1.0, NUMBER)
                     raise NoConvergence("the conditions of joints depend on each other")
+            else:
+                eliminated_again(system, work, n)
             solved(system, work, n)
             each(sites, multiplied, self, system, k, terms, work)
             scattered(system, work)

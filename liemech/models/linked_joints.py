@@ -212,7 +212,7 @@ def linked(linkage: Any) -> LinkedForm:
     trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
     links = Links(
         SE3(), kinds, fields, on_all, (), (), moving, rows, most, freedoms, full,
-        any(joint.springs for joint in joints), pushed, float(len(given.links)), float(len(joints)),
+        any(joint.springs for joint in joints), pushed, True, float(len(given.links)), float(len(joints)),
         float(len(joints) + parts * len(hubs)), parts, trace, sides_of(ties),
         of_whole([len(more) // 3, *more]), *tables,
     )  # fmt: skip

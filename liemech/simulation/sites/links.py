@@ -333,7 +333,7 @@ class LinksRun(SiteRun):
         except KeyboardInterrupt as caught:
             stopped = caught
             super()._call(0)
-        if self.work[self.site.rows.note + 2, 0] == BROKEN:
+        if self.shape.method.settles and self.work[self.site.rows.note + 2, 0] == BROKEN:
             shape, (t, copy) = self.shape, (float(self.clocks[TIME, 0]), self._copy)
             with shape.stepping.plain():
                 shape.method.settle_anew(self.site, t, self.sites, copy, shape.memory)
