@@ -147,15 +147,73 @@ def theirs(lammps: Any, system: Any, start: Any, h: float, picoseconds: float) -
     return [spent / picoseconds, fluctuation(found), trend(found, picoseconds), found[0]]
 
 
-def pair_sums(side: int, rounds: int) -> list[list[Any]]:
-    """Nanoseconds a pair of the ways of C++, and of a step of ours with one force."""
+def library() -> Any:
+    """The C++ of pair sums; None without a compiler."""
     compiler = os.environ.get("CXX") or shutil.which("g++")
     if not compiler:
-        return []
-    library = Path(tempfile.mkdtemp()) / "pairs.so"
+        return None
+    made = Path(tempfile.mkdtemp()) / "pairs.so"
     flags = (*baseline.FLAGS, "-ffp-contract=off")
-    subprocess.run([compiler, *flags, str(SOURCE), "-o", str(library)], check=True)
-    call = ctypes.CDLL(str(library)).pairs
+    subprocess.run([compiler, *flags, str(SOURCE), "-o", str(made)], check=True)
+    return ctypes.CDLL(str(made))
+
+
+def padded_table(own: np.ndarray, entries: np.ndarray, pad: int) -> list[Any]:
+    """Entries of each site in rising order of how they are given: the degree, (degree, pad), (pad,), and in
+    which row each entry lies.
+    """
+    order = np.argsort(own, kind="stable")
+    counts = np.bincount(own, minlength=pad).astype(np.int32)
+    row = np.empty(len(own), dtype=np.int64)
+    row[order] = np.arange(len(own)) - np.repeat(np.cumsum(counts) - counts, counts)
+    table = np.zeros((int(counts.max()), pad), dtype=np.int32)
+    table[:] = (np.arange(pad) + 1) % pad
+    table[row, own] = entries
+    return [len(table), table, counts, row]
+
+
+def list_sums(made: Any, side: int, rounds: int, reach: float = 10.35) -> list[list[Any]]:
+    """Microseconds of forces through lists in C++: every pair from both ends, or once and stored."""
+    g = np.asarray(drop(side)[1].g)
+    atoms = g[:, None, :3, 3] + np.einsum("nij,aj->nai", g[:, :3, :3], np.array(SPC.atoms))
+    n, pad = len(g), 16 * (len(g) // 16 + 1)
+    x = np.zeros((9, pad))
+    x[:, :n], x[:, n:] = atoms.reshape(n, 9).T, 1e6 + 1e3 * np.arange(pad - n)
+    pairs = lm.neighbours.within(reach).pairs(g[:, :3, 3], reach)
+    i, j = pairs.T
+    ends = np.concatenate([pairs, pairs[:, ::-1]])
+    both = padded_table(ends[:, 0], ends[:, 1], pad)
+    # which of the two has the pair does not depend on the list
+    even = (i + j) % 2 == 0
+    own, other = np.where(even, i, j), np.where(even, j, i)
+    once = padded_table(own, other, pad)
+    back = padded_table(other, once[3] * pad + own, pad)
+    slots = np.zeros(once[0] * pad * 9)
+    constants = np.array([SPC.coulomb * SPC.hydrogen**2, SPC.attraction, SPC.repulsion])
+    f = [np.zeros((9, pad)) for _ in range(2)]
+
+    def at(array: np.ndarray | None) -> Any:
+        return None if array is None else ctypes.c_void_p(array.ctypes.data)
+
+    def way(table: list[Any], behind: list[Any], f: np.ndarray) -> Callable[[int], None]:
+        degree, others, counts, _ = table
+        size, place, many, _ = behind
+        arrays = at(others), at(counts), ctypes.c_long(size), at(place), at(many), at(slots)
+        first = ctypes.c_long(pad), at(x), at(f), ctypes.c_long(degree)
+        return lambda times: made.lists(*first, *arrays, at(constants), ctypes.c_long(times))
+
+    runs = {
+        "both ends": way(both, [0, None, None, None], f[0]),
+        "once": way(once, back, f[1]),
+    }
+    found = gravity.least(runs, rounds)
+    assert np.abs(f[0] - f[1])[:, :n].max() < 1e-12 * np.abs(f[0]).max()
+    return [[n, len(pairs), *found.values(), found["both ends"] / found["once"]]]
+
+
+def pair_sums(made: Any, side: int, rounds: int) -> list[list[Any]]:
+    """Nanoseconds a pair of the ways of C++, and of a step of ours with one force."""
+    call = made.pairs
     array = np.ctypeslib.ndpointer(np.float64, flags="C")
     c, n = ctypes.c_long, ctypes.c_int
     call.argtypes = [n, n, c, array, array, c, array]
@@ -241,9 +299,13 @@ def main() -> None:
         return picture(options.figure, options.of)
     if options.quick:
         options.side, options.picoseconds = 3, 0.02
-    sums = pair_sums(options.side, 1 if options.quick else 5)
+    made, rounds = library(), 1 if options.quick else 5
+    sums = pair_sums(made, options.side, rounds) if made else []
     columns = ["C++: ", *WAYS, "liemech", "over plain", "over once"]
     harness.table("pair sums, ns a pair", columns, sums)
+    through = list_sums(made, options.side, rounds) if made else []
+    columns = ["molecules", "pairs", "both ends", "once, stored", "gain"]
+    harness.table("sums through lists in C++, us", columns, through)
     if options.pairs:
         return
     system, start = drop(options.side)
