@@ -14,7 +14,7 @@ from ..formulas.pytree import inside, names_of, with_fields
 from ..formulas.vectors import small
 from .among import has_places, places_of_sites
 from .bound_terms import BoundTerm
-from .graphs import require_no_duplicates
+from .graphs import places_of, require_no_duplicates
 from .hamiltonian import Hamiltonian
 from .near_pairs import NearPairs
 from .potential import Force
@@ -49,12 +49,13 @@ def tried(terms: Any, part: BoundTerm) -> BoundTerm:
     graph, name = part.graph, type(plain_term(part.term)).__name__
     near = part.term.term if isinstance(part.term, NearPairs) else None
     asked = part if near is None else with_fields(part, term=near)  # some are far apart
+    reach = part.term.cutoff if isinstance(part.term, NearPairs) else 1.0
     rng = np.random.default_rng(11)
     force, found = isinstance(terms, Force), False
     for number, ends in graph.some_edges(SAMPLES):
         pairs = []
         for _ in range(POINTS):
-            sites = [_some_site(terms, i, rng) for i in ends]
+            sites = [_some_site(terms, i, rng, reach) for i in ends]
             try:
                 pairs.append(_values(asked, number, sites, force))
             except AttributeError as error:
@@ -147,13 +148,16 @@ def _values(part: BoundTerm, number: int, sites: list[Any], force: bool) -> tupl
     return float(term.energy(*sites)), float(term.energy(*sites[::-1])) if alike else 0.0
 
 
-def _some_site(terms: Any, i: int, rng: np.random.Generator) -> Any:
+def _some_site(terms: Any, i: int, rng: np.random.Generator, reach: float) -> Any:
+    """A site that is anywhere.  reach : how far it is away, if its energy ends with a cutoff."""
     base, site_with = terms.group.base_of(i), terms.site_with
     numbers = small(rng.uniform(0.5, 1.0, base.dim))
     if isinstance(terms, Hamiltonian):
         return site_with(i, numbers, None)
-    g = small(np.asarray(base.random(rng)))
-    return site_with(i, None, g, numbers if isinstance(terms, Force) else None)
+    g = np.array(base.random(rng))
+    if reach != 1.0:
+        places_of(base, g)[...] *= reach
+    return site_with(i, None, small(g), numbers if isinstance(terms, Force) else None)
 
 
 def _has(terms: Any) -> list[str]:

@@ -138,7 +138,54 @@ template <class T> void run(const T &term, int way, long n, const double *x, dou
   if (way == 1 || way == 2) P.take(f);
 }
 
+// A list of near ones: `others` (degree, n), of which a site has `counts`.
+struct List { long degree; const int *others, *counts; };
+
+inline Mask there(const List &list, long i, long d) {
+  Mask c;
+  for (int l = 0; l < 8; ++l) c[l] = list.counts[i + l];
+  return Mask{} + d < c;
+}
+
+// Forces of lists, in planes of `pad` sites.  Without `back` every site has all its neighbours.  With it one end of a
+// pair has the other, and leaves what that one gets in `slots`, where it is found by `back`, in a fixed order.
+void near(const Water &term, long pad, const double *x, double *f, const List &list, const List *back, double *slots) {
+  for (long i = 0; i < pad; i += 8) {
+    Eight a[9], b[9], sum[9] = {}, p[9], q[9];
+    for (int k = 0; k < 9; ++k) a[k] = load(x + k * pad + i);
+    for (long d = 0; d < list.degree; ++d) {
+      const int *at = list.others + d * pad + i;
+      for (int k = 0; k < 9; ++k) for (int l = 0; l < 8; ++l) b[k][l] = x[k * pad + at[l]];
+      term.pair(a, b, p, q);
+      Mask on = there(list, i, d);
+      for (int k = 0; k < 9; ++k) sum[k] += reinterpret_cast<Eight>(reinterpret_cast<Mask>(p[k]) & on);
+      if (back) for (int k = 0; k < 9; ++k) store(slots + 9 * (d * pad + i) + 8 * k, q[k]);
+    }
+    for (int k = 0; k < 9; ++k) store(f + k * pad + i, sum[k]);
+  }
+  if (back) for (long i = 0; i < pad; i += 8) {
+    Eight sum[9], v;
+    for (int k = 0; k < 9; ++k) sum[k] = load(f + k * pad + i);
+    for (long d = 0; d < back->degree; ++d) {
+      const int *at = back->others + d * pad + i;
+      Mask on = there(*back, i, d);
+      for (int k = 0; k < 9; ++k) {
+        for (int l = 0; l < 8; ++l) v[l] = slots[9L * (at[l] & ~7) + 8 * k + (at[l] & 7)];
+        sum[k] += reinterpret_cast<Eight>(reinterpret_cast<Mask>(v) & on);
+      }
+    }
+    for (int k = 0; k < 9; ++k) store(f + k * pad + i, sum[k]);
+  }
+}
+
 } // namespace
+
+// x, f: (9, pad).  Tables are (degree, pad); without `back` (null) the list has both ends of every pair.
+extern "C" void lists(long pad, const double *x, double *f, long degree, const int *others, const int *counts, long other_degree,
+                      const int *back, const int *back_counts, double *slots, const double *constants, long times) {
+  List list{degree, others, counts}, behind{other_degree, back, back_counts};
+  for (; times > 0; --times) near(Water{constants[0], constants[1], constants[2]}, pad, x, f, list, back ? &behind : nullptr, slots);
+}
 
 // x: (n, 9), atoms of water, or (n, 4), places and masses; f: (n, 9) or (n, 3), to which forces are added.
 extern "C" void pairs(int water, int way, long n, const double *x, double *f, long times, const double *constants) {

