@@ -331,6 +331,8 @@ class TurnsRun(SiteRun):
             kept[:] = rows_of(rows).reshape(kept.shape)
         times = self.t0 + self.numbers[first : first + samples] * self.h
         self.totals[first : first + samples] = self._totals(rows, times)
+        if self.of_all:
+            self._look_at_all(first, rows)
 
     def _totals(self, rows: np.ndarray, times: Any) -> np.ndarray:
         """Recorded totals over all sites, of states (samples, width, sites)."""
