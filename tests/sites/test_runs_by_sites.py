@@ -166,6 +166,22 @@ def test_a_site_that_fails(compiled: Any) -> None:
     assert caught.value.trajectory.mu.shape == (1, N, 3)
 
 
+def test_a_site_that_fails_among_colours() -> None:
+    """Which overflowed is told of those that the turns of a step have reached, and of which member."""
+    mu = np.stack([directions(), directions()])
+    mu[1, 17] *= 1e200
+    system = spins()
+    with pytest.raises(
+        NotFinite, match=r"so did \d other sites \[site 1[567], after step 0"
+    ) as caught:
+        lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=mu[1]), h=0.05, steps=30)
+    assert caught.value.trajectory.mu.shape == (1, N, 3)
+    with pytest.warns(RuntimeWarning, match=r"member 1 after 0 steps.*\[site 1[567]"):
+        both = lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=mu), h=0.05, steps=3)
+    alone = lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=mu[0]), h=0.05, steps=3)
+    assert np.array_equal(both.mu[:, 0], alone.mu)
+
+
 @native
 def test_functions_of_all_sites() -> None:
     """Of more sites than are written out they are computed sample by sample, in plain Python."""
