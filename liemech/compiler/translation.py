@@ -23,7 +23,7 @@ import numpy as np
 
 from ..errors import InvalidInput, InvalidType, NotCompilable
 from ..formulas import functions, large, philox, products, series, sums, tables, vectors
-from ..formulas.derivatives import axes, tangent
+from ..formulas.derivatives import axes, carried, tangent
 from ..formulas.dual import Dual
 from ..formulas.fields import converters
 from ..formulas.overriding import kept
@@ -98,9 +98,12 @@ class Interpreter(Statements):
             **{f: f for f in (layout_of, compensated, double_double, plain, rounded, fitted, axes)},
             **{f: f for f in (inside, with_fields)},
             exchanged: lambda x, kind, new: exchanged(x, kind, new, self.reads.exchanged),
-            tangent: lambda formula, *x: tangent(
-                lambda y: vector(self.call(formula, y)), *map(vector, x)
-            ),
+            **{
+                slopes: lambda formula, *x, slopes=slopes: slopes(
+                    lambda y: vector(self.call(formula, y)), *map(vector, x)
+                )
+                for slopes in (tangent, carried)
+            },
             sums.bilinear_map: lambda *x: memory_loops.sums(emitter, sums.bilinear_map, *x),
             sums.antisymmetric_map: lambda *x: memory_loops.sums(
                 emitter, sums.antisymmetric_map, *x

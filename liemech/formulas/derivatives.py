@@ -79,6 +79,17 @@ def tangent(
     return _split(result, level, signed)
 
 
+BELOW = 0.5
+"""A level below those of derivatives that formulas take, of numbers that carry one through whole steps."""
+
+
+def carried(formula: Callable[[Any], Any], x: Any) -> tuple[Any, Any]:
+    """f(x) and f'(x) of a formula that makes steps of all sites, such as one whose equations are swept: the depth
+    of derivatives inside is that outside, as a sweep knows of none around it.  The compiler runs this as it stands.
+    """
+    return _split(run(formula, _moving(x, 1.0, BELOW)), BELOW, False)
+
+
 def axes(x: Any) -> list[list[Any]]:
     """The unit vectors of the space of x; an integer 0 says that a component rests."""
     if isinstance(x, InMemory):
@@ -92,7 +103,7 @@ def axes(x: Any) -> list[list[Any]]:
     return [[1.0 if i == j else 0 for i in range(len(x))] for j in range(len(x))]
 
 
-def _moving(x: Any, direction: Any, level: int) -> Any:
+def _moving(x: Any, direction: Any, level: float) -> Any:
     """x + e d."""
     if type(x) is float and (
         type(direction) is float or (type(direction) is int and not direction)

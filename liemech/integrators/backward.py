@@ -47,7 +47,7 @@ from ..formulas import (
     sqrt,
     vec,
 )
-from ..formulas.derivatives import tangent
+from ..formulas.derivatives import carried, tangent
 from ..formulas.pytree import exchanged, inside, with_fields
 from ..groups.so3 import SO3
 from ..retractions import Cayley, Exponential
@@ -730,7 +730,7 @@ def carried_back(group: Any, inverse: Any, before: Any, after: Any, w: Any) -> B
     def returned(e: float) -> BodyState:
         return inverse(BodyState(after.mu + e * change, group.compose_exp(still, e * w.mu)))
 
-    begun, slope = tangent(returned, 0.0, 1.0)
+    begun, slope = carried(returned, 0.0)
     eta = group.body_velocity(begun.g, slope.g)
     return BodyState(eta, None if w.g is None else group.ad_star(eta, before.mu) - slope.mu)
 

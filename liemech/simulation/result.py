@@ -205,7 +205,7 @@ def _states_of_sites(run: Any) -> Any:
                 found[name] = arrays[name][:, at]
         if shape.shown.quantities:
             found |= dict(
-                zip(recorder.quantities, _columns(shape.shown.totals, totals), strict=True)
+                zip(run.plan._sites.summed, _columns(shape.shown.totals, totals), strict=True)
             )
         return found | run.recorded(n)
 

@@ -13,6 +13,7 @@ from terms_of_spins import Exchange, Zeeman
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.errors import IncompatibleSystem, InvalidInput, NotFinite
+from liemech.systems.lie_poisson import BodyState
 
 N = 40
 native = pytest.mark.skipif(kernel.available() is not None, reason="needs llvmlite")
@@ -163,6 +164,60 @@ def test_a_site_that_fails(compiled: Any) -> None:
             spins(), lm.RKMK(order=4), spins().state(mu=mu), h=0.05, steps=30, compiled=compiled
         )
     assert caught.value.trajectory.mu.shape == (1, N, 3)
+
+
+def test_a_site_that_fails_among_colours() -> None:
+    """Which overflowed is told of those that the turns of a step have reached, and of which member."""
+    mu = np.stack([directions(), directions()])
+    mu[1, 17] *= 1e200
+    system = spins()
+    with pytest.raises(
+        NotFinite, match=r"so did \d other sites \[site 1[567], after step 0"
+    ) as caught:
+        lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=mu[1]), h=0.05, steps=30)
+    assert caught.value.trajectory.mu.shape == (1, N, 3)
+    with pytest.warns(RuntimeWarning, match=r"member 1 after 0 steps.*\[site 1[567]"):
+        both = lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=mu), h=0.05, steps=3)
+    alone = lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=mu[0]), h=0.05, steps=3)
+    assert np.array_equal(both.mu[:, 0], alone.mu)
+
+
+@native
+def test_functions_of_all_sites() -> None:
+    """Of more sites than are written out they are computed sample by sample, in plain Python."""
+    n = 120
+    system, start = spins(n), spins(n).state(mu=directions(n))
+
+    def winding(t: float, state: Any) -> float:
+        m = np.array(state.mu).reshape(-1, 3)
+        turns = np.arctan2(np.roll(m[:, 1], 1) * m[:, 0] - np.roll(m[:, 0], 1) * m[:, 1], 1.0)
+        return t + float(turns.sum())
+
+    def ends(t: float, state: Any) -> Any:
+        return lm.vec(state.mu[0], state.mu[3 * n - 1])
+
+    wanted: Any = [("winding", winding), ("ends", ends), ("spin", lambda t, site: site.mu)]
+    for method in (lm.RKMK(order=4), lm.SublatticeSplitting()):
+        for times in (None, [0.0, 0.07, 0.4]):
+            plan = lm.Plan(system, method, h=0.05, every=4)
+            run = plan.run(start, steps=8, t_eval=times)
+            found = plan.replace(record=wanted).run(start, steps=8, t_eval=times)
+            by_hand = [winding(t, BodyState(x.ravel())) for t, x in zip(run.t, run.mu)]
+            assert np.array_equal(found.winding, by_hand)
+            assert np.array_equal(found.ends, run.mu.reshape(len(run.t), -1)[:, [0, -1]])
+            assert np.allclose(found.spin, run.mu.sum(axis=1), rtol=0.0, atol=1e-13)
+            assert "mu" not in found.states
+    plan = lm.Plan(system, lm.RKMK(order=4), h=0.05, every=4, record=["mu", *wanted])
+    half = plan.run(start, steps=4)
+    assert half.mu.shape == (2, n, 3)
+    assert half.then(plan.resume(half, steps=4)).winding.shape == (3,)
+
+    def failing(t: float, state: Any) -> float:
+        return 1.0 / (0.4 - t)
+
+    with pytest.raises(NotFinite, match=r"in failing\(t, state\) at t = 0.4") as caught:
+        plan.replace(record=[("failing", failing)]).run(start, steps=12)
+    assert caught.value.trajectory.failing.shape == (2,)
 
 
 def test_what_large_systems_do_not_have() -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from ...compiler.driver import attempt, read
 from ...errors import IncompatibleSystem, InvalidInput
 from ...formulas import Vec, derivative, record
+from ...formulas.derivatives import BELOW
 from ...formulas.dual import Dual
 from ...formulas.frozen import frozen
 from ...formulas.pytree import (
@@ -46,8 +47,8 @@ from ..result import AsItIs, of_some, of_tangent
 from ..trajectory import TangentTrajectory, Trajectory
 from .varied_input import table_of
 
-LEVEL = 0.5
-"""Level of the numbers that carry the derivative, below those of derivatives that formulas take."""
+LEVEL = BELOW
+"""Level of the numbers that carry the derivative."""
 
 
 # ------------------------------------------------------------------ what is asked for

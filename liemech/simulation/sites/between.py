@@ -97,7 +97,9 @@ class SitesDense(BetweenEnds):
         method, t, ways = run.plan.method, run.clocks.item(TIME, 0), run.ways
         if t != ways[-1][0]:
             ways = [*ways, (t, run._memory.copy())]
-        rows = np.stack([np.append(t, memory) for t, memory in ways])
+        rows = np.empty((len(ways), 1 + ways[0][1].size))
+        for row, (t, memory) in zip(rows, ways):
+            row[0], row[1:] = t, memory.ravel()
         given = first_of(run.state), run.count, rows, method.dense_order
         return cls(run.plan.system, method, *given, run.plan.options.compiled)
 

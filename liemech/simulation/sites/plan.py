@@ -124,6 +124,23 @@ class SitesOfPlan:
         return [(name, second(x), x) for name, x in found if not isinstance(x, str)]
 
     @functools.cached_property
+    def summed(self) -> dict[str, Any]:
+        """Recorded sums over all sites, by name."""
+        whole = self.of_all
+        recorder = self.plan.recorder
+        quantities = {} if recorder is None else recorder.quantities
+        return {name: x for name, x in quantities.items() if name not in whole}
+
+    @functools.cached_property
+    def of_all(self) -> dict[str, Callable[..., Any]]:
+        """Recorded functions of the state of all sites together, by name."""
+        recorder = self.plan.recorder
+        quantities = {} if recorder is None else recorder.quantities
+        return {
+            name: x for name, of, x in self.functions if of not in OF_SITES and name in quantities
+        }
+
+    @functools.cached_property
     def of_sites(self) -> str | None:
         """A function of one site or of totals, for which a run of any size goes by sites."""
         if isinstance(self.site, Links):
@@ -147,14 +164,17 @@ class SitesOfPlan:
                     'names: record=[("spin", lambda t, site: site.mu)]'
                 )
 
-    def missing(self, t_eval: Any, kept: Any, members: bool) -> str | None:
-        """The first thing asked for that runs by sites do not have; None if they have all."""
+    def missing(self, t_eval: Any, kept: Any, members: bool, few: bool = False) -> str | None:
+        """The first thing asked for that runs by sites do not have; None if they have all.  few : may the system
+        be written out?
+        """
         plan, steps, links = self.plan, self.plan._steps, isinstance(self.site, Links)
-        whole = next((name for name, of, _ in self.functions if of not in OF_SITES), None)
-        if whole is not None and not links:
+        whole = [(name, f) for name, of, f in self.functions if of not in OF_SITES]
+        asked = [name for name, f in whole if few or any(f is event for event in plan.events)]
+        if asked and not links:
             return (
-                f"function of the state of all sites, as {whole} is: with the arguments (t, site) it is "
-                "of one site, and summed over all; an event (t, total) is of such sums"
+                f"event of the state of all sites, as {asked[0]} is: with the arguments (t, site) a function is "
+                "of one site, and recorded as the sum over all; an event (t, total) is of such sums"
             )
         if not links:
             self._require_places()
@@ -208,7 +228,8 @@ class SitesOfPlan:
         numbers = state.width // (state.bodies or 1)
         if not self.takes(start):
             return None
-        why: Any = self.missing(t_eval, kept, state.bodies is not None)
+        few = fresh and numbers <= LARGE and self.as_one_body
+        why: Any = self.missing(t_eval, kept, state.bodies is not None, few)
         if why is None and state.bodies is not None:
             return self._members(state, steps, t_end, t0, t_eval)
         if why is None:

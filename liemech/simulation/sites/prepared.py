@@ -207,7 +207,7 @@ class Prepared:
 
     def _named(self) -> Any:
         """An example of the totals, with their names."""
-        names = tuple(self.plan.recorder.quantities) if self.shown.quantities else ()
+        names = tuple(self.plan._sites.summed) if self.shown.quantities else ()
         layout = self.shown.totals
         return totals_class(names)(*build(layout, iter([0.0] * layout.width)))
 
@@ -216,8 +216,9 @@ class Prepared:
         recorder = self.plan.recorder
         if isinstance(self.site, Links):
             return Shown(True, self.state, (), carried_layout(()))
-        kept = recorder is None or bool(recorder.parts or recorder.chosen)
-        quantities = [] if recorder is None else [*recorder.quantities.values()]
+        sites = self.plan._sites
+        kept = recorder is None or bool(recorder.parts or recorder.chosen or sites.of_all)
+        quantities = sites.summed.values()
         found = tuple([quantity_of(self.site, wanted, example) for wanted in quantities])
         numbers: list[Any] = []
         for quantity in found:

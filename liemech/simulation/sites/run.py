@@ -129,6 +129,9 @@ class SiteRun(Course):
         self.h, samples = shape.h, len(self.asked)
         self.wide = shape.state.width if shape.shown.kept else 0
         self.chosen = None if plan.recorder is None else plan.recorder.sites
+        self.of_all: dict[str, list[Any]] = {name: [] for name in plan._sites.of_all}
+        if self.of_all and not plan.recorder.parts and self.chosen is None:
+            self.chosen = []  # states are looked at, and not kept
         many = padded(self.count) if self.chosen is None else len(self.chosen)
         affordable(8 * samples * max(1, self.wide) * many, self.steps, self.every)
         self.room = samples if self.chosen is None else 1  # for samples of all sites
@@ -367,6 +370,9 @@ class SiteRun(Course):
                 self.own[made] = seen.array[: self.wide, self.chosen]
             self.totals[made : made + new] = totals[:new]
             self.made += new
+        if self.of_all:
+            rows = seen.array[: new * self.wide, : self.count]
+            self._look_at_all(made, rows.reshape(new, self.wide, self.count))
         if before is not None and not self.lists.held(before, self._elements()):
             error = NoConvergence(
                 f"a site moved further than {SHORT:g} of the {self.lists.skin:.3g} by which lists of "
@@ -446,6 +452,25 @@ class SiteRun(Course):
             self.seen.array[first : first + self.wide, : self.count] = rows
         self.totals[self.made] = totals
         self.made += 1
+        if self.of_all:
+            self._look_at_all(self.made - 1, rows[None])
+
+    def _look_at_all(self, first: int, rows: np.ndarray) -> None:
+        """The functions of all sites together that are recorded, at some more samples, (samples, width, sites): in
+        plain Python.
+        """
+        for k, own in enumerate(rows):
+            t = self.asked.item(first + k)
+            system, state = self.plan._one, state_of_rows(self.shape.state, own)
+            state = system._written_out(as_users_see(system, state))
+            for name, function in self.plan._sites.of_all.items():
+                try:
+                    value = np.asarray(function(t, state), dtype=float)
+                except Exception as error:
+                    self.made = first + k
+                    raise self._ended(error, f"in {name}(t, state) at t = {t:g}") from None
+                del self.of_all[name][first + k :]
+                self.of_all[name].append(value)
 
     def looked(
         self, at: float, begun: float, end: float
@@ -622,8 +647,8 @@ class SiteRun(Course):
         return error
 
     def recorded(self, n: int) -> dict[str, np.ndarray]:
-        """Functions of all sites together that are recorded, at the first n samples: none."""
-        return {}
+        """Functions of all sites together that are recorded, at the first n samples."""
+        return {name: np.array(values[:n]) for name, values in self.of_all.items()}
 
     def lay_down(self) -> None:
         """Put what the sites carry along in their places."""

@@ -284,6 +284,7 @@ class TurnsRun(SiteRun):
     clock: np.ndarray
     last: Any = None  # all states at the node, by their places
     old: Any = None  # those at the node before it
+    broken: Any = None  # states that are not finite, by their places
     torn = False  # are the sites further than the steps that were looked into?
 
     def _room_for(self, width: int) -> Planes:
@@ -320,7 +321,7 @@ class TurnsRun(SiteRun):
         self.clocks[TAKEN] += turns * good
         self.clocks[0] = self.t0 + self.clocks[TAKEN] * self.h
         if good < len(rows):
-            self.clocks[MARK] = STUCK
+            self.clocks[MARK], self.broken = STUCK, rows[good]
         if whole:
             here = self.shape.turning.places.places
             self._show(first, in_order(rows[:good, self.shape.order], here))
@@ -339,6 +340,8 @@ class TurnsRun(SiteRun):
             kept[:] = rows_of(rows).reshape(kept.shape)
         times = self.t0 + self.numbers[first : first + samples] * self.h
         self.totals[first : first + samples] = self._totals(rows, times)
+        if self.of_all:
+            self._look_at_all(first, rows)
 
     def _totals(self, rows: np.ndarray, times: Any) -> np.ndarray:
         """Recorded totals over all sites, of states (samples, width, sites)."""
@@ -395,7 +398,7 @@ class TurnsRun(SiteRun):
         self.clocks[TIME] = self.t0 + self.clocks[TAKEN] * self.h
         good = bool(np.isfinite(row).all())
         if not good:
-            self.clocks[MARK] = STUCK
+            self.clocks[MARK], self.broken = STUCK, row
         return good
 
     def _stand(self, totals: np.ndarray, begun: float | None = None) -> None:
@@ -543,5 +546,10 @@ class TurnsRun(SiteRun):
     def _fail(self) -> None:
         """A state that is not finite ends the run."""
         step = self.taken
-        error = NotFinite(OVERFLOW)
+        places = np.flatnonzero(~np.isfinite(self.broken).all(axis=0))
+        sites = np.unique(self.shape.turning.places.sites[places])
+        beside = len(sites) - 1
+        others = f"; so did {beside} other site{'s' * (beside > 1)}" if beside else ""
+        error: Any = NotFinite(OVERFLOW + others)
+        error.site = int(sites[0])
         raise self._ended(error, f"after step {step}, t = {self.t0 + step * self.h:g}")
