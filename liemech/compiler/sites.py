@@ -223,7 +223,9 @@ class SiteLoops:
     def _share(self, many: ir.Value, place: ir.Value) -> ir.Value:
         """Where among so many things the thread's begin or end that has this place among the sites."""
         b, count = self.b, self.t.state.over.sites.count.value
-        place = b.select(b.icmp_signed("<", place, count), place, count)  # the last end is rounded up
+        place = b.select(
+            b.icmp_signed("<", place, count), place, count
+        )  # the last end is rounded up
         return b.sdiv(b.add(b.mul(many, place), b.sdiv(count, I64(2))), count)
 
     def _close(self, lanes: int | None = None) -> None:
@@ -452,8 +454,7 @@ class SiteLoops:
             low = b.select(b.icmp_signed(">", low, I64(0)), low, I64(0))
             many = b.sub(b.add(b.sdiv(number, I64(2)), I64(1)), low)
             begin, stop = (
-                b.mul(b.add(low, self._share(many, place)), block)
-                for place in b.function.args[4:6]
+                b.mul(b.add(low, self._share(many, place)), block) for place in b.function.args[4:6]
             )
             stop = b.select(b.icmp_signed("<", stop, count), stop, count)
             over.passes.append(Pass(b, begin, stop, paired=True))
