@@ -82,7 +82,7 @@ def shares(count: int, end: int, threads: int) -> list[tuple[int, int]]:
 SHARE = 2**14
 """Sites that are worth a thread: some 20 us of a pass, where threads wait for each other for one or two."""
 
-PAIRS = 2**19
+PAIRS = 2**18
 """The same, where all pairs of sites meet, in numbers of sites times sites; many barriers divide them."""
 
 WORDS = 8

@@ -44,8 +44,10 @@ ROWS = 7
 """The place among the words of a crew where the number of rows of scratch memory is."""
 
 BLOCKS = 32
-"""Blocks of sites for each thread where all pairs meet: threads wait for each other in a fortieth of the time.
-"""
+"""Blocks of sites for each thread where all pairs meet: a fortieth of the time is waiting."""
+
+FEWEST = 3
+"""Eights of such a block, at least: its pairs are worth some barriers."""
 
 
 @dataclasses.dataclass(eq=False)
@@ -488,7 +490,7 @@ class SiteLoops:
         threads = b.load(self.crew, typ=I64)
         eights = b.sdiv(b.add(count, I64(EIGHT - 1)), I64(EIGHT))
         few = b.sdiv(eights, b.mul(threads, I64(BLOCKS)))
-        few = b.select(b.icmp_signed(">", few, I64(1)), few, I64(1))
+        few = b.select(b.icmp_signed(">", few, I64(FEWEST)), few, I64(FEWEST))
         alone = b.icmp_signed("<=", threads, I64(1))
         block = b.mul(b.select(alone, eights, few), I64(EIGHT))
         return count, block, b.sdiv(b.add(count, b.sub(block, I64(1))), block)
