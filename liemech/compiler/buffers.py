@@ -290,12 +290,12 @@ def _arrays(kinds: Any) -> int:
     return sum(not isinstance(kind, Layout) and kind != "integer" for kind in kinds)
 
 
-def entrance(module: ir.Module, function: ir.Function, kinds: Any, rows: int) -> None:
+def entrance(module: ir.Module, function: ir.Function, kinds: Any, rows: int, pairs: bool) -> None:
     """Add the function that Python calls with the address of one block: bodies, begin, end, the integers, the
     addresses of arrays, the numbers.
 
-    rows : of scratch memory that loops over sites need.  Called without such memory, for no bodies,
-    the function leaves them in the place of the bodies.
+    rows : of scratch memory that loops over sites need.  pairs : do all pairs of sites meet in them?
+    Called without such memory, for no bodies, the function leaves these in the first two places.
     """
     integers = sum(kind in ("integer", "rows", "planes") for kind in kinds)
     arrays = _arrays(kinds) + 3 * ("planes" in kinds)
@@ -309,6 +309,7 @@ def entrance(module: ir.Module, function: ir.Function, kinds: Any, rows: int) ->
     if "planes" in kinds:
         with b.if_then(b.icmp_signed("==", bodies, I64(0))):
             b.store(I64(rows), places[0])
+            b.store(I64(int(pairs)), places[1])
             b.ret_void()
     integer, array, number = (
         b.bitcast(p, a.type)

@@ -551,7 +551,7 @@ def _translation(
         emitter.large.finish()
     builder.ret_void()
     size = drop_unused(module, function)
-    entrance(module, function, kinds, sites.rows + sites.lasting)
+    entrance(module, function, kinds, sites.rows + sites.lasting, bool(sites.paired))
     return reads, f"; {size} instructions\n{module}"
 
 

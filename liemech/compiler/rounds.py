@@ -32,14 +32,10 @@ def of_eight(
     i: int,
     first: int,
     last: int,
-    begin: int,
-    end: int,
     count: int,
     turns: int,
 ) -> None:
-    """The pairs of eight sites from i on with those from first to last, of so many sites.  Only sites
-    from begin to end keep what they get.
-    """
+    """The pairs of eight sites from i on with those from first to last, of so many sites."""
     a, mine = seen(pairs, i), sums(pairs, i)
     for j in range(first, last, EIGHT):
         b, theirs, period = seen(pairs, j), sums(pairs, j), turns
@@ -53,10 +49,9 @@ def of_eight(
             b, theirs = turned(b), turned(theirs)
         if period < EIGHT:
             theirs = folded(theirs, period)
-        if i < j < end:
+        if i < j:
             keep(pairs, j, theirs)
-    if begin <= i:
-        keep(pairs, i, mine)
+    keep(pairs, i, mine)
 
 
 def seen(pairs: Rounds, j: int) -> Any:

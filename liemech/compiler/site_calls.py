@@ -29,12 +29,13 @@ class SiteCalls:
 
     def __init__(self, kernel: Kernel, count: int, workers: int = 1) -> None:
         self.kernel, self.count = kernel, count
-        self.scratch = room(max(1, scratch_rows(kernel)), padded(count))
+        rows, pairs = needs(kernel)
+        self.scratch = room(max(1, rows), padded(count))
         end = -(-count // kernel.lanes) * kernel.lanes
         # copies between guard words are each thread's own
-        threads = 1 if guard_words.ON else max(1, min(workers, count // SHARE))
-        share = -(-count // (TOGETHER * threads)) * TOGETHER
-        self.shares = [(i, min(i + share, end)) for i in range(0, end, share)]
+        worth = max(count // SHARE, pairs * count**2 // PAIRS)
+        threads = 1 if guard_words.ON else max(1, min(workers, worth))
+        self.shares = shares(count, end, threads)
         self._notes = np.full((len(self.shares), 1), -1)
 
     @property
@@ -68,8 +69,21 @@ class SiteCalls:
             interrupts.in_threads(works, pool)
 
 
+def shares(count: int, end: int, threads: int) -> list[tuple[int, int]]:
+    """Where the sites of every thread begin and end: whole groups of sixteen, of which none has more
+    than one group more than another.  end : of the last group of lanes.
+    """
+    groups = -(-count // TOGETHER)
+    threads = min(threads, groups)
+    bounds = [TOGETHER * (groups * k // threads) for k in range(threads)]
+    return [*zip(bounds, [*bounds[1:], end])]
+
+
 SHARE = 2**14
 """Sites that are worth a thread: some 20 us of a pass, where threads wait for each other for one or two."""
+
+PAIRS = 2**18
+"""The same, where all pairs of sites meet, in numbers of sites times sites; many barriers divide them."""
 
 WORDS = 8
 """Integers that threads share at their barriers; the last one says how many rows of scratch memory
@@ -87,9 +101,11 @@ def _pool(threads: int, process: int) -> tuple[Any, threading.Lock]:
     return ThreadPoolExecutor(threads - 1, "liemech sites"), threading.Lock()
 
 
-def scratch_rows(kernel: Kernel) -> int:
-    """The rows of scratch memory that a kernel needs, which it tells when it is called for no body."""
+def needs(kernel: Kernel) -> tuple[int, bool]:
+    """The rows of scratch memory that a kernel needs, and whether all pairs of sites meet: it tells when
+    it is called for no body.
+    """
     block = ctypes.create_string_buffer(struct.pack("q", 0), 2**16)
     kernel.call(ctypes.cast(block, ctypes.c_char_p))
-    rows: int = struct.unpack_from("q", block)[0]
-    return rows
+    rows, pairs = struct.unpack_from("qq", block)
+    return rows, bool(pairs)

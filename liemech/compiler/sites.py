@@ -56,6 +56,12 @@ OF_SERIES = (
 ROWS = 7
 """The place among the words of a crew where the number of rows of scratch memory is."""
 
+BLOCKS = 32
+"""Blocks of sites for each thread where all pairs meet: a fortieth of the time is waiting."""
+
+FEWEST = 3
+"""Eights of such a block, at least: its pairs are worth some barriers."""
+
 
 @dataclasses.dataclass(eq=False)
 class Over:
@@ -222,16 +228,23 @@ class SiteLoops:
         b, over = self.b, self.t.state.over
         begin, end = b.function.args[4:6]
         if over.range is not None:
-            (first, last), count = over.range, over.sites.count.value
+            first, last = over.range
             groups = b.sdiv(b.sub(last, first), I64(TOGETHER))
-
-            def share(place: ir.Value) -> ir.Value:
-                return b.add(first, b.mul(b.sdiv(b.mul(groups, place), count), I64(TOGETHER)))
-
-            begin, end = share(begin), share(end)
+            begin, end = (
+                b.add(first, b.mul(self._share(groups, place), I64(TOGETHER)))
+                for place in (begin, end)
+            )
         if self.e.few:
             begin, end = I64(0), I64(self.lanes)
         over.passes.append(Pass(b, begin, end))
+
+    def _share(self, many: ir.Value, place: ir.Value) -> ir.Value:
+        """Where among so many things the thread's begin or end that has this place among the sites."""
+        b, count = self.b, self.t.state.over.sites.count.value
+        place = b.select(
+            b.icmp_signed("<", place, count), place, count
+        )  # the last end is rounded up
+        return b.sdiv(b.add(b.mul(many, place), b.sdiv(count, I64(2))), count)
 
     def _close(self, lanes: int | None = None) -> None:
         """End a pass; where the first site has failed is written down."""
@@ -249,12 +262,12 @@ class SiteLoops:
         """Wait for the other threads; what all of them say."""
         return self.b.call(barrier(self.b.module), [self.crew, flags])
 
-    def _pass_on(self) -> None:
+    def _pass_on(self, lanes: int | None = None) -> None:
         """Where sites meet: the next pass begins when all threads have come to it, unless one has
         given the step up.
         """
         b, here = self.b, self.t.state.over.passes[-1]
-        self._close()
+        self._close(lanes)
         said = self._wait(I64(0))
         here.left, on = b.append_basic_block(), b.append_basic_block()
         b.cbranch(b.icmp_signed("!=", said, I64(0)), here.left, on)
@@ -439,8 +452,9 @@ class SiteLoops:
         """Sums over all pairs, each of which is taken once: a pass of its own over eights of sites, of
         which each meets itself and those behind it.  The sums lie in memory.
 
-        A thread takes the pairs of its sites, those with sites of others as well, and keeps what its own
-        get.
+        Threads take blocks of sites with blocks of sites, in rounds: those of a round share no site, and
+        every site meets the blocks in the order in which one thread alone would take them, so that
+        all sums have the bits that they have there.
         """
         t, e, b, state = self.t, self.e, self.b, self.t.state
         over, start = self._meeting("pairs"), vector(start)
@@ -452,27 +466,58 @@ class SiteLoops:
         first = self.paired.setdefault(layout.width, self.lasting)
         self.lasting = max(self.lasting, first + layout.width)
         self._keep(self._last(first, layout.width), leaves(start, layout))
-        self._close()
-        begin, end = b.function.args[4:6]
+        self._pass_on()
+        count, block, blocks = self._blocks()
         failed, raises = state.failed, state.raises
         with e.side_by_side(EIGHT, self.width):
             state.failed, state.raises = e.slot(), 0
             e.store(False, state.failed)
-            over.passes.append(Pass(b, I64(0), end, paired=True))
+            before, head, end = b.block, b.append_basic_block(), b.append_basic_block()
+            b.branch(head)
+            b.position_at_end(head)
+            number = b.phi(I64)  # block i meets block j in round i + j, if i <= j
+            low = b.sub(number, b.sub(blocks, I64(1)))
+            low = b.select(b.icmp_signed(">", low, I64(0)), low, I64(0))
+            many = b.sub(b.add(b.sdiv(number, I64(2)), I64(1)), low)
+            begin, stop = (
+                b.mul(b.add(low, self._share(many, place)), block) for place in b.function.args[4:6]
+            )
+            stop = b.select(b.icmp_signed("<", stop, count), stop, count)
+            over.passes.append(Pass(b, begin, stop, paired=True))
             i = over.passes[-1].index
-            own = b.icmp_signed("<=", begin, i)
-            from_, to = b.select(own, i, begin), b.select(own, over.sites.count.value, end)
-            count = over.sites.count.value
-            given = [e.num([v]) for v in (i, from_, to, begin, end, count, I64(EIGHT))]
+            theirs = b.mul(b.sub(number, b.sdiv(i, block)), block)
+            from_ = b.select(b.icmp_signed("<", i, theirs), theirs, i)
+            to = b.add(theirs, block)
+            to = b.select(b.icmp_signed("<", to, count), to, count)
+            given = [e.num([v]) for v in (i, from_, to, count, I64(EIGHT))]
             sums = Rounds(meeting, self._last(first, layout.width), layout)
             t.inline(rounds.of_eight, (sums, formula, *given), {})
-            self._close(EIGHT)
+            self._pass_on(EIGHT)
+            following = b.add(number, I64(1))
+            number.add_incoming(I64(0), before)
+            number.add_incoming(following, b.block)
+            last = b.sub(b.mul(blocks, I64(2)), I64(1))
+            b.cbranch(b.icmp_signed("<", following, last), head, end)
+            b.position_at_end(end)
             found, more = e.any(e.load(state.failed)), state.raises
             state.failed, state.raises = failed, raises + more
         if more:
             e.store(e.logic("or_", e.load(failed), found), failed)
         self._open()
         return build(layout, iter(self._kept(self._last(first, layout.width))))
+
+    def _blocks(self) -> tuple[ir.Value, ir.Value, ir.Value]:
+        """How many sites there are, how many of them are a block of those that meet others together, whole
+        eights, and how many blocks that makes: one for one thread, or so many that threads seldom wait.
+        """
+        b, count = self.b, self.t.state.over.sites.count.value
+        threads = b.load(self.crew, typ=I64)
+        eights = b.sdiv(b.add(count, I64(EIGHT - 1)), I64(EIGHT))
+        few = b.sdiv(eights, b.mul(threads, I64(BLOCKS)))
+        few = b.select(b.icmp_signed(">", few, I64(FEWEST)), few, I64(FEWEST))
+        alone = b.icmp_signed("<=", threads, I64(1))
+        block = b.mul(b.select(alone, eights, few), I64(EIGHT))
+        return count, block, b.sdiv(b.add(count, b.sub(block, I64(1))), block)
 
     def seen(self, pairs: Rounds, j: Any) -> Any:
         """Numbers that eight sites have published, from site j on."""

@@ -5,7 +5,9 @@
 //
 // Build: g++ -O3 -march=native -fno-math-errno -ffp-contract=off -shared -fPIC
 
+#include <atomic>
 #include <cmath>
+#include <thread>
 #include <vector>
 
 namespace {
@@ -43,8 +45,9 @@ struct Spins {
   }
   void images(int side, long r) { for (auto &p : at[side]) { double *q = &p[r * pitch]; q[0] = q[half]; q[half + 1] = q[1]; } }
 
-  template <bool cubic, bool small> void turn(int side, double h) {
-    for (long r = 0; r < rows; ++r) {
+  template <bool cubic, bool small> void turn(int side, double h) { turn<cubic, small>(side, h, 0, rows); }
+  template <bool cubic, bool small> void turn(int side, double h, long first, long last) {
+    for (long r = first; r < last; ++r) {
       long i = r / edge, j = r % edge, odd = (i + j + side) & 1;
       long beside[6] = {r, r, ((i + 1) % edge) * edge + j, ((i + edge - 1) % edge) * edge + j, i * edge + (j + 1) % edge, i * edge + (j + edge - 1) % edge};
       const double *f[3][6]; double *s[3];
@@ -97,6 +100,33 @@ extern "C" void spins(long n, int cubic, double *s, double h, long steps, const 
   Spins found;
   found.load(n, cubic, s);
   if (cubic) run<true>(found, h, steps, shares, turns); else run<false>(found, h, steps, shares, turns);
+  found.store(n, s);
+}
+
+// The rows of a cubic lattice divided among threads, which wait for each other behind every turn, spinning: small angles, the last turn of a step and the first of the next one as one.
+extern "C" void spins_in_threads(long n, double *s, double h, long steps, const double *shares, long turns, long threads) {
+  Spins found;
+  found.load(n, true, s);
+  alignas(64) std::atomic<long> arrived{0};
+  alignas(64) std::atomic<long> met{0};
+  auto wait = [&] {
+    long before = met.load(std::memory_order_acquire);
+    if (arrived.fetch_add(1, std::memory_order_acq_rel) + 1 == threads) { arrived.store(0, std::memory_order_relaxed); met.store(before + 1, std::memory_order_release); }
+    else while (met.load(std::memory_order_acquire) == before) {}
+  };
+  auto work = [&](long which) {
+    long first = found.rows * which / threads, last = found.rows * (which + 1) / threads;
+    double left = 0.0;
+    for (long step = 0; step < steps; ++step) {
+      for (long k = 0; k < turns; ++k) { found.turn<true, true>((k & 1) ? 0 : 1, shares[k] * h + (k ? 0.0 : left), first, last); wait(); }
+      left = shares[turns] * h;
+    }
+    found.turn<true, true>(1, left, first, last);
+  };
+  std::vector<std::thread> others;
+  for (long k = 1; k < threads; ++k) others.emplace_back(work, k);
+  work(0);
+  for (auto &other : others) other.join();
   found.store(n, s);
 }
 

@@ -46,6 +46,21 @@ def test_a_leapfrog_is_the_one_written_in_numpy(dimension: int) -> None:
     assert np.abs(run.p[-1] - p.ravel()).max() < 1e-13
 
 
+@pytest.mark.parametrize("n", [101, 130, 600])
+def test_workers_share_all_pairs(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    if lm.compiler.kernel.available() is not None:
+        pytest.skip("needs llvmlite")
+    monkeypatch.setattr(
+        "liemech.compiler.site_calls.PAIRS", 64
+    )  # blocks of one, two or three eights
+    system, start = cloud(n)
+    one, *more = [
+        lm.integrate(system, lm.StormerVerlet(), start, h=0.01, steps=3, compiled=True, workers=w)
+        for w in (1, 2, 3, 8)
+    ]
+    assert all(np.array_equal(x.q, one.q) and np.array_equal(x.p, one.p) for x in more)
+
+
 @pytest.mark.parametrize("method", SPLITTINGS, ids=repr)
 def test_by_sites_is_as_written_out(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     system, start = cloud(9)

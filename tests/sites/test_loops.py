@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import liemech as lm
 from liemech.compiler import kernel
 from liemech.compiler.planes import Planes
-from liemech.compiler.site_calls import SiteCalls, scratch_rows
+from liemech.compiler.site_calls import SiteCalls, needs
 from liemech.errors import InvalidInput, NotCompilable
 from liemech.formulas.sites import (
     SiteArray,
@@ -190,7 +190,7 @@ def test_rows_of_scratch_memory() -> None:
     given = memory, PLACE, shown, None, 1, planes, planes
     arguments = lm.RKMK(), system, Equal(), *given, *[shared] * 3
     made = kernel.kernel(advance_sites, *arguments, *[none] * 4, *[shared] * 3, None, lanes=8)
-    assert scratch_rows(made) == 15  # twice what is published, and three velocities
+    assert needs(made) == (15, False)  # twice what is published, and three velocities
     assert SiteCalls(made, 100).scratch.shape == (15, padded(100))
 
 

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from terms_of_spins import Chiral, Exchange, Twist, Zeeman
 
 import liemech as lm
+from liemech.compiler.site_calls import shares
 from liemech.errors import IncompatibleSystem, IntegrationFailure, InvalidInput, InvalidType
 from liemech.simulation.carry import SiteCarry
 from liemech.systems.colouring import Places, colours_of, colours_of_bonds, colours_of_edges
@@ -582,17 +583,41 @@ def test_many_bonds_keep_the_total_spin_and_their_lengths() -> None:
 
 
 @pytest.mark.parametrize("method", [lm.SublatticeSplitting(), lm.BondSplitting()], ids=repr)
+@pytest.mark.parametrize(
+    "lattice",
+    [
+        near.cubic(7, 5, 4),  # of three colours
+        near.ring(101),  # of three, of which one has a single site
+        near.square(9, 12, periodic=False),  # of two
+        near.edges([(0, i) for i in range(1, 70)]),  # of two, of which one has a single site
+        near.chain(1),
+        near.chain(2),
+        near.ring(3),
+    ],
+    ids=["cubic", "odd ring", "open", "star", "1", "2", "3"],
+)
 def test_workers_share_the_sites_of_every_colour(
-    method: Any, monkeypatch: pytest.MonkeyPatch
+    method: Any, lattice: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if lm.compiler.kernel.available() is not None:
         pytest.skip("needs llvmlite")
-    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 32)
-    lattice = near.cubic(7, 5, 4)  # of three colours
-    system = spins(lattice.sites, Exchange(1.0).over(lattice), EasyAxis(0.5, AXIS))
-    start = system.state(mu=directions(lattice.sites))
+    monkeypatch.setattr("liemech.compiler.site_calls.SHARE", 1)
+    sites = lattice.sites or 70
+    system = spins(sites, Exchange(1.0).over(lattice), EasyAxis(0.5, AXIS))
+    start = system.state(mu=directions(sites))
     one, *more = [
-        lm.integrate(system, method, start, h=0.1, steps=7, every=3, workers=w).mu
+        lm.integrate(system, method, start, h=0.1, steps=7, every=3, compiled=True, workers=w).mu
         for w in (1, 2, 3)
     ]
     assert all(np.array_equal(x, one) for x in more)
+
+
+@pytest.mark.parametrize("count", [1, 2, 15, 16, 17, 97, 96, 10_001])
+@pytest.mark.parametrize("workers", [1, 2, 3, 5])
+def test_shares_of_workers_differ_by_one_group_at_most(count: int, workers: int) -> None:
+    end = -(-count // 8) * 8
+    found = shares(count, end, workers)
+    assert [b for b, _ in found] == [0, *(e for _, e in found[:-1])] and found[-1][1] == end
+    groups = [-(-(e - b) // 16) for b, e in found]
+    assert min(groups) > 0 and max(groups) - min(groups) <= 1
+    assert len(found) == min(workers, -(-count // 16))
