@@ -170,13 +170,15 @@ def of_short(found: Any, way: Any, h: Any, bodies: int | None, steps: int, more:
 
 
 def of_sites(run: Any) -> Any:
-    """The run of one system of many sites."""
-    carry, plan = run.standing, run.plan
+    """The run of one system of many sites, which has come to a stand."""
+    plan = run.plan
     t = run.asked[: run.made].copy()
-    rest = SimpleNamespace(t=lambda: t, states=functools.cache(_states_of_sites(run)))
+    rest = SimpleNamespace(
+        t=lambda: t, states=functools.cache(_states_of_sites(run)), carry=lambda: run.standing
+    )
     return Trajectory.promised(
         rest, system=plan.system, method=plan.method, bodies=None, steps=run.most,
-        compiled=run.compiled, stopped=NONE, carry=carry, ended=run.ended,
+        compiled=run.compiled, stopped=NONE, ended=run.ended,
         events=() if run.events is None else run.events.shown,
         observed=() if plan.recorder is None else plan.recorder.observed, **run.known(),
     )  # fmt: skip

@@ -101,7 +101,6 @@ class SiteRun(Course):
     """
 
     by_sites = True
-    pace = 1  # steps of a call
     ended: int | None = None  # by which event
     level: float | None = None  # of the derivative that numbers carry along
     dense = False  # are the ends of all adaptive steps kept?
@@ -131,7 +130,7 @@ class SiteRun(Course):
         first, rows = self.laid_out(state)
         self.starts: Any = Planes(rows_of(rows), self.count)
         self.shape = shape = plan._sites.prepared(first, self.starts, curves, self.level)
-        self.h, samples = shape.h, len(self.asked)
+        self.h, samples, self.pace = shape.h, len(self.asked), shape.paces.get(self.count, 1)
         self.wide = shape.state.width if shape.shown.kept else 0
         self.chosen = None if plan.recorder is None else plan.recorder.sites
         many = padded(self.count) if self.chosen is None else len(self.chosen)
@@ -265,7 +264,7 @@ class SiteRun(Course):
         self._attend()
         used = time.perf_counter() - begun
         if turns:
-            self.pace = self._quicker(self.pace, used)
+            self.pace = self.shape.paces[self.count] = self._quicker(self.pace, used)
 
     def require_ends(self) -> None:
         t = self.clocks.item(TIME, 0)
@@ -296,7 +295,6 @@ class SiteRun(Course):
         self.steps = self.taken + steps - self.first
         self.goals[LIMIT], self.clocks[MARK] = self.first + self.steps, 0.0
         self.made, self.times = 0, self.times[:0]
-        self.pace = 1
         while self._going:
             self._go(min(self.pace, self.first + self.steps - self.taken))
 

@@ -260,11 +260,12 @@ class Turning:
 
     def spread(self, rows: np.ndarray) -> Planes:
         """Rows of numbers of sites in the order of their places, in the first of the copies."""
-        return self.begun(rows[..., self.places.sites])
+        return self.begun(rows.take(self.places.sites, axis=-1))
 
     def begun(self, rows: np.ndarray) -> Planes:
         """Rows of numbers of sites that are in this order already, in the first of the copies."""
-        return Planes(rows_of(np.tile(rows, (self.copies, 1))), rows.shape[-1])
+        copies = rows if self.copies == 1 else np.tile(rows, (self.copies, 1))
+        return Planes(rows_of(copies), rows.shape[-1])
 
 
 class TurnsRun(SiteRun):
@@ -307,15 +308,15 @@ class TurnsRun(SiteRun):
         if self.checkpoint is not None:
             samples = min(samples, max(1, self.checkpoint.within(samples * turns) // turns))
         rows = self._turned(turns, samples if whole else 1, int(whole))
-        finite = np.isfinite(rows).all(axis=(1, 2))
-        good = len(rows) if finite.all() else int(np.argmin(finite))
+        good = len(rows)
+        if not np.isfinite(rows).all():
+            good = int(np.argmin(np.isfinite(rows).all(axis=(1, 2))))
         self.clocks[TAKEN] += turns * good
         self.clocks[0] = self.t0 + self.clocks[TAKEN] * self.h
         if good < len(rows):
             self.clocks[MARK] = STUCK
         if whole:
-            here = self.shape.turning.places.places
-            self._show(first, rows[:good, self.shape.order][..., here])
+            self._show(first, self._seen(rows[:good]))
             self.made += good
 
     def _show(self, first: int, rows: np.ndarray) -> None:
@@ -328,9 +329,11 @@ class TurnsRun(SiteRun):
         elif shown.kept:
             begin = first * self.wide
             kept = self.seen.array[begin : begin + samples * self.wide]
-            kept[:] = rows_of(rows).reshape(kept.shape)
-        times = self.t0 + self.numbers[first : first + samples] * self.h
-        self.totals[first : first + samples] = self._totals(rows, times)
+            kept = kept.reshape(samples, self.wide, -1)
+            kept[..., : self.count], kept[..., self.count :] = rows, rows[..., -1:]
+        if shown.quantities:
+            times = self.t0 + self.numbers[first : first + samples] * self.h
+            self.totals[first : first + samples] = self._totals(rows, times)
 
     def _totals(self, rows: np.ndarray, times: Any) -> np.ndarray:
         """Recorded totals over all sites, of states (samples, width, sites)."""
@@ -423,7 +426,8 @@ class TurnsRun(SiteRun):
 
     def _seen(self, rows: np.ndarray) -> np.ndarray:
         """States by places as they are shown, (..., width, sites)."""
-        return rows[..., self.shape.order, :][..., self.shape.turning.places.places]
+        order, found = self.shape.order, rows.take(self.shape.turning.places.places, axis=-1)
+        return found if order == [*range(rows.shape[-2])] else found[..., order, :]
 
     def looked(self, at: float, begun: float, end: float) -> tuple[Any, Any, Any]:
         """The states of all sites at a time in the last step, the totals, and the events."""
