@@ -125,7 +125,7 @@ def reach_of(entries: np.ndarray) -> np.ndarray:
     follow each other; else ~(the first of sixteen among which all of them are), which is negative;
     or `FAR`.
     """
-    eights = entries.reshape(len(entries), -1, EIGHT)
+    eights = entries.reshape(len(entries), entries.shape[1] // EIGHT, EIGHT)
     firsts = eights[..., 0]
     least = np.minimum(eights.min(axis=-1), entries.shape[1] - TOGETHER)
     follow = (eights - firsts[..., None] == np.arange(EIGHT)).all(axis=-1)

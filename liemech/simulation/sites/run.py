@@ -117,7 +117,7 @@ class SiteRun(Course):
         zero: tuple[float, int] = (t0, 0) if fresh else (start.t0, start.step)
         self.t0, self.first = zero
         self.begun = t0 if fresh else start.t
-        self.lists: Any = Lists.of(plan._one, site)
+        self.lists: Any = Lists.of(plan._one, site) if plan._sites.listed else None
         if self.lists is not None:
             self.site = site = self.lists.at(np.asarray(state.parts["g"]))
         if self.lists is not None or self.count not in plan._sites.fitting:
