@@ -48,7 +48,7 @@ def room(*shape: int, dtype: Any = np.float64) -> np.ndarray:
     """An array of zeros that begins on a line of the cache, as all its rows then do."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
     bytes_ = np.zeros(size + LINE, dtype=np.uint8)
-    begin = -bytes_.ctypes.data % LINE
+    begin = -bytes_.__array_interface__["data"][0] % LINE
     return bytes_[begin : begin + size].view(dtype).reshape(shape)
 
 

@@ -301,9 +301,11 @@ class TurnsRun(SiteRun):
             wanted, samples, whole = turns, 1, False
         else:
             wanted = int(self.numbers[first]) - self.taken
-            ahead = np.diff(self.numbers[first - 1 :])
-            same = int(np.argmax(ahead != wanted)) if (ahead != wanted).any() else len(ahead)
-            samples = max(1, min(same, turns // wanted))
+            samples = 1
+            if turns >= 2 * wanted and first + 1 < len(self.times):
+                other = np.diff(self.numbers[first - 1 :]) != wanted
+                same = int(np.argmax(other)) if other.any() else len(other)
+                samples = max(1, min(same, turns // wanted))
             turns, whole = min(turns, wanted), turns >= wanted
         if self.checkpoint is not None:
             samples = min(samples, max(1, self.checkpoint.within(samples * turns) // turns))
