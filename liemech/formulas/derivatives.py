@@ -40,7 +40,14 @@ def gradient(formula: Callable[[Any], Any], x: Any) -> Vec:
     """The vector df/dx_j of a formula from vectors to numbers.  x : (n,).  Raises InvalidType if it
     returns a vector (`jacobian`).
     """
-    slopes = [derivative(formula, x, unit) for unit in axes(x)]
+    return gradient_to_add(formula, x, False)
+
+
+def gradient_to_add(formula: Callable[[Any], Any], x: Any, signed: bool = True) -> Vec:
+    """The gradient of a formula, of which components that are zero may have a sign, as sums that begin with
+    0.0 do not see: without it, every component has one addition more.
+    """
+    slopes = [tangent(formula, x, unit, signed)[1] for unit in axes(x)]
     for slope in slopes:
         if isinstance(slope, (tuple, list, Mat)):
             raise InvalidType("gradient: of a formula that returns a number; of a vector: jacobian")

@@ -49,7 +49,7 @@ def room(*shape: int, dtype: Any = np.float64) -> np.ndarray:
     """An array of zeros that begins on a line of the cache, as all its rows then do."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
     bytes_ = np.zeros(size + LINE, dtype=np.uint8)
-    begin = -bytes_.ctypes.data % LINE
+    begin = -bytes_.__array_interface__["data"][0] % LINE
     return bytes_[begin : begin + size].view(dtype).reshape(shape)
 
 
@@ -126,7 +126,7 @@ def reach_of(entries: np.ndarray) -> np.ndarray:
     follow each other; else ~(the first of sixteen among which all of them are), which is negative;
     or `FAR`.
     """
-    eights = entries.reshape(len(entries), -1, EIGHT)
+    eights = entries.reshape(len(entries), entries.shape[1] // EIGHT, EIGHT)
     firsts = eights[..., 0]
     least = np.minimum(eights.min(axis=-1), entries.shape[1] - TOGETHER)
     follow = (eights - firsts[..., None] == np.arange(EIGHT)).all(axis=-1)

@@ -170,13 +170,13 @@ def of_short(found: Any, way: Any, h: Any, bodies: int | None, steps: int, more:
 
 
 def of_sites(run: Any) -> Any:
-    """The run of one system of many sites."""
-    carry, plan = run.standing, run.plan
+    """The run of one system of many sites, which has come to a stand."""
+    plan = run.plan
     t = run.asked[: run.made].copy()
-    rest = SimpleNamespace(t=lambda: t, states=functools.cache(_states_of_sites(run)))
+    rest = SimpleNamespace(t=lambda: t, states=_states_of_sites(run), carry=lambda: run.standing)
     return Trajectory.promised(
         rest, system=plan.system, method=plan.method, bodies=None, steps=run.most,
-        compiled=run.compiled, stopped=NONE, carry=carry, ended=run.ended,
+        compiled=run.compiled, stopped=NONE, ended=run.ended,
         events=() if run.events is None else run.events.shown,
         observed=() if plan.recorder is None else plan.recorder.observed, **run.known(),
     )  # fmt: skip
@@ -191,7 +191,7 @@ def _states_of_sites(run: Any) -> Any:
         found = {}
         if shape.shown.kept:
             rows = own if here is not None else seen.reshape(n, run.wide, -1)[..., : run.count]
-            arrays = unpacked(shape.state, np.moveaxis(rows, 1, -1))
+            arrays = unpacked(shape.state, rows.swapaxes(1, 2))
             wanted = arrays if recorder is None else recorder.parts
             asked = arrays if set(wanted) - set(arrays) else {name: arrays[name] for name in wanted}
             found = run.plan._one.as_users_see(asked)

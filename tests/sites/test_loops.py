@@ -17,6 +17,7 @@ from liemech.compiler.planes import Planes
 from liemech.compiler.site_calls import SiteCalls, needs
 from liemech.errors import InvalidInput, NotCompilable
 from liemech.formulas.sites import (
+    FAR,
     SiteArray,
     SiteTable,
     each_site,
@@ -247,6 +248,41 @@ def test_sites_ask_alike() -> None:
 
     with pytest.raises(InvalidInput, match="site 0 asks for meet where site 2 asks for total"):
         each_site(4, formula)
+
+
+SCATTERED = np.array(
+    [(np.arange(77) + 1) % 77, np.arange(77) ^ 3, np.random.default_rng(4).permutation(77)]
+).clip(0, 76)
+"""Neighbours that follow each other, that lie among sixteen, and that lie anywhere."""
+
+
+def test_reach_of_neighbours() -> None:
+    """Of every eight entries it says where they are: told by the entries one by one."""
+    table = SiteTable.of(SCATTERED)
+    eights = table.numbers.reshape(-1, 8).tolist()
+    reach = table.reach.array.view(np.int32).tolist()
+    assert len(reach) == len(eights)
+    kinds = set()
+    for found, eight in zip(reach, eights, strict=True):
+        follow = eight == [*range(eight[0], eight[0] + 8)]
+        near = max(eight) - min(eight) < 16
+        assert (found >= 0) == follow and (found == FAR) == (not follow and not near)
+        if found >= 0:
+            assert found == eight[0]
+        elif found != FAR:
+            assert 0 <= ~found <= min(eight) and max(eight) <= ~found + 15 < table.places
+        kinds.add((found >= 0, found == FAR))
+    assert len(kinds) == 3
+    assert not SiteTable.of(np.zeros((0, 5), int)).reach.array.size
+
+
+@native
+def test_bits_of_neighbours_anywhere() -> None:
+    system = lm.LiePoissonSystem(lm.SO3(), Field(SiteTable.of(SCATTERED), B))
+    plain = run(lm.RKMK(order=2), system, spins(77), None, 0.05, 2, 0)
+    for lanes in (1, 8, 16):
+        found = run(lm.RKMK(order=2), system, spins(77), None, 0.05, 2, lanes)
+        assert np.array_equal(found, plain), lanes
 
 
 def test_sums_of_sixteen() -> None:

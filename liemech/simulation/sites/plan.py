@@ -35,7 +35,7 @@ from ..starts import needed
 from ..trajectory import Trajectory
 from .chains import ChainRun, chained_method
 from .links import LinksRun, linked_method
-from .lists import with_lists
+from .lists import Lists, with_lists
 from .states import by_site, first_of
 
 LARGE = 300
@@ -97,6 +97,8 @@ class SitesOfPlan:
         """The start with the parts that a run of this plan needs."""
         known = arguments.known(plan._one, start)
         start = by_site(plan._one, known)
+        if plan.recorder is None and plan.record is None:
+            return start
         first = first_of(start)
         points = not {*start.parts} <= {*known.parts}  # which are bodies to the steps
         if isinstance(self.site, Links) and (plan.recorder or points):  # functions of all bodies
@@ -105,6 +107,11 @@ class SitesOfPlan:
         return type(start)(*(x if n in wanted else None for n, x in start.parts.items()))
 
     # ---------------------------------------------------------------- which runs
+
+    @functools.cached_property
+    def listed(self) -> bool:
+        """Are there lists of the sites that are near each other, for every run anew?"""
+        return Lists.of(self.plan._one, self.site) is not None
 
     @functools.cached_property
     def as_one_body(self) -> bool:
@@ -299,7 +306,7 @@ class SitesOfPlan:
         """A run that goes on as it is told, without samples."""
         return self.kind(self.plan, self.site, carry, carry.t0, 0, None, None, None)
 
-    @property
+    @functools.cached_property
     def kind(self) -> Any:
         """The class of the runs."""
         from .run import SiteRun

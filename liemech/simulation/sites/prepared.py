@@ -56,7 +56,7 @@ class Prepared:
     a step.  given, started : layouts of one site at the start, as it comes and in the numbers of the
     run.  memory, state : of what the method carries along for it, and of what is shown.  place : of
     what the control carries along.  turning : how a splitting by colours steps.  ending : where steps are cut;
-    None: nowhere.
+    None: nowhere.  paces : of runs of so many sites, how many steps a call has come to make.
     """
 
     turning: Any = None
@@ -70,6 +70,7 @@ class Prepared:
     ) -> None:
         steps = plan._steps
         self.plan, self.site, self.control, self.place = plan, site, Equal(True), PLACE
+        self.paces: dict[int, int] = {}
         self.given = self.started = layout_of(first)
         if plan.adaptive:
             self.control, self.place = Tolerance(curves, False), BESIDE

@@ -96,7 +96,6 @@ class SiteRun(Course):
     """
 
     by_sites = True
-    pace = 1  # steps of a call
     ended: int | None = None  # by which event
     level: float | None = None  # of the derivative that numbers carry along
     dense = False  # is the way of all adaptive steps kept?
@@ -113,7 +112,7 @@ class SiteRun(Course):
         zero: tuple[float, int] = (t0, 0) if fresh else (start.t0, start.step)
         self.t0, self.first = zero
         self.begun = t0 if fresh else start.t
-        self.lists: Any = Lists.of(plan._one, site)
+        self.lists: Any = Lists.of(plan._one, site) if plan._sites.listed else None
         if self.lists is not None:
             self.site = site = self.lists.at(np.asarray(state.parts["g"]))
         if self.lists is not None or self.count not in plan._sites.fitting:
@@ -126,7 +125,7 @@ class SiteRun(Course):
         first, rows = self.laid_out(state)
         self.starts: Any = Planes(rows_of(rows), self.count)
         self.shape = shape = plan._sites.prepared(first, self.starts, curves, self.level)
-        self.h, samples = shape.h, len(self.asked)
+        self.h, samples, self.pace = shape.h, len(self.asked), shape.paces.get(self.count, 1)
         self.wide = shape.state.width if shape.shown.kept else 0
         self.chosen = None if plan.recorder is None else plan.recorder.sites
         self.of_all: dict[str, list[Any]] = {name: [] for name in plan._sites.of_all}
@@ -266,7 +265,7 @@ class SiteRun(Course):
         self._attend()
         used = time.perf_counter() - begun
         if turns:
-            self.pace = self._quicker(self.pace, used)
+            self.pace = self.shape.paces[self.count] = self._quicker(self.pace, used)
 
     def require_ends(self) -> None:
         t = self.clocks.item(TIME, 0)
@@ -297,7 +296,6 @@ class SiteRun(Course):
         self.steps = self.taken + steps - self.first
         self.goals[LIMIT], self.clocks[MARK] = self.first + self.steps, 0.0
         self.made, self.times = 0, self.times[:0]
-        self.pace = 1
         while self._going:
             self._go(min(self.pace, self.first + self.steps - self.taken))
 

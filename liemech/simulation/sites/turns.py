@@ -272,7 +272,8 @@ class Turning:
 
     def begun(self, rows: np.ndarray) -> Planes:
         """Rows of numbers of sites that are in this order already, in the first of the copies."""
-        return Planes(rows_of(np.tile(rows, (self.copies, 1))), rows.shape[-1])
+        copies = rows if self.copies == 1 else np.tile(rows, (self.copies, 1))
+        return Planes(rows_of(copies), rows.shape[-1])
 
 
 class TurnsRun(SiteRun):
@@ -309,22 +310,24 @@ class TurnsRun(SiteRun):
             wanted, samples, whole = turns, 1, False
         else:
             wanted = int(self.numbers[first]) - self.taken
-            ahead = np.diff(self.numbers[first - 1 :])
-            same = int(np.argmax(ahead != wanted)) if (ahead != wanted).any() else len(ahead)
-            samples = max(1, min(same, turns // wanted))
+            samples = 1
+            if turns >= 2 * wanted and first + 1 < len(self.times):
+                other = np.diff(self.numbers[first - 1 :]) != wanted
+                same = int(np.argmax(other)) if other.any() else len(other)
+                samples = max(1, min(same, turns // wanted))
             turns, whole = min(turns, wanted), turns >= wanted
         if self.checkpoint is not None:
             samples = min(samples, max(1, self.checkpoint.within(samples * turns) // turns))
         rows = self._turned(turns, samples if whole else 1, int(whole))
-        finite = np.isfinite(rows).all(axis=(1, 2))
-        good = len(rows) if finite.all() else int(np.argmin(finite))
+        good = len(rows)
+        if not np.isfinite(rows).all():
+            good = int(np.argmin(np.isfinite(rows).all(axis=(1, 2))))
         self.clocks[TAKEN] += turns * good
         self.clocks[0] = self.t0 + self.clocks[TAKEN] * self.h
         if good < len(rows):
             self.clocks[MARK], self.broken = STUCK, rows[good]
         if whole:
-            here = self.shape.turning.places.places
-            self._show(first, in_order(rows[:good, self.shape.order], here))
+            self._show(first, self._seen(rows[:good]))
             self.made += good
 
     def _show(self, first: int, rows: np.ndarray) -> None:
@@ -337,9 +340,11 @@ class TurnsRun(SiteRun):
         elif shown.kept:
             begin = first * self.wide
             kept = self.seen.array[begin : begin + samples * self.wide]
-            kept[:] = rows_of(rows).reshape(kept.shape)
-        times = self.t0 + self.numbers[first : first + samples] * self.h
-        self.totals[first : first + samples] = self._totals(rows, times)
+            kept = kept.reshape(samples, self.wide, -1)
+            kept[..., : self.count], kept[..., self.count :] = rows, rows[..., -1:]
+        if shown.quantities:
+            times = self.t0 + self.numbers[first : first + samples] * self.h
+            self.totals[first : first + samples] = self._totals(rows, times)
         if self.of_all:
             self._look_at_all(first, rows)
 
@@ -434,7 +439,10 @@ class TurnsRun(SiteRun):
 
     def _seen(self, rows: np.ndarray) -> np.ndarray:
         """States by places as they are shown, (..., width, sites)."""
-        return in_order(rows[..., self.shape.order, :], self.shape.turning.places.places)
+        order = self.shape.order
+        if order != [*range(rows.shape[-2])]:
+            rows = rows[..., order, :]
+        return in_order(rows, self.shape.turning.places.places)
 
     def looked(self, at: float, begun: float, end: float) -> tuple[Any, Any, Any]:
         """The states of all sites at a time in the last step, the totals, and the events."""
