@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from test_adaptive_by_sites import exact
 from test_attacked import Repulsion, masses_in_space
+from test_gravity import cloud
 from test_runs_by_sites import chain, directions, native, spins
 from test_sublattices import triangle
 
@@ -37,6 +38,7 @@ CASES: dict[str, Any] = {
         lambda: atoms(lm.neighbours.within(2.4, box=[5.0] * 3)),
         lm.Taylor(3, FIELD),
     ),
+    "gravity": (lambda: cloud(9), lm.Taylor(3)),
     "all pairs": (lambda: atoms(lm.neighbours.all_pairs()), lm.Taylor(3, FIELD)),
 }
 
@@ -68,14 +70,15 @@ def test_bits_of_plain_python(only_sites: None, case: str) -> None:
 @pytest.mark.parametrize("case", CASES)
 def test_as_written_out(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
     """The steps of all sites as one body, whose series know nothing of sites."""
-    (system, start), method = CASES[case][0](), CASES[case][1]
-    found = []
+    method, found = CASES[case][1], []
     for small in (1000, 0):
         monkeypatch.setattr(lm.System, "small", small)
+        monkeypatch.setattr(lm.models.NBody, "small", small)
+        (system, start) = CASES[case][0]()
         plan = lm.Plan(system, method, h=0.1, compiled=False)
         found.append(plan.run(start, steps=2))
-    for name in ("mu", "g"):
-        a, b = (getattr(run, name) for run in found)
+    for name in ("mu", "g", "q", "p"):
+        a, b = (getattr(run, name, None) for run in found)
         assert a is None or np.abs(a - b).max() < 1e-13
 
 
