@@ -25,7 +25,7 @@ class SeparableSite(SeparableSystem):
     """
 
     mass: MechanicalSystem
-    degrees: int = field(init=False, repr=False)
+    degrees: int = field(init=False, repr=False)  # type: ignore[misc]
     quadratic: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
