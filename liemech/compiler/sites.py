@@ -30,7 +30,7 @@ from ..formulas.pytree import (
     leaves,
     with_slopes,
 )
-from ..formulas.series_of_sites import SeriesMeeting, has_series
+from ..formulas.series_of_sites import SeriesMeeting, company, has_series
 from ..formulas.sites import EIGHT, FAR, TOGETHER, Meeting, SiteArray, SiteTable
 from ..formulas.vectors import Vec
 from . import planes as driver
@@ -72,7 +72,8 @@ class Over:
     so in any pass.  came : by the registers of a number, the row of the sites that it was loaded
     from.  published : numbers of the largest value published.  met : the last of these values.  attempts : around it.  where :
     a place for the first site that has failed.  range : of the sites that move while others rest;
-    None: all of them move.  loops : the first and the last pass of loops around passes.  meetings :
+    None: all of them move.  company : the last meetings of power series.
+    loops : the first and the last pass of loops around passes.  meetings :
     how many there have been.
     """
 
@@ -89,6 +90,7 @@ class Over:
     where: Any = None
     saved: bool = False
     meetings: int = 0
+    company: list[SeriesMeeting] | None = None
 
 
 @dataclasses.dataclass(eq=False)
@@ -169,6 +171,7 @@ class SiteLoops:
             words.own: self.own,
             words.total: self.total,
             words.mean: self.mean,
+            words.met_through: lambda k: None,
             words.repeated: self.repeated,
             words.rows_in: self.rows_in,
             rounds.seen: self.seen,
@@ -374,7 +377,8 @@ class SiteLoops:
         published last.
         """
         if has_series(value):
-            return SeriesMeeting(value, self.meet, self._formula_of_series, Meeting)
+            there = company(self._meeting("meet"))
+            return SeriesMeeting(value, self.meet, self._formula_of_series, Meeting, there)
         over, value = self._meeting("meet"), vector(as_others_see(value))
         layout = carried_layout(value)
         numbers = leaves(value, layout)

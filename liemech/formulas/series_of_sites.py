@@ -31,22 +31,42 @@ def _number(x: Any) -> bool:
     return type(x) is Series or is_any_number(x)
 
 
+def company(holder: Any) -> list[SeriesMeeting]:
+    """The meetings of series in the formula that runs, kept by what holder there is; when these have met
+    more than once another one begins.
+    """
+    if holder.company is None or any(len(x.meetings) > 1 for x in holder.company):
+        holder.company = []
+    found: list[SeriesMeeting] = holder.company
+    return found
+
+
 class SeriesMeeting:
     """Series that all sites have published at one place of a formula; asked like a `Meeting` of numbers.
 
     meet : of numbers.  call : calls a method of a `Meeting`, or a formula of what it gives.
-    methods : those of a `Meeting`.
+    methods : those of a `Meeting`.  company : the meetings of series in one formula, in their order, which
+    go on together: a site may need the terms of none of them, as one that is held.
     """
 
-    def __init__(self, value: Any, meet: Any, call: Callable[..., Any], methods: Any) -> None:
-        self.meet, self.call, self.methods = meet, call, methods
+    def __init__(
+        self,
+        value: Any,
+        meet: Any,
+        call: Callable[..., Any],
+        methods: Any,
+        company: list[SeriesMeeting],
+    ) -> None:
+        self.meet, self.call, self.methods, self.company = meet, call, methods, company
         self.layout = layout_of(value, _number)
         self.leaves = leaves(value, self.layout)
         self.meetings: list[Any] = []
         self.asked: list[tuple[Any, list[list[Any]]]] = []
         self.summed = False  # are there sums, made of all terms so far?
         self.inside: tuple[Any, int] | None = None  # a sum that is being made, and the order
-        self._reach(0)
+        company.append(self)
+        noted(company.pop)
+        self._meet_again()
 
     # -------------------------------------------------------------- what is asked
 
@@ -72,14 +92,20 @@ class SeriesMeeting:
 
     # -------------------------------------------------------------- order by order
 
-    def _reach(self, k: int) -> None:
-        """Meet up to the order k."""
-        while len(self.meetings) <= k:
-            order = len(self.meetings)
-            self.meetings.append(self.meet(self._published(order)))
-            noted(self.meetings.pop)
-            for ask, terms in self.asked:
-                self._answer(ask, terms, order)
+    def reach(self, k: int) -> None:
+        """Let all meet up to the order k."""
+        for order in range(1, k + 1):
+            for meeting in self.company:
+                if len(meeting.meetings) == order:
+                    meeting._meet_again()
+
+    def _meet_again(self) -> None:
+        """Meet at the next order; all that was asked gets its next terms."""
+        order = len(self.meetings)
+        self.meetings.append(self.meet(self._published(order)))
+        noted(self.meetings.pop)
+        for ask, terms in self.asked:
+            self._answer(ask, terms, order)
 
     def _published(self, k: int) -> tuple[Any, ...]:
         if self.summed or k == 0:
@@ -105,7 +131,7 @@ class SeriesMeeting:
 
     def _series(self, terms: list[list[Any]], i: int) -> Series:
         def term(k: int) -> Any:
-            self._reach(k)
+            self.reach(k)
             return terms[k][i]
 
         return Series(terms[0][i]).by(term)

@@ -20,7 +20,7 @@ from ..errors import InvalidInput, InvalidType
 from .functions import where
 from .pytree import as_others_see, build, carried_layout, leaves
 from .records import Record, record
-from .series_of_sites import SeriesMeeting, has_series
+from .series_of_sites import SeriesMeeting, company, has_series
 from .tables import Table
 from .vectors import Vec
 
@@ -179,8 +179,15 @@ def meet(value: Any) -> Any:
     """
     visit = _visit("meet")
     if has_series(value):
-        return SeriesMeeting(value, meet, lambda formula, *x: formula(*x), Meeting)
+        return SeriesMeeting(value, meet, lambda formula, *x: formula(*x), Meeting, company(visit))
     return Meeting(visit.ask("meet", as_others_see(value)), visit.site)
+
+
+def met_through(k: int) -> None:
+    """Let this site meet with its power series up to the order k, though it may need no terms of others."""
+    visit = _present.visit
+    if visit is not None and visit.company:
+        visit.company[-1].reach(k)
 
 
 class Meeting:
@@ -361,8 +368,10 @@ class _Asked(BaseException):
 class Visit:
     """One run of a formula for one of so many sites, with the answers that are known so far.
 
-    answers : to the first questions, by the kind of each.
+    answers : to the first questions, by the kind of each.  company : the last meetings of power series.
     """
+
+    company: list[SeriesMeeting] | None = None
 
     def __init__(self, site: int, count: int, answers: list[tuple[str, Any]]) -> None:
         self.site, self.count, self.answers, self.asked = site, count, answers, 0

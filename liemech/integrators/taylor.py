@@ -10,7 +10,7 @@ from ..formulas import Vec, derivative, exp, log, plain, record, sqrt, vec, wher
 from ..formulas.numbers import InMemory
 from ..formulas.products import Products
 from ..formulas.series import Series, SeriesInMemory
-from ..formulas.sites import mean
+from ..formulas.sites import mean, met_through
 from ..groups.bernoulli import TERMS
 from ..groups.lie_algebra import sided
 from ..retractions import Cayley, Exponential, Retraction
@@ -111,7 +111,9 @@ class Taylor(Method):
         for unknown, rate in zip(omega, slope):
             Series.grown(unknown, rate, h)
         orders = range(1, self.order + 1)
-        return tuple([vec(*[Series.coefficient(x, k) for x in omega]) for k in orders])
+        found = tuple([vec(*[Series.coefficient(x, k) for x in omega]) for k in orders])
+        met_through(self.order - 1)
+        return found
 
     def _terms_in_memory(self, system: System, t: float, start: Any, h: float) -> tuple[Vec, ...]:
         """The terms where vectors and matrices are those of series."""

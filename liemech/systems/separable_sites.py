@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import field
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -24,12 +25,12 @@ class SeparableSite(SeparableSystem):
     """
 
     mass: MechanicalSystem
+    degrees: int = field(init=False, repr=False)  # type: ignore[misc]
     quadratic: ClassVar[bool] = True
 
-    @property
-    def degrees(self) -> int:  # type: ignore[override]
-        """n."""
-        return int(self.mass.body.group.dim)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "degrees", self.mass.body.group.dim)
+        super().__post_init__()
 
     def kinetic(self, p: Vec) -> float:
         """K(p).  p : (n,)."""

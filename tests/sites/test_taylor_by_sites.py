@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from terms_of_spins import Exchange
 from test_adaptive_by_sites import exact
 from test_attacked import Repulsion, masses_in_space
+from test_gravity import cloud
 from test_runs_by_sites import chain, directions, native, spins
 from test_sublattices import triangle
 
 import liemech as lm
+from liemech.formulas import cos
 from liemech.simulation.sites import plan as plans
 
 FIELD = lm.Exponential()
@@ -26,7 +29,32 @@ def atoms(graph: Any) -> tuple[Any, Any]:
     return system, system.state(mu=rng.normal(size=(8, 3)), g=rng.uniform(0.0, 5.0, (8, 3)))
 
 
+@lm.record
+class Shaken(lm.Term):
+    """A field that changes with time, as fast as a user likes."""
+
+    b: float
+
+    def energy(self, a: Any, t: float) -> float:
+        return -self.b * cos(3.0 * t) * a.mu[2]
+
+
+def held() -> tuple[Any, Any]:
+    """Sites that need nothing of others meet with them all the same."""
+    terms = lm.Terms(Exchange(1.0).over(lm.neighbours.ring(5)), held=[0, 1])
+    system = lm.LiePoissonSystem(lm.SO3() ** 5, terms)
+    return system, system.state(mu=directions(5))
+
+
+def driven() -> tuple[Any, Any]:
+    terms = lm.Terms(Exchange(1.0).over(lm.neighbours.ring(5)), Shaken(0.7))
+    system = lm.DrivenLiePoissonSystem(lm.SO3() ** 5, terms)
+    return system, system.state(mu=directions(5))
+
+
 CASES: dict[str, Any] = {
+    "held": (held, lm.Taylor(4)),
+    "driven": (driven, lm.Taylor(4)),
     "ring": (lambda: (spins(6), spins(6).state(mu=directions(6))), lm.Taylor(5)),
     "pairs, triples, a field": (
         lambda: (triangle(), triangle().state(mu=directions(4))),
@@ -37,6 +65,7 @@ CASES: dict[str, Any] = {
         lambda: atoms(lm.neighbours.within(2.4, box=[5.0] * 3)),
         lm.Taylor(3, FIELD),
     ),
+    "gravity": (lambda: cloud(9), lm.Taylor(3)),
     "all pairs": (lambda: atoms(lm.neighbours.all_pairs()), lm.Taylor(3, FIELD)),
 }
 
@@ -56,6 +85,7 @@ def same(a: Any, b: Any) -> None:
 
 
 @native
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("case", CASES)
 def test_bits_of_plain_python(only_sites: None, case: str) -> None:
     """With fixed steps, whatever sites ask of each other."""
@@ -65,17 +95,19 @@ def test_bits_of_plain_python(only_sites: None, case: str) -> None:
     same(*runs)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("case", CASES)
 def test_as_written_out(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
     """The steps of all sites as one body, whose series know nothing of sites."""
-    (system, start), method = CASES[case][0](), CASES[case][1]
-    found = []
+    method, found = CASES[case][1], []
     for small in (1000, 0):
         monkeypatch.setattr(lm.System, "small", small)
+        monkeypatch.setattr(lm.models.NBody, "small", small)
+        (system, start) = CASES[case][0]()
         plan = lm.Plan(system, method, h=0.1, compiled=False)
         found.append(plan.run(start, steps=2))
-    for name in ("mu", "g"):
-        a, b = (getattr(run, name) for run in found)
+    for name in ("mu", "g", "q", "p"):
+        a, b = (getattr(run, name, None) for run in found)
         assert a is None or np.abs(a - b).max() < 1e-13
 
 
@@ -83,7 +115,7 @@ def test_as_written_out(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
 def test_order_against_scipy() -> None:
     n, t = 60, 1.0
     right = exact(n, [t])[0]
-    for order in (4, 8):
+    for order in (3, 6):
         errors = []
         for steps in (5, 10):
             run = lm.integrate(
@@ -99,15 +131,22 @@ def test_order_against_scipy() -> None:
 
 
 @native
-def test_adaptive_steps_against_scipy() -> None:
+@pytest.mark.parametrize(
+    ("order", "rtol"),
+    [
+        (6, 1e-6),
+        pytest.param(12, 1e-9, marks=pytest.mark.slow),
+        pytest.param(16, 1e-11, marks=pytest.mark.slow),
+    ],
+)
+def test_adaptive_steps_against_scipy(order: int, rtol: float) -> None:
     """The error goes with the tolerance; samples at times, and ways inside of steps; no step is rejected."""
     n, times = 60, np.linspace(0.0, 3.0, 7)
     right = exact(n, times)
-    for order, rtol in ((8, 1e-6), (12, 1e-9), (16, 1e-11)):
-        plan = lm.Plan(spins(n), lm.Taylor(order), rtol=rtol, atol=rtol)
-        run = plan.run(spins(n).state(mu=directions(n)), t_end=3.0, t_eval=times)
-        assert run.compiled and run.rejected == 0 and np.array_equal(run.t, times)
-        assert 1e-3 * rtol < np.abs(run.mu - right).max() < 30.0 * rtol
+    plan = lm.Plan(spins(n), lm.Taylor(order), rtol=rtol, atol=rtol)
+    run = plan.run(spins(n).state(mu=directions(n)), t_end=3.0, t_eval=times)
+    assert run.compiled and run.rejected == 0 and np.array_equal(run.t, times)
+    assert 1e-3 * rtol < np.abs(run.mu - right).max() < 30.0 * rtol
 
 
 @native
@@ -136,12 +175,12 @@ def test_adaptive_bits(only_sites: None, monkeypatch: pytest.MonkeyPatch) -> Non
 def test_events_and_going_on() -> None:
     n = 60
     plan = lm.Plan(
-        spins(n), lm.Taylor(10), rtol=1e-10, atol=1e-10,
+        spins(n), lm.Taylor(6), rtol=1e-8, atol=1e-8,
         record=[("spin", lambda t, site: site.mu)], events=[lambda t, total: t - 0.7],
     )  # fmt: skip
     run = plan.run(spins(n).state(mu=directions(n)), t_end=1.0)
     assert run.events[0][0] == pytest.approx([0.7], abs=1e-12)
-    bare = lm.Plan(spins(n), lm.Taylor(10), rtol=1e-10, atol=1e-10)
+    bare = lm.Plan(spins(n), lm.Taylor(6), rtol=1e-8, atol=1e-8)
     first = bare.run(spins(n).state(mu=directions(n)), t_end=0.6)
     rest = bare.resume(first, t_end=1.0)
-    assert np.abs(rest.mu[-1] - exact(n, [1.0])[0]).max() < 1e-9
+    assert np.abs(rest.mu[-1] - exact(n, [1.0])[0]).max() < 1e-7
