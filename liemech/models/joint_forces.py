@@ -395,14 +395,33 @@ class LinkageForce(Force):
             return xi
         return vec(*[rate for one in self.at_joints for rate in rates_of(one.joint, g, xi)])
 
-    def at_rates(self, t: float, rates: Vec, g: Any) -> Vec:
-        """The sum at these rates."""
+    @property
+    def by_rate(self) -> bool:
+        """Without a load of the user's."""
+        return self.other is None
+
+    def efforts(self, t: float, rates: Vec, g: Any) -> Vec:
+        """The torques or forces along all motions of the joints."""
+        found: list[Any] = []
+        for one in self.at_joints:
+            begin = len(found)
+            found = [*found, *one.efforts(t, g, rates[begin : begin + one.joint.freedoms])]
+        return vec(*found)
+
+    def spread(self, t: float, efforts: Vec, g: Any) -> Vec:
+        """The forces on all bodies by them."""
         pushes: list[Any] = []
         begin = 0
         for one in self.at_joints:
-            own = rates[begin : begin + one.joint.freedoms]
-            if self.other is not None:
-                own = rates_of(one.joint, g, rates)
-            pushes, begin = [*pushes, one.push(t, g, own)], begin + one.joint.freedoms
-        total = pushed(pushes, len(g) // 16 * 6)
-        return total if self.other is None else total + self.other.covector(t, rates, g)
+            end = begin + one.joint.freedoms
+            motions = one.joint.at_time(t).motions(*both(one.joint, g))
+            pushes, begin = [*pushes, (one.joint, motions, efforts[begin:end])], end
+        return pushed(pushes, len(g) // 16 * 6)
+
+    def at_rates(self, t: float, rates: Vec, g: Any) -> Vec:
+        """The sum at these rates."""
+        if self.other is None:
+            return self.spread(t, self.efforts(t, rates, g), g)
+        own = vec(*[x for one in self.at_joints for x in rates_of(one.joint, g, rates)])
+        total = self.spread(t, self.efforts(t, own, g), g)
+        return total + self.other.covector(t, rates, g)

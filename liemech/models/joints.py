@@ -49,6 +49,7 @@ class Joint(Record):
     conditions: ClassVar[int]
     freedoms: ClassVar[int] = 0
     turns: ClassVar[bool] = True
+    geared: ClassVar[bool] = False  # may a rotor turn with its coordinate?
 
     first: int
     second: int | None
@@ -68,6 +69,9 @@ class Joint(Record):
                     f"{name}: {what} is the number of a body, 0 or more "
                     f"(second: None is the ground); got {number!r}"
                 )
+        armature = getattr(self, "armature", 0.0)
+        if not 0.0 <= armature < np.inf:
+            raise InvalidInput(f"{name}: armature must be 0 or more; got {armature!r}")
         if self.first == self.second:
             raise InvalidInput(
                 f"{name}: a joint holds two bodies together; first and second are both {self.first}"
@@ -176,17 +180,22 @@ class RevoluteJoint(Joint):
     (3,), of any length.
     Its angle is 0 where the vectors `across` the axes are parallel: if both axes have the same
     numbers, where both frames are parallel.
+    armature : A, in kg m^2, the inertia of a motor's rotor as the joint feels it, that about its own
+    axis times the gear ratio squared; the kinetic energy has A q'^2/2 more.
 
-    Source: Nikravesh (1988), section 7.2.
+    Source: Nikravesh (1988), section 7.2; Featherstone, Rigid Body Dynamics Algorithms (2008),
+    section 9.6 (rotors behind gears).
     """
 
     conditions: ClassVar[int] = 5
     freedoms: ClassVar[int] = 1
+    geared: ClassVar[bool] = True
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
     axis_first: Vec = AXES[2]
     axis_second: Vec = AXES[2]
+    armature: float = field(default=0.0, kw_only=True, repr=False)
 
     def value(self, g: Mat, k: Mat) -> Vec:
         """x_1 - x_2, and the components of axis 2 across axis 1."""
@@ -282,6 +291,7 @@ class PrismaticJoint(Joint):
     first body, (3,).  Both bodies have parallel axes when they are mounted; `attitude` is the
     rotation from the second body to the first, (3, 3), if they have not.  Its coordinate is the
     shift of the first body's point along the axis.
+    armature : A, in kg, the inertia of a motor's rotor as the slider feels it.
 
     Source: Nikravesh (1988), section 7.2 (translational joint).
     """
@@ -289,11 +299,13 @@ class PrismaticJoint(Joint):
     conditions: ClassVar[int] = 5
     freedoms: ClassVar[int] = 1
     turns: ClassVar[bool] = False
+    geared: ClassVar[bool] = True
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
     axis: Vec = AXES[2]
     attitude: Mat = mat(*AXES)
+    armature: float = field(default=0.0, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -603,6 +615,48 @@ class Joints(Constraint):
 
 
 REST6 = vec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@record
+class WithRotors(Constraint):
+    """The conditions of joints and, behind them, the coordinates along which rotors turn with joints: by their
+    impulses momentum goes to the rotors, A q'' = lam.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 9.6.
+    """
+
+    held: Joints
+    rotors: tuple[Any, ...]
+
+    @property
+    def yields(self) -> tuple[Any, ...]:
+        """1/A of each condition; 0 of those of joints."""
+        hard = sum([len(kept) for _, kept in self.held.counted])
+        return (*[0.0] * hard, *[1.0 / joint.armature for joint in self.rotors])
+
+    def value(self, g: Vec) -> Vec:
+        """The conditions, and the coordinates."""
+        return vec(
+            *self.held.value(g), *[joint.coordinates(*both(joint, g))[0] for joint in self.rotors]
+        )
+
+    def rows(self, group: LieGroup, g: Vec) -> Rows:
+        """Those of the joints, and those of the motions."""
+        return (*self.held.rows(group, g), *[_motion(joint, g) for joint in self.rotors])
+
+    def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
+        """The two bodies of each joint, or the one."""
+        mine = tuple([
+            (joint.first,) if joint.second is None else (joint.first, joint.second)
+            for joint in self.rotors
+        ])  # fmt: skip
+        return (*self.held.touches(group, conditions), *mine)
+
+
+def _motion(joint: Joint, g: Vec) -> tuple[Any, ...]:
+    """The row of the motion that a joint leaves."""
+    (row,) = joint.motions(*both(joint, g))
+    return (row[0],) if joint.second is None else (row[0], row[1])
 
 
 def some(items: Any, numbers: Any) -> list[Any]:

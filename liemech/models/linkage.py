@@ -31,9 +31,11 @@ from .joint_forces import (
     JointPotential,
     LinkageForce,
     LinkagePotential,
+    pushed,
+    rates_of,
 )
 from .joint_motion import JointAngle, JointMotion, LinkMotion
-from .joints import BallJoint, Joint, Joints, RevoluteJoint
+from .joints import BallJoint, Joint, Joints, RevoluteJoint, WithRotors, both
 from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
 from .mounting import (
@@ -120,6 +122,7 @@ class Linkage(ConstrainedBody):
 
     body: Any = field(init=False, repr=False)
     constraint: Joints = field(init=False, repr=False)
+    rotors: tuple[int, ...] = field(init=False, repr=False)
     links: tuple[Any, ...]
     joints: tuple[Any, ...]
     gravity: float = 9.80665
@@ -171,6 +174,8 @@ class Linkage(ConstrainedBody):
         object.__setattr__(self, "joints", joints)
         joints = self._moved()
         object.__setattr__(self, "joints", joints)
+        heavy = [j for j, one in enumerate(joints) if one.geared and one.armature > 0.0]
+        object.__setattr__(self, "rotors", tuple(heavy))
         springs, others = self._at_joints()
         group = ProductGroup(*[SE3()] * len(links))
         free = LiePoissonSystem(group, KineticEnergy(_inertia(links)))
@@ -227,6 +232,39 @@ class Linkage(ConstrainedBody):
     def rheonomic(self) -> bool:
         """Are motions of joints given?"""
         return len(self.motions) > 0
+
+    @property
+    def geared(self) -> bool:
+        """Do rotors turn with joints?"""
+        return len(self.rotors) > 0
+
+    @property
+    def _rotors(self) -> tuple[Any, ...]:
+        """The joints that have an armature."""
+        return tuple([self.joints[i] for i in self.rotors])
+
+    @cached_property
+    def _with_rotors(self) -> ConstrainedBody:
+        """The bodies with the conditions by which rotors turn with joints, for accelerations."""
+        return ConstrainedBody(self.body, WithRotors(self.constraint, self._rotors))
+
+    def energy(self, mu: Vec, g: Element) -> float:
+        """H(mu) + V(g), and A q'^2/2 of rotors.  mu : (6 N,), g : (16 N,)."""
+        total, xi = self.body.energy(mu, g), self.velocity(mu)
+        for joint in self._rotors:
+            rate = rates_of(joint, g, xi)[0]
+            total = total + 0.5 * joint.armature * rate * rate
+        return total
+
+    def multipliers(self, mu: Vec, g: Element, t: float = 0.0) -> Vec:
+        """The multipliers of the conditions, as of a ConstrainedBody, with rotors that are sped up too."""
+        if not self.geared:
+            return super().multipliers(mu, g, t)
+        return self._with_rotors.multipliers(mu, g, t)[: self.conditions]
+
+    def rate(self, t: float, state: BodyState) -> Vec:
+        """The velocity on T*G, by index reduction, with rotors that are sped up too."""
+        return self._with_rotors.rate(t, state) if self.geared else super().rate(t, state)
 
     def at_time(self, t: float) -> Linkage:
         """The linkage with given motions as they are at time t, to be looked at."""
@@ -345,7 +383,7 @@ class Linkage(ConstrainedBody):
     @property
     def site_form(self) -> Links | None:
         """That of many bodies, and of those in a given motion."""
-        many = 6 * len(self.links) > self.small or self.rheonomic
+        many = 6 * len(self.links) > self.small or self.rheonomic or self.geared
         return self.linked.links if many else None
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
@@ -586,6 +624,12 @@ class Linkage(ConstrainedBody):
         """Angular momentum about the origin and linear momentum of all bodies together, seen from
         space, (..., 6).
         """
+        mu, g = np.asarray(mu), np.asarray(g)
+        for joint in self._rotors:
+            push = joint.armature * rates_of(joint, g, self.velocity(mu))
+            mu = mu + np.asarray(
+                pushed([(joint, joint.motions(*both(joint, g)), push)], mu.shape[-1])
+            )
         m = np.asarray(self.spatial_momentum(mu, g))
         return m.reshape(*m.shape[:-1], len(self.links), 6).sum(axis=-2)
 

@@ -20,7 +20,7 @@ from ..formulas.tables import Table, of_whole
 from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import BLOCKS, Links, Rows
 from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
-from .joint_forces import AtJoint
+from .joint_forces import AtJoint, seen_about
 from .joints import REST6
 
 EIGHT = 8
@@ -91,6 +91,36 @@ class LinkedJoint(Record):
         return total
 
 
+@record
+class GearedJoint(LinkedJoint):
+    """A joint of a linkage of which some have rotors: behind its conditions stands its coordinate.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 9.6.
+    """
+
+    def rows(self, g: Mat, k: Mat, most: int, freedoms: int) -> tuple[list[Vec], list[Vec]]:
+        """Those of conditions, of the coordinate, and of motions along which loads act."""
+        found, motions = self.joint.rows(g, k), ()  # type: Any, Any
+        if self.joint.geared or (freedoms > 0 and len(self.loads) > 0):
+            motions = self.joint.motions(g, k)
+        moving = motions if freedoms > 0 and len(self.loads) > 0 else ()
+        turning = motions if self.joint.geared else ()
+        sides: list[Any] = []
+        for side in range(2):
+            own = filled([row[side] for row in found], most - 1, REST6)
+            last = filled([row[side] for row in turning], 1, REST6)
+            others = filled([row[side] for row in moving], freedoms, REST6)
+            sides = [*sides, [*own, *last, *others]]
+        return sides[0], sides[1]
+
+    def turned(self, g: Mat, k: Mat, q: float) -> float:
+        """How far the coordinate is from q, an angle within half a turn."""
+        if not self.joint.geared:
+            return 0.0
+        far = self.joint.coordinates(g, k) - vec(q)
+        return seen_about(far, 0.0)[0] if self.joint.turns else far[0]
+
+
 def filled(some: list[Any], count: int, blank: Any) -> list[Any]:
     """Some values, and blanks up to so many."""
     return [*some, *[blank for _ in range(count - len(some))]]
@@ -137,13 +167,15 @@ def linked(linkage: Any) -> LinkedForm:
             number = next(j for j, (joint, _) in enumerate(counted) if joint is one.joint)
             acting[number][which] = tuple(replace(force, joint=0) for force in one.forces)
     ends = [(joint.first, -1 if joint.second is None else joint.second) for joint, _ in counted]
+    geared: bool = getattr(given, "geared", False)
+    made: Any = GearedJoint if geared else LinkedJoint
     joints = [
-        LinkedJoint(replace(joint, first=0, second=1, name=None), *some)
+        made(replace(joint, first=0, second=1, name=None), *some)
         for (joint, _), some in zip(counted, acting)
     ]
     layouts = [layout_of(joint) for joint in joints]
     kinds = tuple(dict.fromkeys(layouts))
-    most = max(joint.joint.conditions for joint in joints)
+    most = max(joint.joint.conditions for joint in joints) + int(geared)
     freedoms = max([joint.joint.freedoms for joint in joints if joint.loads], default=0)
     full = any(np.ndim(np.array(link.inertia)) == 2 for link in given.links)
     own = sum(kind.width for kind in kinds)
@@ -151,7 +183,15 @@ def linked(linkage: Any) -> LinkedForm:
     pushed = bent or any(one.loads for one in acts)
     moving = given.constraint.rheonomic
     rows = Rows.of(
-        full, most, freedoms, own, sum(kind.width for kind in fields), pushed, bent, moving
+        full,
+        most,
+        freedoms,
+        own,
+        sum(kind.width for kind in fields),
+        pushed,
+        bent,
+        moving,
+        geared,
     )
     places = EIGHT * -(-max(len(given.links), len(joints)) // EIGHT)
     fixed = np.zeros((rows.note, places))
@@ -178,6 +218,9 @@ def linked(linkage: Any) -> LinkedForm:
         head = [first, max(second, 0), float(second >= 0), kinds.index(layouts[j])]
         touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
         alive = [float(i in kept) for i in range(most)]
+        if geared:
+            heavy = getattr(joints[j].joint, "armature", 0.0)
+            alive = [*alive[:-1], float(heavy > 0.0), 1.0 / heavy if heavy > 0.0 else 0.0]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
         tie = ties.get(place, (ahead if ahead < padded(places) else 0, 0.0, 0.0, 0.0))
         ahead = tie[0] + 1  # so that lanes without a tie ask for what lies beside that of others
@@ -198,7 +241,7 @@ def linked(linkage: Any) -> LinkedForm:
     size = most + freedoms
     trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
     links = Links(
-        SE3(), kinds, fields, on_all, (), (), moving, rows, most, freedoms, full,
+        SE3(), kinds, fields, on_all, (), (), moving, geared, rows, most, freedoms, full,
         any(joint.springs for joint in joints), pushed, float(len(given.links)), float(len(joints)), trace, sides_of(ties),
         of_whole([len(more) // 3, *more]), *tables,
     )  # fmt: skip

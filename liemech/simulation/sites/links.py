@@ -61,7 +61,8 @@ def linked_method(plan: Any) -> RattleOfLinks | RkmkOfLinks | None:
     if isinstance(method, Composition):
         base, shares = method.base, zip(method.tableau.gamma, method.tableau.nodes)
     if type(base) is RKMK and base is method and base.tableau.explicit:
-        return rkmk_of(base, site) if ending is None and not site.rheonomic else None
+        special = site.rheonomic or site.geared
+        return rkmk_of(base, site) if ending is None and not special else None
     if not isinstance(base, (LieRATTLE, RATTLE)):
         return None
     retraction = base.retraction if isinstance(base, LieRATTLE) else Exponential()  # of points
