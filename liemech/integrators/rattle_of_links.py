@@ -982,7 +982,7 @@ def with_dial(system: Any, h: float, g: Mat, k: Mat, c: Any, work: Any) -> Any:
 
 
 def yielding(system: Any, h: float, blank: Any, work: Any) -> Vec:
-    """What is added to the diagonal of a block, with h/A of the rotor."""
+    """An addition to the diagonal of a block: the blanks, and h/A of the rotor."""
     if not system.geared:
         return vec(*blank)
     m, y = system.most, load(below(work, system.rows.yields), 0, NUMBER)
