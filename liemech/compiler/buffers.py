@@ -154,7 +154,8 @@ class SiteRows(Columns):
     def __init__(self, emitter: Emitter, pointer: ir.Value, count: ir.Value) -> None:
         b = emitter.builder
         groups = b.sdiv(b.add(count, I64(TOGETHER - 1)), I64(TOGETHER))
-        super().__init__(emitter, pointer, b.mul(b.or_(groups, I64(1)), I64(TOGETHER)))
+        step = b.mul(b.or_(groups, I64(1)), I64(TOGETHER))
+        super().__init__(emitter, pointer, I64(TOGETHER) if emitter.few else step)
         self.count = emitter.num([count])
 
     def at(self, row: Any) -> ir.Value:

@@ -42,7 +42,7 @@ class Emitter:
 
     def __init__(self, builder: ir.IRBuilder, lanes: int, width: int) -> None:
         self.builder = builder
-        self.lanes = lanes
+        self.lanes, self.few = lanes, False
         self.width = width if lanes % width == 0 else lanes
         self.vectors = {kind: ir.VectorType(t, self.width) for kind, t in TYPES.items()}
         self.packs = True  # do numbers of one body lie side by side in one register?

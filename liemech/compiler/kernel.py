@@ -499,6 +499,7 @@ def _translation(
     head, body, done = (function.append_basic_block(n) for n in ("head", "body", "done"))
     of_sites = "planes" in kinds  # one system, whose sites have the lanes
     emitter = Emitter(builder, 1 if of_sites else lanes, width())
+    emitter.few = of_sites and 1 < lanes < width()
     in_memory = any(isinstance(k, Layout) and _in_memory(k) for k in map(_layout, kinds))
     if in_memory:
         if lanes > 1:

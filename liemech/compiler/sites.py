@@ -215,6 +215,8 @@ class SiteLoops:
                 return b.add(first, b.mul(b.sdiv(b.mul(groups, place), count), I64(TOGETHER)))
 
             begin, end = share(begin), share(end)
+        if self.e.few:
+            begin, end = I64(0), I64(self.lanes)
         over.passes.append(Pass(b, begin, end))
 
     def _close(self, lanes: int | None = None) -> None:

@@ -100,6 +100,14 @@ class SE3Algebra(LieAlgebra):
         """1 - b ad + c ad^2 over dual numbers, b = (1 - cos th)/th^2, c = (th - sin th)/th^3."""
         return _series(xi, eta, *_dexp(xi))
 
+    def dexp_blocks(self, xi: Vec) -> tuple[Mat, Mat]:
+        """The matrix a + eps b = 1 - b hat + c hat^2 over dual numbers: dexp_xi = [[a, 0], [b, a]]."""
+        (w, v), ((k, c), (dk, dc)) = halves(xi), _dexp(xi)
+        a = plus(turn(k, c, w), 1.0)
+        # hat(w) hat(v) + hat(v) hat(w) = v w^T + w v^T - 2 w.v
+        both = c * (outer(v, w) + outer(w, v)) + SO3Algebra().hat(k * v)
+        return a, plus(turn(dk, dc, w) + both, -2.0 * (c * dot(w, v)))
+
     def dexp_dual(self, xi: Vec, mu: Vec) -> Vec:
         """1 + b ad + c ad^2 on P + eps Pi."""
         return _series_dual(xi, mu, *_dexp(xi))

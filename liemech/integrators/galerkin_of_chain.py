@@ -106,6 +106,7 @@ class GalerkinOfChain(Record):
     name: str = ""
 
     together: ClassVar[bool] = True
+    settles: ClassVar[bool] = False
     symmetric: ClassVar[bool] = True
 
     def __repr__(self) -> str:

@@ -75,6 +75,7 @@ class Method(Record):
         return repr(self)
 
     together: ClassVar[bool] = False  # does it step all sites of a system at once, not one by one?
+    settles: ClassVar[bool] = False  # is what is shown of all sites found where it is looked at?
 
     def step(self, system: Any, t: float, state: Any, h: float) -> Any:
         """The state after one step of length h from time t: a formula, without side effects."""

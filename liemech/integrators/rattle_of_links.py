@@ -35,12 +35,13 @@ from ..formulas import (
 from ..formulas.pytree import Layout, carried_layout, fitted, layout_of, with_fields
 from ..formulas.tables import entry, whole
 from ..groups.lie_group import LieGroup
+from ..retractions import Exponential
 from ..solvers import NOISE, TOLERANCE, slope_beside
 from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System
 from ..systems.tabulated import during, inputs, jump_ahead
-from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, carried, eliminated
+from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, eliminated
 from .memory import extrapolated, followed, repeated
 from .solvability import CONTRACTION, INFINITY, SHORTEST
 from .variational import momentum_slope, with_inertia
@@ -81,9 +82,10 @@ class Rows(Record):
     along: the row with which they begin.
 
     Fixed are: inertia and its inverse, weight, `ends` of a joint (first and second body, is there a
-    second one, the kind), `alive` (which conditions count), `yields` (1/A of its rotor), `touch` (of a body
-    a joint of which it is the first one, a joint of which it is the second one, each with 1, or 0 if there
-    is none), `tie` (of a joint another one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
+    second one, the kind), `alive` (which conditions count), `yields` (1/A of its rotor), `beside` (are the
+    first and the second body no hubs?), `touch` (of a body a joint of which it is the
+    first one, a joint of which it is the second one, each with 1, or 0 if there is none), `tie` (of a joint
+    another one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
     is none), `own` (the parameters of a joint of each
     kind: the joint itself, or the first of a kind that it is not, so that formulas have numbers),
     `acting` and `on` (the kind of what acts on a body, and its parameters, likewise).
@@ -95,6 +97,7 @@ class Rows(Record):
     ends: int
     alive: int
     yields: int
+    beside: int
     touch: int
     tie: int
     own: int
@@ -140,16 +143,16 @@ class Rows(Record):
     @classmethod
     def of(
         cls, full: bool, most: int, freedoms: int, own: int, on: int, pushed: bool, bent: bool,
-        moving: bool, geared: bool = False,
+        moving: bool, hubs: bool, geared: bool = False,
     ) -> Rows:  # fmt: skip
         """Those of inertias that are matrices, or not; so many conditions and coordinates of a
         joint, and numbers of its own; of what acts on a body, whether there are loads on bodies, and
-        one on all of them by one formula; of joints in a given motion, of rotors.
+        one on all of them by one formula; of joints in a given motion; of hubs; of rotors.
         """
         n, J, w = most + freedoms, 36 if full else 6, 6 if pushed else 0
         widths = dict(
-            inertia=J, inverse=J, weight=1, ends=4, alive=most,
-            yields=int(geared), touch=4, tie=4, own=own, acting=1,
+            inertia=J, inverse=J, weight=1, ends=4, alive=most, yields=int(geared),
+            beside=2 if hubs else 0, touch=4, tie=4, own=own, acting=1,
             on=on, note=3, force=6, pull=6,
             held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
@@ -175,11 +178,13 @@ class Links(System):
     length of the step that tables see, if they jump.  clock : the time that joints in a given motion see; rheonomic : are
     there any?  geared : do rotors turn with joints?  most, freedoms : conditions of a joint, at most, and
     coordinates that loads act along.  full : are inertias matrices?
-    bodies, joints : how many.  sides : on which of the two sides of joints the body of a `tie` is,
+    bodies, joints, nodes : how many; of nodes, that are eliminated, each joint is one, and behind them each
+    of the `parts` of the motion of a hub.  sides : on which of the two sides of joints the body of a `tie` is,
     of the one and of the other joint, where it is the same for all of them; else -1.
     more : how many sides of joints there are beside `touch`; of each the body, the joint, the side.
-    couplings : pairs of joints that a body ties together, beside `tie`, with the sides on which it is,
-    and the block.  pivots, belows, updates : what elimination does, see `order_of`.  places : in a row.
+    borders : joints at hubs, with the blocks.  couplings : pairs of joints that a body ties together,
+    beside `tie`, with the sides on which it is, and the block.  pivots, belows, updates : what elimination
+    does, see `tables_of`.
     """
 
     group: LieGroup
@@ -198,9 +203,12 @@ class Links(System):
     pushed: bool
     bodies: float
     joints: float
+    nodes: float
+    parts: int
     trace: float
     sides: tuple[int, int]
     more: Any
+    borders: Any
     couplings: Any
     pivots: Any
     belows: Any
@@ -304,6 +312,11 @@ def first_jump(one: Any, t: float, to: float, every: bool) -> float:
     return to
 
 
+READY, BROKEN = 1.0, 2.0
+"""In `note`: field, velocity and rows are those of the state; or of none, because a step was given up.  Zero
+at the start of a run, when what is shown is the state itself.
+"""
+
 BLOCKS = 3
 """Blocks of a place: that of its joint, and two of the tie to another one."""
 
@@ -314,17 +327,26 @@ ENDS, TOUCH = carried_layout((0, 0, 0.0, 0)), carried_layout((0, 0.0, 0, 0.0))
 
 @record
 class LinkMemory(Record):
-    """Numbers that steps carry along for the body and the joint of one place: the state, and for every
-    substep the last three displacements and impulses.
+    """Numbers that steps carry along for the body and the joint of one place: the state, for every
+    substep the last three displacements and impulses, and the state that is shown, whose momentum is
+    on the constraint, if it is another one.
     """
 
     state: Any
     pasts: tuple[Any, ...]
+    shown: Any = ()
 
 
 @record
 class RattleOfLinks(Record):
     """LieRATTLE, or a composition of it, of many bodies and joints.
+
+    The impulse -G* l' that ends a step and the one that begins the next, -G* l, act at one place, and
+    what follows depends on their sum alone.  So steps without loads go from mu_i + G* l' with l + l' as
+    unknowns, and l' is found where a state is looked at.
+
+    Source: Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., VII.1.4 (SHAKE and RATTLE);
+    Leimkuhler and Skeel, J. Comput. Phys. 112 (1994), 117.
 
     shares : of the substeps, each with its node.  substeps, stages : how many there are.  ending :
     where steps are cut at jumps of inputs, as an EndingAtJumps has it; None: nowhere.
@@ -339,6 +361,7 @@ class RattleOfLinks(Record):
     ending: Any = None
 
     together: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     symmetric: ClassVar[bool] = True
 
     def __repr__(self) -> str:
@@ -347,11 +370,37 @@ class RattleOfLinks(Record):
     def start(self, system: Any, state: Any, h: float) -> LinkMemory:
         """A state, with pasts that are still to come: zeros."""
         none = vec(*[0.0] * (6 + self.most))
-        return LinkMemory(state, (repeated(none),) * self.stages)
+        return LinkMemory(state, (repeated(none),) * self.stages, state)
 
     def observe(self, memory: LinkMemory) -> Any:
-        """The state."""
-        return memory.state
+        """The state, once it is settled."""
+        return memory.shown
+
+    def settle(self, system: Any, t: float, sites: Any, here: int, memory: Layout) -> None:
+        """Find what is shown of the state to which steps have led: its momentum without what leads off
+        the constraint, mu - G* l' with G J^-1 (mu - G* l') = 0.  Steps go on as if nobody had looked.
+        """
+        (state, pasts, _), rows, n = memory.parts, system.rows, system.most
+        work, place = below(sites, 2 * memory.width), below(sites, here * memory.width)
+        shown = below(place, state.width + pasts.width)
+        if system.loaded:
+            each(sites, shown_as_it_is, place, shown, state)
+        elif at(below(work, rows.note), 0, 2, NUMBER) == READY:
+            each(sites, excess_of, system, work)
+            each(sites, tied, system, rows.first, n, work)
+            coupled(system, work, rows.first, 1.0, n)
+            factored(system, work, 1.0, n)
+            solved(system, work, n)
+            each(sites, wrench_of_impulses, system, work)
+            scattered(system, work)
+            each(sites, shown_on_the_constraint, system, place, shown, work, state)
+
+    def settle_anew(self, system: Any, t: float, sites: Any, here: int, memory: Layout) -> None:
+        """As `settle`, where a step was given up that had begun to write down the next field."""
+        work, place = below(sites, 2 * memory.width), below(sites, here * memory.width)
+        self.field(system, t, 0.0, sites, place, place, work, memory.parts[0])
+        put(below(work, system.rows.note), 0, 2, READY, NUMBER)
+        self.settle(system, t, sites, here, memory)
 
     # ---------------------------------------------------------------- a step
 
@@ -400,13 +449,13 @@ class RattleOfLinks(Record):
         work: Any, state: Layout,
     ) -> None:  # fmt: skip
         """One step of LieRATTLE: in the first turn, at the start of a run, the field alone; in the
-        second the displacement, in the third what leads off the constraint.
+        second the displacement, in the third, under loads, what leads off the constraint.
 
         begun, there : the rows of the state before it, and of the one to which it leads.
         """
         ready, old, new = below(work, system.rows.note), below(sites, begun), below(sites, there)
-        turn = 1 if at(ready, 0, 2, NUMBER) == 1.0 else 0
-        put(ready, 0, 2, 0.0, NUMBER)
+        state_of_work = at(ready, 0, 2, NUMBER)
+        turn = 1 if state_of_work == READY else 0
         while turn < 3:
             if system.loaded and turn > 0:
                 before = below(sites, begun if turn == 1 else there)
@@ -415,70 +464,66 @@ class RattleOfLinks(Record):
                 each(sites, dial_here, system, old, work, state)
             if turn == 1:
                 each(sites, guessed, system, h, old, past, s, work, state)
-            if turn == 1 or (turn > 0 and not system.loaded):
-                self.solve(system, t, turn, h, sites, old, work, state)
-            if turn == 1 and system.geared:
-                each(sites, dial_there, system, work)
-            if turn == 1:
+                self.solve(system, t, h, sites, old, work, state)
+                if system.geared:
+                    each(sites, dial_there, system, work)
                 each(sites, moved_body, system, self.retraction, h, old, new, work, state)
+                put(ready, 0, 2, where(state_of_work == 0.0, 0.0, BROKEN), NUMBER)
             if turn < 2:
-                seen = below(sites, begun if turn == 0 else there)
-                now = system.at_time(t + h * float(turn))
-                each(sites, joints_here, now, seen, work, state)
-                scattered(system, work)
-                if system.on_all is not None and system.on_all.potential is not None:
-                    pulled_together(system, seen, work, state)
-                each(sites, kicked, system, 0.5 * h * float(turn), seen, new, work, state)
+                seen, k = below(sites, begun if turn == 0 else there), h * float(turn)
+                self.field(system, t + k, 0.5 * k, sites, seen, new, work, state)
             turn = turn + 1
         each(sites, ended, system, past, new, s, work, state)
-        put(ready, 0, 2, 1.0, NUMBER)
+        put(ready, 0, 2, READY, NUMBER)
+
+    def field(
+        self,
+        system: Any,
+        t: float,
+        h: float,
+        sites: Any,
+        seen: Any,
+        new: Any,
+        work: Any,
+        state: Layout,
+    ) -> None:
+        """The field at a state, the one after a kick h by it, its velocity, and the rows of joints."""
+        each(sites, joints_here, system.at_time(t), seen, work, state)
+        scattered(system, work)
+        if system.on_all is not None and system.on_all.potential is not None:
+            pulled_together(system, seen, work, state)
+        each(sites, kicked, system, h, seen, new, work, state)
 
     def solve(
-        self, system: Any, t: float, turn: int, h: float, sites: Any, old: Any, work: Any,
-        state: Layout,
-    ) -> None:  # fmt: skip
-        """In turn 1 displacements and impulses: the solution that grows out of zero with h, as
-        `LieRATTLE` finds it.  While corrections are small the derivative is that of the first of
-        them.  In turn 2 the impulses that take away what leads off the constraint.
+        self, system: Any, t: float, h: float, sites: Any, old: Any, work: Any, state: Layout
+    ) -> None:
+        """Displacements and impulses: the solution that grows out of zero with h, as `LieRATTLE` finds it.
+        While corrections are small the derivative is that of the first of them.
         """
-        rows, retraction = system.rows, self.retraction
+        rows, retraction, n = system.rows, self.retraction, system.most
         reached, piece, part, tried, bad = 0.0, 1.0, 1.0, 0.0, -1.0
         while True:
-            if turn == 1:
-                each(sites, wrench_of_unknown, system, work)
-                scattered(system, work)
-                each(sites, held_by_unknown, system, work)
+            each(sites, wrench_of_unknown, system, work)
+            scattered(system, work)
+            each(sites, held_by_unknown, system, work)
             before, anew, done, inside = INFINITY, True, False, False
             while True:
                 k = part * h
-                if not system.loaded and turn == 2:
-                    each(sites, excess_of, system, work)
-                elif anew:
+                now = system.at_time(t + k)
+                if anew:
+                    sign = 1.0 if h > 0.0 else -1.0
                     each(sites, correction_of_body, system, retraction, k, old, work, state)
-                    each(
-                        sites,
-                        correction_of_joint,
-                        system.at_time(t + k),
-                        1.0 if h > 0.0 else -1.0,
-                        k,
-                        work,
-                    )
+                    each(sites, correction_of_joint, now, sign, k, work)
+                    each(sites, tied, system, rows.first_there, n, work)
+                    coupled(system, work, rows.first_there, sign, n)
+                    bad = factored(system, work, h, n)
                 else:
                     each(sites, mismatch_of_body, system, retraction, k, old, work, state)
-                    each(sites, mismatch_of_joint, system.at_time(t + k), k, work)
-                if anew:
-                    there, sign = rows.first_there if turn == 1 else rows.first, 1.0
-                    if turn == 1:
-                        sign = h
-                    each(sites, tied, system, there, system.most, work)
-                    coupled(system, work, there, system.most)
-                    bad = factored(system, work, sign, system.most)
-                solved(system, work, system.most)
+                    each(sites, mismatch_of_joint, now, k, work)
+                    eliminated_again(system, work, n)
+                solved(system, work, n)
                 each(sites, wrench_of_impulses, system, work)
                 scattered(system, work)
-                if turn == 2:
-                    reached = 1.0
-                    break
                 each(sites, corrected, system, retraction, work)
                 length, whole, size, upright, inside = summed(system, work)
                 tried = tried + 1.0
@@ -492,9 +537,9 @@ class RattleOfLinks(Record):
                 before, anew = length, length > NEAR * whole
                 if done or not good or not tried < MOST:
                     break
-            if turn == 2 or (done and inside):
+            if done and inside:
                 reached, piece = part, 2.0 * piece
-                if turn == 1 and reached < 1.0:
+                if reached < 1.0:
                     each(sites, sloped, system, 1.0 / part, work)
             else:
                 piece = 0.5 * piece
@@ -550,10 +595,11 @@ class RattleOfLinks(Record):
             if system.pushed or tried == 0 or (system.freedoms > 0 and bends(system, work)):
                 each(sites, excess_of_rates, system, work)
                 each(sites, tied, system, rows.first, n, work)
-                coupled(system, work, rows.first, n)
+                coupled(system, work, rows.first, 1.0, n)
                 factored(system, work, 1.0, n)
             else:
                 each(sites, excess_again, system, work)
+                eliminated_again(system, work, n)
             solved(system, work, n)
             each(sites, wrench_of_corrections, system, work)
             scattered(system, work)
@@ -742,17 +788,54 @@ def correction_of_body(
     rate = 1.0 / h
     r, by_p, by_x = retraction.residual(group, x, times(J, rate * x), momentum)
     A = with_inertia(by_x, momentum_slope(by_p, rate * J))
-    pushes = [carried(retraction, group, x, by_p, unit) for unit in UNITS]
-    columns, upright = eliminated(A, [r, *pushes], h)
-    ends = [retraction.dtau(group, x, column) for column in columns]
+    inverse, same, _ = inverted(A, REST6, h)
+    free, answer, moved = inverse @ r, *answers(retraction, group, x, by_p, inverse)
     told = below(work, rows.told)
-    save(below(work, rows.free), 0, columns[0], SIX)
-    save(below(work, rows.answer), 0, mat(*columns[1:]), BLOCK)
-    save(below(work, rows.led), 0, ends[0], SIX)
-    save(below(work, rows.moved), 0, mat(*ends[1:]), BLOCK)
+    save(below(work, rows.free), 0, free, SIX)
+    save(below(work, rows.answer), 0, answer, BLOCK)
+    save(below(work, rows.led), 0, retraction.dtau(group, x, free), SIX)
+    save(below(work, rows.moved), 0, moved, BLOCK)
     save(below(work, rows.pose), 0, retraction.compose_tau(group, g, x), POSE)
-    save(told, 3, where(upright, 1.0, 0.0), NUMBER)
+    save(told, 3, same, NUMBER)
     save(told, 4, largest([a for row in g for a in row]), NUMBER)
+
+
+def answers(retraction: Any, group: Any, x: Vec, by_p: Any, inverse: Mat) -> tuple[Mat, Mat]:
+    """A^-1 B with B = by_p (dtau_-x)*, and dtau_x A^-1 B, by columns, in blocks of three."""
+    a, b, c = dtau_blocks(retraction, group, x)
+    d, e, f = [transpose(block) for block in dtau_blocks(retraction, group, -x)]
+    p, q, r, s = quarters(inverse @ by_p if isinstance(by_p, vectors.Mat) else by_p * inverse)
+    top, corner = p @ d, p @ e + q @ f
+    low, last = r @ d, r @ e + s @ f
+    moved = a @ top, a @ corner, b @ top + c @ low, b @ corner + c @ last
+    return transpose(of_quarters(top, corner, low, last)), transpose(of_quarters(*moved))
+
+
+def dtau_blocks(retraction: Any, group: Any, x: Vec) -> tuple[Mat, Mat, Mat]:
+    """The blocks a, b, c of dtau_x = [[a, 0], [b, c]] on SE(3): a displacement turns nothing."""
+    if type(retraction) is Exponential:
+        a, b = group.algebra.dexp_blocks(x)
+        return a, b, a
+    columns = [retraction.dtau(group, x, unit) for unit in UNITS]
+    a, b, c = (
+        [column[:3] for column in columns[:3]],
+        [column[3:] for column in columns[:3]],
+        [column[3:] for column in columns[3:]],
+    )
+    return transpose(mat(*a)), transpose(mat(*b)), transpose(mat(*c))
+
+
+def quarters(m: Mat) -> tuple[Mat, Mat, Mat, Mat]:
+    """The blocks A, B, C, D of [[A, B], [C, D]], of which A is of three rows and columns."""
+    return (
+        mat(*[row[:3] for row in m[:3]]), mat(*[row[3:] for row in m[:3]]),
+        mat(*[row[:3] for row in m[3:]]), mat(*[row[3:] for row in m[3:]]),
+    )  # fmt: skip
+
+
+def of_quarters(A: Mat, B: Mat, C: Mat, D: Mat) -> Mat:
+    """[[A, B], [C, D]]."""
+    return mat(*[vec(*a, *b) for a, b in zip(A, B)], *[vec(*c, *d) for c, d in zip(C, D)])
 
 
 def mismatch_of_body(
@@ -867,9 +950,8 @@ def weight_of(system: Any, work: Any, g: Any) -> Vec:
 
 
 def ended(system: Any, pasts: Any, place: Any, s: int, work: Any, state: Layout) -> None:
-    """The momentum without what leads off the constraint, and the past with this step."""
-    rows, one, layout = system.rows, load(place, 0, state), vector(6 + system.most)
-    mu = one.mu - pull_on(system, work)
+    """The past with this step; under loads the momentum without what leads off the constraint."""
+    rows, layout = system.rows, vector(6 + system.most)
     unknown = load(below(work, rows.unknown), 0, layout)
     past = [load(pasts, 3 * s + i, layout) for i in range(3)]
     fresh = nothing(past)
@@ -877,9 +959,27 @@ def ended(system: Any, pasts: Any, place: Any, s: int, work: Any, state: Layout)
         vec(*[where(fresh, a, b) for a, b in zip(unknown, y)])
         for y in followed(tuple(past), unknown)
     ]
-    save(place, 0, fitted(BodyState(mu, one.g), state), state)
+    if system.loaded:
+        on = on_the_constraint(system, load(place, 0, state), work)
+        save(place, 0, fitted(on, state), state)
     for i in range(3):
         save(below(place, state.width), 3 * s + i, new[i], layout)
+
+
+def on_the_constraint(system: Any, one: BodyState, work: Any) -> BodyState:
+    """The state of a body without the momentum that leads off the constraint."""
+    return BodyState(one.mu - pull_on(system, work), one.g)
+
+
+def shown_on_the_constraint(system: Any, place: Any, shown: Any, work: Any, state: Layout) -> None:
+    """A body as it is shown."""
+    on = on_the_constraint(system, load(place, 0, state), work)
+    save(shown, 0, fitted(on, state), state)
+
+
+def shown_as_it_is(place: Any, shown: Any, state: Layout) -> None:
+    """A body whose momentum is on the constraint, as it is shown."""
+    save(shown, 0, load(place, 0, state), state)
 
 
 # ------------------------------------------------------------------ formulas of one joint
@@ -1040,11 +1140,14 @@ def save_pushed(system: Any, work: Any, pushed: Any, there: Any, blank: Vec, n: 
     """The answers to the impulses of a joint, and its own block; `blank` is added to its diagonal,
     for conditions that do not count.
     """
-    rows = system.rows
+    rows, sides = system.rows, there
+    if system.parts > 0:
+        beside = load(below(work, rows.beside), 0, vector(2))
+        sides = [[x * row for row in side] for x, side in zip(beside, there)]
     block = [
         vec(*[dot(a, p) + dot(b, q) + (blank[i] if i == j else 0.0)
               for j, (p, q) in enumerate(zip(*pushed))])
-        for i, (a, b) in enumerate(zip(*there))
+        for i, (a, b) in enumerate(zip(*sides))
     ]  # fmt: skip
     for place, side in zip((rows.first_pushed, rows.second_pushed), pushed):
         save(below(work, place), 0, mat(*side), matrix(n, 6))
@@ -1323,39 +1426,80 @@ def scattered(system: Any, work: Any) -> None:
         put(pull, body, 0, at(pull, body, 0, SIX) + at(wrench, j, side, SIX), SIX)
 
 
-def coupled(system: Any, work: Any, begins: int, n: int) -> None:
+def coupled(system: Any, work: Any, begins: int, sign: float, n: int) -> None:
     """The blocks of pairs of joints that a body ties together; those that elimination fills are
-    zero.
+    zero.  sign : of the matrix.
     """
     rows, layout = system.rows, matrix(n, 6)
-    blocks, table = below(work, rows.block), system.couplings
+    blocks, table, side = below(work, rows.block), system.couplings, rows.second - rows.first
     for p in range(whole(table, 0)):
         j, k, mine, theirs, block, kind = (whole(table, 1 + 6 * p + i) for i in range(6))
-        side = rows.second - rows.first
-        a = at(below(work, begins + side * mine), j, 0, layout)
-        b = at(below(work, rows.first_pushed + side * theirs), k, 0, layout)
-        found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
-        if kind == 1:
-            found = block_at(blocks, block, n) + found
         if kind < 0:
-            found = 0.0 * found
-        put_block(blocks, block, found)
+            put_block(blocks, block, mat(*[vec(*[0.0] * n)] * n))
+        else:
+            a = at(below(work, begins + side * mine), j, 0, layout)
+            b = at(below(work, rows.first_pushed + side * theirs), k, 0, layout)
+            found = mat(*[vec(*[dot(x, y) for y in b]) for x in a])
+            if kind == 1:
+                found = block_at(blocks, block, n) + found
+            put_block(blocks, block, found)
+    if system.parts > 0:
+        bordered(system, work, begins, sign, n)
+
+
+def bordered(system: Any, work: Any, begins: int, sign: float, n: int) -> None:
+    """The blocks of the motions z of hubs.  Of S = S_0 + U K V* with the rows U and V of joints at a hub and
+    its answer K to momenta, S l = r is
+
+        S_0 l + U z = r,   z - K V* l = 0,
+
+    and S_0 ties no joints by hubs, so that a hub of n joints takes n blocks, not n^2.
+
+    sign : of S; the second line is multiplied by it.
+    Source: Golub and Van Loan, Matrix Computations, 4th ed., section 2.1.4 (Woodbury).
+    """
+    rows, layout, m = system.rows, matrix(n, 6), system.most
+    blocks, table, side = below(work, rows.block), system.borders, rows.second - rows.first
+    width = 2 + 2 * system.parts
+    for p in range(whole(table, 0)):
+        j, mine = whole(table, 1 + width * p), whole(table, 2 + width * p)
+        a = at(below(work, begins + side * mine), j, 0, layout)
+        b = at(below(work, rows.first_pushed + side * mine), j, 0, layout)
+        for k in range(system.parts):
+            some = [*range(m * k, min(6, m * k + m))]
+            rest = [0.0] * (n - len(some))
+            places = [whole(table, 3 + width * p + 2 * k + i) for i in range(2)]
+            put_block(blocks, places[0], mat(*[vec(*[x[i] for i in some], *rest) for x in a]))
+            found = [vec(*[-sign * x[i] for x in b]) for i in some]
+            put_block(blocks, places[1], mat(*found, *[vec(*[0.0] * n)] * len(rest)))
+    for v in range(int(system.joints), int(system.nodes)):
+        unit = [vec(*[sign if i == k else 0.0 for i in range(n)]) for k in range(n)]
+        put_block(blocks, BLOCKS * v, mat(*unit))
+        put(below(work, rows.diagonal), v, 0, vec(*[1.0] * n), vector(n))
+    nothing_of_hubs(system, below(work, rows.rest), n)
+
+
+def nothing_of_hubs(system: Any, place: Any, n: int) -> None:
+    """Set numbers of the motions of hubs, which are no conditions and no impulses, to zero."""
+    for v in range(int(system.joints), int(system.nodes)):
+        put(place, v, 0, vec(*[0.0] * n), vector(n))
 
 
 def factored(system: Any, work: Any, sign: float, n: int) -> float:
-    """Elimination of the blocks, in place; the first joint whose conditions depend on those before
-    it, or the last joint if the determinant has lost its sign; -1 if all is well.
+    """Elimination of the blocks, in place, and of what the conditions miss; the first joint whose conditions
+    depend on those before it, or the last joint if the determinant has lost its sign; -1 if all is well.
     """
     blocks, diagonals = below(work, system.rows.block), below(work, system.rows.diagonal)
     bad, same = -1.0, 1.0
-    for p in range(int(system.joints)):
+    for p in range(int(system.nodes)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
         before = at(diagonals, k, 0, vector(n))
         inverse, turned, far = inverted(block_at(blocks, BLOCKS * k, n), before, sign)
         same = same * turned
         if not far and bad < 0.0:
-            bad = float(k)
+            bad = min(float(k), system.joints - 1.0)
         put_block(blocks, BLOCKS * k, inverse)
+        forward(system, work, n, k, begin, end, inverse)
         for b in range(begin, end):
             lead_block(blocks, whole(system.belows, 5 * b + 2), inverse)
         for b in range(begin, end):
@@ -1372,17 +1516,13 @@ def inverted(m: Mat, before: Vec, sign: float) -> tuple[Mat, float, bool]:
     """
     n = len(m)
     if n > 3:
-        A, B = mat(*[row[:3] for row in m[:3]]), mat(*[row[3:] for row in m[:3]])
-        C, D = mat(*[row[:3] for row in m[3:]]), mat(*[row[3:] for row in m[3:]])
+        A, B, C, D = quarters(m)
         first, same, far = inverted(A, before[:3], sign)
         left, right = C @ first, first @ B
         last, turned, apart = inverted(D - C @ right, before[3:], sign)
         corner = right @ last
-        top = first + corner @ left
-        low = -(last @ left)
-        rows = [vec(*a, *[-x for x in b]) for a, b in zip(top, corner)]
-        rows = [*rows, *[vec(*a, *b) for a, b in zip(low, last)]]
-        return mat(*rows), same * turned, far and apart
+        whole = of_quarters(first + corner @ left, -corner, -(last @ left), last)
+        return whole, same * turned, far and apart
     minors, cofactors = of_three(m)
     far = abs(m[0][0]) > DEPENDENT * before[0]
     for k in range(1, n):
@@ -1406,24 +1546,39 @@ def of_three(m: Mat) -> tuple[list[float], list[Vec]]:
     return [a, minor, a * x + b * y + c * z], [*rows, vec(z, b * g - a * h, minor)]
 
 
-def solved(system: Any, work: Any, n: int) -> None:
-    """The impulses, from what the conditions miss and the blocks after elimination."""
-    rows, layout = system.rows, vector(n)
-    blocks, rest = below(work, rows.block), below(work, rows.rest)
-    impulse, count = below(work, rows.impulse), int(system.joints)
-    for p in range(count):
+def eliminated_again(system: Any, work: Any, n: int) -> None:
+    """Elimination of what the conditions miss, with the blocks as `factored` has left them."""
+    blocks = below(work, system.rows.block)
+    if system.parts > 0:
+        nothing_of_hubs(system, below(work, system.rows.rest), n)
+    for p in range(int(system.nodes)):
         k, begin, end = (whole(system.pivots, 3 * p + i) for i in range(3))
-        x = block_at(blocks, BLOCKS * k, n) @ at(rest, k, 0, layout)
-        put(impulse, k, 0, x, layout)
-        for b in range(begin, end):
-            i, left = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 1)
-            put(rest, i, 0, at(rest, i, 0, layout) - block_at(blocks, left, n) @ x, layout)
+        forward(system, work, n, k, begin, end, block_at(blocks, BLOCKS * k, n))
+
+
+def forward(system: Any, work: Any, n: int, k: int, begin: int, end: int, inverse: Mat) -> None:
+    """A joint's share of the impulses, without those of later joints, which are told of it."""
+    layout, blocks = vector(n), below(work, system.rows.block)
+    rest, impulse = below(work, system.rows.rest), below(work, system.rows.impulse)
+    x = inverse @ at(rest, k, 0, layout)
+    put(impulse, k, 0, x, layout)
+    for b in range(begin, end):
+        i, left = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 1)
+        put(rest, i, 0, at(rest, i, 0, layout) - block_at(blocks, left, n) @ x, layout)
+
+
+def solved(system: Any, work: Any, n: int) -> None:
+    """The impulses, from the last joint to the first."""
+    layout, count = vector(n), int(system.nodes)
+    blocks, impulse = below(work, system.rows.block), below(work, system.rows.impulse)
     for back in range(count):
         k, begin, end = (whole(system.pivots, 3 * (count - 1 - back) + i) for i in range(3))
         for b in range(begin, end):
             i, right = whole(system.belows, 5 * b), whole(system.belows, 5 * b + 2)
             shared = block_at(blocks, right, n) @ at(impulse, i, 0, layout)
             put(impulse, k, 0, at(impulse, k, 0, layout) - shared, layout)
+    if system.parts > 0:
+        nothing_of_hubs(system, impulse, n)
 
 
 def summed(system: Any, work: Any) -> tuple[float, float, float, bool, bool]:

@@ -65,6 +65,7 @@ class RkmkOfLinks(Record):
     name: str = ""
 
     together: ClassVar[bool] = True
+    settles: ClassVar[bool] = False
     symmetric: ClassVar[bool] = False
 
     def __repr__(self) -> str:
@@ -107,7 +108,7 @@ class RkmkOfLinks(Record):
         each(sites, curved, system, new, work, state)
         rows, n = system.rows, system.most
         each(sites, tied, system, rows.first, n, work)
-        coupled(system, work, rows.first, n)
+        coupled(system, work, rows.first, 1.0, n)
         bad = factored(system, work, 1.0, n)
         if bad >= 0.0:
             put(below(work, rows.note), 0, 0, bad, NUMBER)

@@ -5,6 +5,7 @@ eliminated.
 from __future__ import annotations
 
 import heapq
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from ..formulas import Mat, Record, Vec, record, vec
 from ..formulas.derived import is_derived
 from ..formulas.pytree import layout_of, leaves, with_fields
 from ..formulas.signatures import bare
-from ..formulas.sites import padded
+from ..formulas.sites import EIGHT, padded
 from ..formulas.tables import Table, of_whole
 from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import BLOCKS, Links, Rows
@@ -23,8 +24,8 @@ from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
 from .joint_forces import AtJoint, seen_about
 from .joints import REST6
 
-EIGHT = 8
-"""Places in memory go by eights, as many as run side by side."""
+FEW = 4
+"""Places in memory of the smallest linkages; those of others go by eights, as many as run side by side."""
 
 
 @record
@@ -182,6 +183,8 @@ def linked(linkage: Any) -> LinkedForm:
     bent = on_all is not None and on_all.load is not None
     pushed = bent or any(one.loads for one in acts)
     moving = given.constraint.rheonomic
+    hubs = hubs_in(ends)
+    parts = -(-6 // most) if hubs else 0  # nodes of a hub
     rows = Rows.of(
         full,
         most,
@@ -191,9 +194,11 @@ def linked(linkage: Any) -> LinkedForm:
         pushed,
         bent,
         moving,
+        parts > 0,
         geared,
     )
-    places = EIGHT * -(-max(len(given.links), len(joints)) // EIGHT)
+    most_places = max(len(given.links), len(joints) + parts * len(hubs))
+    places = FEW if most_places <= FEW else EIGHT * -(-most_places // EIGHT)
     fixed = np.zeros((rows.note, places))
     bodies = [given.links[b if b < len(given.links) else 0] for b in range(places)]
     for b, link in enumerate(bodies):
@@ -201,7 +206,7 @@ def linked(linkage: Any) -> LinkedForm:
         inverse = np.linalg.inv(J) if full else 1.0 / J
         fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
     fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
-    tables, blocks, ties = tables_of(ends, places)
+    tables, blocks, ties = tables_of(ends, hubs, parts, places)
     mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
     more: list[int] = []
     for j, bodies_of in enumerate(ends):
@@ -230,6 +235,7 @@ def linked(linkage: Any) -> LinkedForm:
         numbers: list[Any] = [
             *head,
             *alive,
+            *([float(b not in hubs) for b in ends[j]] if hubs else []),
             *touch,
             *tie,
             *[x for i in shown for x in leaves(joints[i], layouts[i])],
@@ -242,7 +248,8 @@ def linked(linkage: Any) -> LinkedForm:
     trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
     links = Links(
         SE3(), kinds, fields, on_all, (), (), moving, geared, rows, most, freedoms, full,
-        any(joint.springs for joint in joints), pushed, float(len(given.links)), float(len(joints)), trace, sides_of(ties),
+        any(joint.springs for joint in joints), pushed, float(len(given.links)), float(len(joints)),
+        float(len(joints) + parts * len(hubs)), parts, trace, sides_of(ties),
         of_whole([len(more) // 3, *more]), *tables,
     )  # fmt: skip
     return LinkedForm(
@@ -362,18 +369,76 @@ def has_loops(ends: list[tuple[int, int]]) -> bool:
     return False
 
 
-def tables_of(ends: list[tuple[int, int]], places: int) -> tuple[list[Table], int, dict[int, Tie]]:
-    """The plan of elimination, as lists of numbers: couplings, pivots, belows and updates of `Links`;
-    how many blocks there are; and of each joint the tie to another one, of which the place has the
-    blocks.
+HUB = 5
+"""Joints from which a body counts as a hub.  Those of a smaller one tie each other: fewer blocks."""
 
+
+def hubs_in(ends: list[tuple[int, int]]) -> list[int]:
+    """The bodies with so many joints that their motion is an unknown, beside the impulses."""
+    count = Counter(b for bodies in ends for b in bodies if b >= 0)
+    return sorted(b for b, joints in count.items() if joints >= HUB)
+
+
+def eliminated_with_hubs(
+    ends: list[tuple[int, int]], hubs: list[int], parts: int
+) -> tuple[tuple[int, ...], list[list[int]]]:
+    """As `eliminated_in`: first joints, as if hubs were the ground, then the motions of hubs, the nodes
+    behind those of joints, then joints that hold hubs alone; of both one that is tied to the fewest.
+    """
+    count = len(ends)
+    nodes = {b: {count + parts * i + k for k in range(parts)} for i, b in enumerate(hubs)}
+    near = [set().union(*[nodes.get(b, set()) for b in bodies]) for bodies in ends]
+    tied: dict[int, set[int]] = {v: set(of) - {v} for of in nodes.values() for v in of}
+    order, left = eliminated_in(apart_from(ends, hubs))
+    found: dict[int, set[int]] = {}
+    last = {j for j in order if not any(b >= 0 and b not in nodes for b in ends[j])}
+    for j, later in zip(order, left):
+        if j not in last:
+            found[j] = {*later, *near[j]}
+            for k in later:
+                near[k] |= near[j]
+            for v in near[j]:
+                tied[v] |= near[j] - {v}
+    tied |= {j: near[j] for j in last}
+    for j in last:
+        for v in near[j]:
+            tied[v].add(j)
+    for some in ({v for v in tied if v >= count}, last):
+        while some:
+            k = min(some, key=lambda v: (len(tied[v]), v))
+            some.discard(k)
+            found[k] = tied.pop(k)
+            for v in found[k]:
+                tied[v] |= found[k]
+                tied[v] -= {k, v}
+    place = {k: p for p, k in enumerate(found)}
+    return tuple(found), [sorted(some, key=place.__getitem__) for some in found.values()]
+
+
+def apart_from(ends: list[tuple[int, int]], hubs: list[int]) -> list[tuple[int, int]]:
+    """The ends of joints with hubs in the place of the ground."""
+    return [(-1 if a in hubs else a, -1 if b in hubs else b) for a, b in ends]
+
+
+def tables_of(
+    ends: list[tuple[int, int]], hubs: list[int], parts: int, places: int
+) -> tuple[list[Table], int, dict[int, Tie]]:
+    """The plan of elimination, as lists of numbers: borders, couplings, pivots, belows and updates of
+    `Links`; how many blocks there are; and of each joint the tie to another one, of which the place has
+    the blocks.
+
+    borders : how many joints there are at hubs; of each the joint, the side on which it has the hub, and
+    for each part of the motion of the hub the places of the blocks, of the joint by it, and of it by the
+    joint.
     couplings : how many; of each the joints j and k, the sides of j and k on which they have a body
     in common, where the block is, and 0, 1 if it is added to what is there, -1 if it is zero.
     pivots : the joints in turn, each with where its belows begin, and where they end.
     belows : of each the later joint i, where the blocks (i, k) and (k, i) are, and where its updates
     begin and end.  updates : of each where the block (k, j) is, and (i, j), which loses (i, k) (k, j).
     """
-    order, filling = eliminated_in(ends)
+    given = ends
+    order, filling = eliminated_with_hubs(ends, hubs, parts) if hubs else eliminated_in(ends)
+    ends = [*(apart_from(ends, hubs) if hubs else ends), *[(-1, -1)] * (parts * len(hubs))]
     blocks = {(k, k): BLOCKS * k for k in range(len(ends))}
     pairs = [(k, i) for k, later in zip(order, filling) for i in later]
     ties = ties_of(ends, pairs)
@@ -385,8 +450,16 @@ def tables_of(ends: list[tuple[int, int]], places: int) -> tuple[list[Table], in
             continue
         blocks[i, k], blocks[k, i], count = count, count + 1, count + 2
     couplings: list[list[int]] = []
+    borders: list[list[int]] = []
+    direct: set[tuple[int, int]] = set()
+    for j, bodies in enumerate(given):
+        for side, b in enumerate(bodies):
+            if b in hubs:
+                nodes = [len(given) + parts * hubs.index(b) + k for k in range(parts)]
+                direct |= {(j, v) for v in nodes} | {(v, j) for v in nodes}
+                borders.append([j, side, *[blocks[at] for v in nodes for at in ((j, v), (v, j))]])
     for (j, k), there in blocks.items():
-        if j == k:
+        if j == k or (j, k) in direct:
             continue
         common = _sides(ends[j], ends[k])
         mine, theirs = ties.get(j, NO_TIE), ties.get(k, NO_TIE)
@@ -404,6 +477,7 @@ def tables_of(ends: list[tuple[int, int]], places: int) -> tuple[list[Table], in
             updates += [[blocks[k, j], blocks[i, j]] for j in later]
             belows.append([i, blocks[i, k], blocks[k, i], begin, len(updates)])
     found = (
+        [len(borders), *np.ravel(borders)],
         [len(couplings), *np.ravel(couplings)],
         pivots,
         np.ravel(belows),

@@ -82,6 +82,11 @@ class OverSites(Record):
         else:
             each(self.sites, one_step, self.method, system, t, h, *given)
 
+    def settle(self, system: Any, t: float, here: int) -> None:
+        """Find what is shown of the state to which steps have led, if the method does not always do so."""
+        if self.method.together and self.method.settles:
+            self.method.settle(system, t, self.sites, here, self.memory)
+
     def observe(self, place: Place) -> Nothing:
         """Nothing: samples are taken when they are wanted."""
         return Nothing()
@@ -129,6 +134,11 @@ class OverSites(Record):
         size: float = read(self.told, 0, PAIR)[0]
         return size
 
+
+SOON = 1.25
+"""Steps to the next sample from which on what is shown of a state is found: a sample inside of a step
+begins with what is shown before it.
+"""
 
 SPARE, INSIDE, COPIES = 2, 4, 5
 """The first of two copies of the memory for what lies between the parts of a step that is cut; the one
@@ -458,11 +468,14 @@ def advance_sites(
                         why = CROSSED
                 write(values, 0 if why == 0.0 else 1, trial, sighted.values)
         moved = False
+        due = (read(times, k, NUMBER) - t) * (t - begun) < 0.0
+        last = n == turns or due or why != 0.0 or not going(clock, goal)
+        if last or abs(read(times, k, NUMBER) - t) < SOON * abs(clock.h):
+            everyone.settle(system, t, here)
         while why == 0.0 and read(times, k, NUMBER) == t:
             each(sites, one_sample, method, system, t, sites, here, memory, sighted.shown, seen, totals, k)  # fmt: skip
             k = k + 1
-        due = (read(times, k, NUMBER) - t) * (t - begun) < 0.0
-        if n == turns or due or why != 0.0 or not going(clock, goal):
+        if last:
             break
         advance(everyone, system, control, place, ROW, 1, 1, goals, states, clocks, out, failures)
         n, moved = n + 1, read(clocks, 0, CLOCK).t != t

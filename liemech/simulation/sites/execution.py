@@ -6,6 +6,7 @@ from typing import Any
 
 from ...compiler import kernel
 from ...compiler.site_calls import SiteCalls
+from ...formulas.sites import EIGHT
 from ..compiled.execution import Execution
 
 WORTH = 100
@@ -15,11 +16,15 @@ WORTH = 100
 class SiteExecution(Execution):
     """How runs execute one driver: in native code as soon as there is much to do, because plain
     Python would take long to come to the end of a single step.
+
+    most : sites that run side by side, at most.
     """
 
-    def __init__(self, wanted: bool | None, progress: bool | None, *call: Any) -> None:
+    def __init__(
+        self, wanted: bool | None, progress: bool | None, *call: Any, most: int = EIGHT
+    ) -> None:
         native = wanted is not False and kernel.available() is None
-        lanes = kernel.width() if native else 1
+        lanes = min(most, kernel.width()) if native else 1
         super().__init__(wanted, progress, *call, lanes=lanes)
         self.calls: dict[tuple[int, int], SiteCalls] = {}
 

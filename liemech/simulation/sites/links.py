@@ -19,7 +19,7 @@ from ...integrators.composition import Composition
 from ...integrators.ending_at_jumps import EndingAtJumps, cuts
 from ...integrators.lie_rattle import LieRATTLE, near_a_dead_point, thrown_back
 from ...integrators.rattle import RATTLE
-from ...integrators.rattle_of_links import Links, RattleOfLinks
+from ...integrators.rattle_of_links import BROKEN, Links, RattleOfLinks
 from ...integrators.rkmk import RKMK
 from ...integrators.rkmk_of_links import FREE, RkmkOfLinks
 from ...retractions import Exponential
@@ -282,7 +282,7 @@ class LinksRun(SiteRun):
         at leaves the run where it was.
         """
         if self.events is None or not turns:
-            super()._call(turns)
+            self._settled(turns)
             return
         width, watch, made = 2 * self.shape.memory.width, self.events.watch, self.made
         before = self.sites.array[:width].copy(), self.place.copy(), self.clocks.copy()
@@ -298,6 +298,23 @@ class LinksRun(SiteRun):
             watch.forget(float(self.clocks[TIME, 0]), np.sign(self.h), False)
             raise
 
+    def _settled(self, turns: int) -> None:
+        """Some more steps; what is shown of the state to which they have led is found after Ctrl-C and
+        after a step that has failed, too.
+        """
+        stopped = None
+        try:
+            super()._call(turns)
+        except KeyboardInterrupt as caught:
+            stopped = caught
+            super()._call(0)
+        if self.work[self.site.rows.note + 2, 0] == BROKEN:
+            shape, (t, copy) = self.shape, (float(self.clocks[TIME, 0]), self._copy)
+            with shape.stepping.plain():
+                shape.method.settle_anew(self.site, t, self.sites, copy, shape.memory)
+        if stopped is not None:
+            raise stopped
+
     def _watched(self, turns: int) -> None:
         """Some steps, and a look at them."""
         self.kept_all = False
@@ -311,7 +328,7 @@ class LinksRun(SiteRun):
         stopped, after = None, {}  # type: Any, dict[str, Any]
         try:
             with aside(self, times=ends, made=0, seen=seen, room=turns, totals=none) as after:
-                super()._call(turns)
+                self._settled(turns)
         except KeyboardInterrupt as caught:  # after some of the steps
             stopped = caught
         found = seen.array[: after["made"] * self.wide, : self.count]
@@ -372,7 +389,7 @@ class LinksRun(SiteRun):
             times=self.times[:0], made=0, begun=begun, first=0, steps=1,
         ):  # fmt: skip
             self._begin()
-            super()._call(1)
+            self._settled(1)
             if clocks[MARK, 0] != 0.0:
                 self._fail()
             found: np.ndarray = self.shape.shown_rows(self._memory).copy()

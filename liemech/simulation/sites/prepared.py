@@ -22,7 +22,7 @@ from ...formulas.pytree import (
     with_fields,
     with_slopes,
 )
-from ...formulas.sites import one_site
+from ...formulas.sites import EIGHT, one_site
 from ...integrators.ending_at_jumps import uncut
 from ...integrators.rattle_of_links import Links
 from ...systems.system import State
@@ -96,9 +96,10 @@ class Prepared:
             self.shown, events, carried_layout((0.0,) * len(events)), self._named()
         )
         none, planes = kernel.Columns(np.empty(0)), Planes.of_rows(1, 1)
+        self.most = min(EIGHT, starts.count) if isinstance(site, Links) else EIGHT
         self.beginning = SiteExecution(
             steps.compiled, steps.progress, begin_sites, *self.beginner, self.memory, self.h, planes,
-            planes, none, None,
+            planes, none, None, most=self.most,
         )  # fmt: skip
 
     def refresh(self) -> None:
@@ -114,7 +115,7 @@ class Prepared:
         none, shared = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
         return SiteExecution(
             steps.compiled, steps.progress, advance_sites, *self.stepper, 1, planes, planes, *[shared] * 3,
-            *[none] * 4, *[shared] * 3, None,
+            *[none] * 4, *[shared] * 3, None, most=self.most,
         )  # fmt: skip
 
     @functools.cached_property
@@ -124,7 +125,7 @@ class Prepared:
         none, shared = kernel.Columns(np.empty(0)), kernel.Shared(np.empty(0))
         return SiteExecution(
             steps.compiled, steps.progress, look_inside, *self.looker, 0.0, 0.0, 0.0, planes, planes,
-            shared, shared, none, none, None,
+            shared, shared, none, none, None, most=self.most,
         )  # fmt: skip
 
     @functools.cached_property
