@@ -5,6 +5,7 @@ from .models.joint_forces import Damper as Damper
 from .models.joint_forces import DryFriction as DryFriction
 from .models.joint_forces import JointForce as JointForce
 from .models.joint_forces import JointPotential as JointPotential
+from .models.joint_forces import Limited as Limited
 from .models.joint_forces import Motor as Motor
 from .models.joint_forces import Spring as Spring
 from .models.joint_forces import Stops as Stops

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from math import pi
 from typing import Any
 
@@ -205,6 +205,50 @@ class Motor(JointForce):
     def effort(self, t: float, q: float, rate: float) -> float:
         """The torque at time t."""
         return self.torque(t) if isinstance(self.torque, PiecewisePolynomial) else self.torque
+
+
+@record
+class Limited(JointForce):
+    """A motor or a controller that gives no more than it can: torques are cut at a limit, and fall to zero
+    along the motion where it is as fast as the motor turns.
+
+    given : the Motor, or a JointForce of one's own, at this joint.  limit : in N m or N, to either side.
+    speed : in rad/s or m/s; None: any.  From nine tenths of it on, what drives the motion on
+    fades; what brakes it does not.
+
+    Source: Hughes and Drury, Electric Motors and Drives, 5th ed. (2019), section 4.3 (the region of torque
+    and speed of a drive).
+    """
+
+    given: Any
+    limit: float
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.given, JointForce) or self.given.freedom != self.freedom:
+            raise InvalidType(
+                "Limited: given is a JointForce such as Motor(0, 2.0) along the same freedom; got "
+                f"{self.given!r}"
+            )
+        for name in ("limit", "speed"):
+            value = getattr(self, name)
+            if not (value is None if name == "speed" else False) and not 0.0 < value < np.inf:
+                raise InvalidInput(f"Limited: {name} must be positive; got {value!r}")
+        object.__setattr__(self, "given", replace(self.given, joint=0))
+
+    def effort(self, t: float, q: float, rate: float) -> float:
+        """That of the motor, within its limits."""
+        low, high = -self.limit, self.limit
+        if self.speed is not None:
+            forth = min(1.0, max(0.0, 10.0 * (1.0 - rate / self.speed)))
+            back = min(1.0, max(0.0, 10.0 * (1.0 + rate / self.speed)))
+            low, high = back * low, forth * high
+        return max(low, min(high, self.given.effort(t, q, rate)))
+
+    def about(self, t: float) -> float:
+        """As the motor sees it."""
+        return self.given.about(t)
 
 
 # ------------------------------------------------------------------ all of a linkage

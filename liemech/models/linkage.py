@@ -288,6 +288,8 @@ class Linkage(ConstrainedBody):
         stops: float | None = None,
         speed: float = 0.01,
         packages: Mapping[str, Any] | None = None,
+        limits: bool = False,
+        armature: Any = None,
     ) -> Linkage:
         """The robot of a URDF file.  Its joints have the names of the file; links that are fixed to
         each other are one body, with the name of the one that moves; all links are `frames`, and their
@@ -300,6 +302,9 @@ class Linkage(ConstrainedBody):
         or N/m^2, or left out.
         packages : folders of package://name by their names; others are looked for above the file and
         in ROS_PACKAGE_PATH.
+        limits : motors and controllers in `forces` are `Limited` by the efforts and velocities of the file.
+        armature : of the joints, in kg m^2 or kg, {"elbow": 0.8}, or one number for all; else that of
+        Drake's rotor_inertia and gear_ratio in the transmissions of the file, if they are there.
         Angles are those of the file: frames of all bodies are parallel to space where they are zero.
         Raises InvalidInput, with the line, for what is wrong in the file, and for mimic joints.
         Warns of meshes that are not there, and of inertias that no body has.
@@ -307,9 +312,9 @@ class Linkage(ConstrainedBody):
         Source: the URDF specification of ROS, wiki, "urdf/XML".
         """
         made = linkage_of(
-            path, floating=floating, at=at, stops=stops, speed=speed, packages=packages
-        )
-        made["forces"] = [*made["forces"], *forces]
+            path, floating=floating, at=at, stops=stops, speed=speed, packages=packages,
+            forces=forces, limits=limits, armature=armature,
+        )  # fmt: skip
         return cls(**made, gravity=gravity)
 
     def _at_joints(self) -> tuple[tuple[AtJoint, ...], tuple[AtJoint, ...]]:
