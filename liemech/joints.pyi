@@ -12,6 +12,7 @@ from .models.joint_forces import Stops as Stops
 from .models.joints import BallJoint as BallJoint
 from .models.joints import FixedJoint as FixedJoint
 from .models.joints import FloatingJoint as FloatingJoint
+from .models.joints import Mimic as Mimic
 from .models.joints import PlanarJoint as PlanarJoint
 from .models.joints import PrismaticJoint as PrismaticJoint
 from .models.joints import RevoluteJoint as RevoluteJoint

@@ -160,7 +160,7 @@ class Rows(Record):
             wrench=12, rate=freedoms, gain=freedoms * freedoms, slant=freedoms * freedoms,
             idle=freedoms, foreseen=freedoms, field=6,
             push=w, wanted=w, given=6 * w, bent=36 if bent else 0,
-            paces=n if moving else 0, dial=2 if geared else 0, block=0,
+            paces=n if moving else 0, dial=3 if geared else 0, block=0,
         )  # fmt: skip
         places, row = {}, 0
         for name, width in widths.items():
@@ -185,6 +185,8 @@ class Links(System):
     borders : joints at hubs, with the blocks.  couplings : pairs of joints that a body ties together,
     beside `tie`, with the sides on which it is, and the block.  pivots, belows, updates : what elimination
     does, see `tables_of`.
+    meshes : do joints share rotors?  mesh : how many pairs of such joints; of each both, and the block;
+    meshing : the rate that the one gains by an impulse of the other.
     """
 
     group: LieGroup
@@ -213,6 +215,9 @@ class Links(System):
     pivots: Any
     belows: Any
     updates: Any
+    meshes: bool
+    mesh: Any
+    meshing: Any
 
     @property
     def loaded(self) -> bool:
@@ -465,6 +470,8 @@ class RattleOfLinks(Record):
             if turn == 1:
                 each(sites, guessed, system, h, old, past, s, work, state)
                 self.solve(system, t, h, sites, old, work, state)
+                if system.meshes:
+                    meshed(system, work)
                 if system.geared:
                     each(sites, dial_there, system, work)
                 each(sites, moved_body, system, self.retraction, h, old, new, work, state)
@@ -510,12 +517,16 @@ class RattleOfLinks(Record):
             while True:
                 k = part * h
                 now = system.at_time(t + k)
+                if system.meshes:
+                    meshed(system, work)
                 if anew:
                     sign = 1.0 if h > 0.0 else -1.0
                     each(sites, correction_of_body, system, retraction, k, old, work, state)
                     each(sites, correction_of_joint, now, sign, k, work)
                     each(sites, tied, system, rows.first_there, n, work)
                     coupled(system, work, rows.first_there, sign, n)
+                    if system.meshes:
+                        mesh_blocks(system, k, work, n)
                     bad = factored(system, work, h, n)
                 else:
                     each(sites, mismatch_of_body, system, retraction, k, old, work, state)
@@ -596,6 +607,8 @@ class RattleOfLinks(Record):
                 each(sites, excess_of_rates, system, work)
                 each(sites, tied, system, rows.first, n, work)
                 coupled(system, work, rows.first, 1.0, n)
+                if system.meshes:
+                    mesh_blocks(system, 1.0, work, n)
                 factored(system, work, 1.0, n)
             else:
                 each(sites, excess_again, system, work)
@@ -1050,6 +1063,27 @@ def save_wrench(system: Any, work: Any, l: Vec) -> None:
     save(below(work, rows.wrench), 0, vec(*pulls[0], *pulls[1]), TWELVE)
 
 
+def meshed(system: Any, work: Any) -> None:
+    """The rate that a rotor gains by the impulses of other joints that it drives."""
+    rows, table = system.rows, system.mesh
+    dial, unknown = below(work, rows.dial), below(work, rows.unknown)
+    for p in range(whole(table, 0)):
+        put(dial, whole(table, 1 + 3 * p), 2, 0.0, NUMBER)
+    for p in range(whole(table, 0)):
+        j, k = whole(table, 1 + 3 * p), whole(table, 2 + 3 * p)
+        l = at(unknown, k, 5 + system.most, NUMBER)
+        put(dial, j, 2, at(dial, j, 2, NUMBER) + entry(system.meshing, p) * l, NUMBER)
+
+
+def mesh_blocks(system: Any, h: float, work: Any, n: int) -> None:
+    """Add h times that to the blocks of such joints."""
+    blocks, table, last = below(work, system.rows.block), system.mesh, system.most - 1
+    for p in range(whole(table, 0)):
+        place, y = whole(table, 3 + 3 * p), h * entry(system.meshing, p)
+        more = [vec(*[y if i == last and j == last else 0.0 for j in range(n)]) for i in range(n)]
+        put_block(blocks, place, block_at(blocks, place, n) + mat(*more))
+
+
 def dial_here(system: Any, old: Any, work: Any, state: Layout) -> None:
     """The coordinate of a joint, by which its rotor turns, and its rate."""
     rows, last = system.rows, system.most - 1
@@ -1059,26 +1093,26 @@ def dial_here(system: Any, old: Any, work: Any, state: Layout) -> None:
     layout = matrix(system.most + system.freedoms, 6)
     a, b = [load(below(work, place), 0, layout)[last] for place in (rows.first, rows.second)]
     one, two = [at(below(work, rows.velocity), body, 0, SIX) for body in (first, second)]
-    save(below(work, rows.dial), 0, vec(q, dot(a, one) + dot(b, two)), vector(2))
+    save(below(work, rows.dial), 0, vec(q, dot(a, one) + dot(b, two), 0.0), vector(3))
 
 
 def dial_there(system: Any, work: Any) -> None:
     """The rate of a rotor after the impulse on it, q' + l/A."""
     dial, y = below(work, system.rows.dial), load(below(work, system.rows.yields), 0, NUMBER)
-    q, rate = load(dial, 0, vector(2))
+    q, rate, more = load(dial, 0, vector(3))
     l = load(below(work, system.rows.unknown), 0, vector(6 + system.most))[5 + system.most]
-    save(dial, 0, vec(q, rate + y * l), vector(2))
+    save(dial, 0, vec(q, rate + y * l + more, 0.0), vector(3))
 
 
 def with_dial(system: Any, h: float, g: Mat, k: Mat, c: Any, work: Any) -> Any:
     """The conditions, with that of the rotor, which turns as the joint does: by h (q' + l/A) along the step."""
     if not system.geared:
         return c
-    q, rate = load(below(work, system.rows.dial), 0, vector(2))
+    q, rate, more = load(below(work, system.rows.dial), 0, vector(3))
     y = load(below(work, system.rows.yields), 0, NUMBER)
     l = load(below(work, system.rows.unknown), 0, vector(6 + system.most))[5 + system.most]
     turned = system.of_kind(work, lambda one: one.turned(g, k, q))
-    return [*c[: system.most - 1], turned - h * (rate + y * l)]
+    return [*c[: system.most - 1], turned - h * (rate + y * l + more)]
 
 
 def yielding(system: Any, h: float, blank: Any, work: Any) -> Vec:
@@ -1316,7 +1350,7 @@ def rates_off(system: Any, work: Any, here: Any) -> Vec:
         rates = load(below(work, rows.rate), 0, vector(system.freedoms))
         off = [x - w for x, w in zip(rest[m:], rates)]
     if system.geared:
-        rest = [*rest[: m - 1], rest[m - 1] - load(below(work, rows.dial), 0, vector(2))[1]]
+        rest = [*rest[: m - 1], rest[m - 1] - load(below(work, rows.dial), 0, vector(3))[1]]
     return vec(*rest[:m], *off)
 
 

@@ -226,10 +226,15 @@ class Limited(JointForce):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.given, JointForce) or self.given.freedom != self.freedom:
+        given: Any = self.given
+        if (
+            not isinstance(given, JointForce)
+            or given.freedom != self.freedom
+            or given.joint not in (self.joint, 0)
+        ):
             raise InvalidType(
-                "Limited: given is a JointForce such as Motor(0, 2.0) along the same freedom; got "
-                f"{self.given!r}"
+                "Limited: given is a JointForce such as Motor(0, 2.0), at the same joint and along the same "
+                f"freedom; got {given!r} at joint {self.joint!r}"
             )
         for name in ("limit", "speed"):
             value = getattr(self, name)
@@ -293,13 +298,16 @@ class AtJoint(Record):
             *[dot(multipliers, vec(*row)) for row in joint.paces_by_coordinates(first, second)]
         )
 
-    def missed(self, g: Mat, k: Mat) -> Vec:
+    def missed(self, t: float, g: Mat, k: Mat) -> Vec:
         """The conditions of the joint, which are zero, at the poses of its bodies."""
-        return self.joint.value(g, k)
+        return self.joint.at_time(t).value(g, k)
 
-    def slips(self, g: Mat, k: Mat, xi: Vec, eta: Vec) -> Vec:
+    def slips(self, t: float, g: Mat, k: Mat, xi: Vec, eta: Vec) -> Vec:
         """Their rates, which are zero, at the velocities of its bodies."""
-        return vec(*[dot(one, xi) + dot(two, eta) for one, two in self.joint.rows(g, k)])
+        joint = self.joint.at_time(t)
+        found = vec(*[dot(one, xi) + dot(two, eta) for one, two in joint.rows(g, k)])
+        paces = joint.paces(g, k)
+        return found + vec(*paces) if len(paces) > 0 else found
 
     def wrench(self, t: float, g: Vec, multipliers: Vec) -> Vec:
         """The force of the conditions on the first body and their torque about its point, seen from

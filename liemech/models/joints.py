@@ -542,6 +542,22 @@ class RigidRod(Joint):
 
 
 @record
+class Mimic(Record):
+    """A hinge or slider that follows another one by gears: q = ratio q_leader + offset.
+
+    joint, leader : the names or numbers of joints.  ratio : in rad/rad, m/rad, rad/m or m/m.
+    offset : in rad or m.  One rotor drives both: the armature of the leader.
+
+    Source: the URDF specification of ROS, wiki, "urdf/XML/joint", mimic.
+    """
+
+    joint: Any
+    leader: Any
+    ratio: float = 1.0
+    offset: float = 0.0
+
+
+@record
 class Joints(Constraint):
     """The conditions of several joints, on a product of SE(3)s: a pose [[R, p], [0, 1]], p the
     centre of mass, for each body.
@@ -626,37 +642,52 @@ class WithRotors(Constraint):
     """
 
     held: Joints
-    rotors: tuple[Any, ...]
+    rotors: tuple[tuple[Any, ...], ...]
+    lightness: Vec
 
     @property
     def yields(self) -> tuple[Any, ...]:
-        """1/A of each condition; 0 of those of joints."""
+        """1/A of each condition; 0 of those of joints, and of those that follow another one."""
         hard = sum([len(kept) for _, kept in self.held.counted])
-        return (*[0.0] * hard, *[1.0 / joint.armature for joint in self.rotors])
+        return (*[0.0] * hard, *self.lightness)
 
     def value(self, g: Vec) -> Vec:
-        """The conditions, and the coordinates."""
-        return vec(
-            *self.held.value(g), *[joint.coordinates(*both(joint, g))[0] for joint in self.rotors]
-        )
+        """The conditions, and the coordinates: of one that follows less what it follows."""
+        found: list[Any] = []
+        for some in self.rotors:
+            total = 0.0
+            for joint, ratio in some:
+                total = total + ratio * joint.coordinates(*both(joint, g))[0]
+            found = [*found, total]
+        return vec(*self.held.value(g), *found)
 
     def rows(self, group: LieGroup, g: Vec) -> Rows:
         """Those of the joints, and those of the motions."""
-        return (*self.held.rows(group, g), *[_motion(joint, g) for joint in self.rotors])
+        return (*self.held.rows(group, g), *[_motions(some, g) for some in self.rotors])
 
     def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
-        """The two bodies of each joint, or the one."""
-        mine = tuple([
-            (joint.first,) if joint.second is None else (joint.first, joint.second)
-            for joint in self.rotors
-        ])  # fmt: skip
+        """The bodies of each joint, and of the one that it follows."""
+        mine = tuple([_held_by(some) for some in self.rotors])
         return (*self.held.touches(group, conditions), *mine)
 
 
-def _motion(joint: Joint, g: Vec) -> tuple[Any, ...]:
-    """The row of the motion that a joint leaves."""
-    (row,) = joint.motions(*both(joint, g))
-    return (row[0],) if joint.second is None else (row[0], row[1])
+def _held_by(some: Any) -> tuple[int, ...]:
+    """The bodies of joints, each of them once."""
+    found: list[int] = []
+    for joint, _ in some:
+        for b in (joint.first, joint.second):
+            found = found if b is None or b in found else [*found, b]
+    return tuple(found)
+
+
+def _motions(some: Any, g: Vec) -> tuple[Any, ...]:
+    """The row of the motions of joints, times their ratios, body by body."""
+    parts = [REST6 for _ in _held_by(some)]
+    for joint, ratio in some:
+        (row,) = joint.motions(*both(joint, g))
+        for b, part in zip((joint.first, joint.second), row):
+            parts = [x + ratio * part if b == body else x for body, x in zip(_held_by(some), parts)]
+    return tuple(parts)
 
 
 def some(items: Any, numbers: Any) -> list[Any]:

@@ -24,6 +24,9 @@ from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
 from .joint_forces import AtJoint, seen_about
 from .joints import REST6
 
+SHARED = 1 << 40
+"""Numbers from here on are those of rotors that joints share, behind those of bodies."""
+
 FEW = 4
 """Places in memory of the smallest linkages; those of others go by eights, as many as run side by side."""
 
@@ -206,7 +209,11 @@ def linked(linkage: Any) -> LinkedForm:
         inverse = np.linalg.inv(J) if full else 1.0 / J
         fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
     fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
-    tables, blocks, ties = tables_of(ends, hubs, parts, places)
+    meshes: dict[tuple[int, int], float] = given.meshes if geared else {}
+    shared = {j: (SHARED + min(j, *[k for i, k in meshes if i == j]),) for j, _ in meshes}
+    tables, blocks, ties, at_blocks = tables_of(
+        [(*bodies_of, *shared.get(j, ())) for j, bodies_of in enumerate(ends)], hubs, parts, places
+    )
     mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
     more: list[int] = []
     for j, bodies_of in enumerate(ends):
@@ -224,8 +231,8 @@ def linked(linkage: Any) -> LinkedForm:
         touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
         alive = [float(i in kept) for i in range(most)]
         if geared:
-            heavy = getattr(joints[j].joint, "armature", 0.0)
-            alive = [*alive[:-1], float(heavy > 0.0), 1.0 / heavy if heavy > 0.0 else 0.0]
+            light = given.lightness.get(j, 0.0)
+            alive = [*alive[:-1], float(light > 0.0), light]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
         tie = ties.get(place, (ahead if ahead < padded(places) else 0, 0.0, 0.0, 0.0))
         ahead = tie[0] + 1  # so that lanes without a tie ask for what lies beside that of others
@@ -246,11 +253,14 @@ def linked(linkage: Any) -> LinkedForm:
             (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
     size = most + freedoms
     trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
-    links = Links(
+    form: Any = Links
+    links = form(
         SE3(), kinds, fields, on_all, (), (), moving, geared, rows, most, freedoms, full,
         any(joint.springs for joint in joints), pushed, float(len(given.links)), float(len(joints)),
         float(len(joints) + parts * len(hubs)), parts, trace, sides_of(ties),
-        of_whole([len(more) // 3, *more]), *tables,
+        of_whole([len(more) // 3, *more]), *tables, len(meshes) > 0,
+        of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
+        Table(np.array([*meshes.values(), 0.0])),
     )  # fmt: skip
     return LinkedForm(
         links,
@@ -415,17 +425,19 @@ def eliminated_with_hubs(
     return tuple(found), [sorted(some, key=place.__getitem__) for some in found.values()]
 
 
-def apart_from(ends: list[tuple[int, int]], hubs: list[int]) -> list[tuple[int, int]]:
+def apart_from(ends: list[Any], hubs: list[int]) -> list[Any]:
     """The ends of joints with hubs in the place of the ground."""
-    return [(-1 if a in hubs else a, -1 if b in hubs else b) for a, b in ends]
+    return [(*[-1 if b in hubs else b for b in bodies[:2]], *bodies[2:]) for bodies in ends]
 
 
 def tables_of(
-    ends: list[tuple[int, int]], hubs: list[int], parts: int, places: int
-) -> tuple[list[Table], int, dict[int, Tie]]:
+    ends: list[Any], hubs: list[int], parts: int, places: int
+) -> tuple[list[Table], int, dict[int, Tie], dict[tuple[int, int], int]]:
     """The plan of elimination, as lists of numbers: borders, couplings, pivots, belows and updates of
-    `Links`; how many blocks there are; and of each joint the tie to another one, of which the place has
-    the blocks.
+    `Links`; how many blocks there are; of each joint the tie to another one, of which the place has
+    the blocks; and where the blocks are.
+
+    ends : of each joint its bodies, and behind them the rotor that it shares with others, if there is one.
 
     borders : how many joints there are at hubs; of each the joint, the side on which it has the hub, and
     for each part of the motion of the hub the places of the blocks, of the joint by it, and of it by the
@@ -453,7 +465,7 @@ def tables_of(
     borders: list[list[int]] = []
     direct: set[tuple[int, int]] = set()
     for j, bodies in enumerate(given):
-        for side, b in enumerate(bodies):
+        for side, b in enumerate(bodies[:2]):
             if b in hubs:
                 nodes = [len(given) + parts * hubs.index(b) + k for k in range(parts)]
                 direct |= {(j, v) for v in nodes} | {(v, j) for v in nodes}
@@ -483,7 +495,7 @@ def tables_of(
         np.ravel(belows),
         np.ravel(updates),
     )
-    return [of_whole([*some, 0]) for some in found], count, ties
+    return [of_whole([*some, 0]) for some in found], count, ties, blocks
 
 
 Tie = tuple[int, float, float, float]
@@ -519,4 +531,6 @@ def sides_of(ties: dict[int, Tie]) -> tuple[int, int]:
 
 def _sides(one: tuple[int, int], other: tuple[int, int]) -> list[tuple[int, int]]:
     """The sides of two joints on which they have a body in common."""
-    return [(s, t) for s, b in enumerate(one) for t, c in enumerate(other) if b == c and b >= 0]
+    return [
+        (s, t) for s, b in enumerate(one[:2]) for t, c in enumerate(other[:2]) if b == c and b >= 0
+    ]

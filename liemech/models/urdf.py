@@ -22,7 +22,7 @@ from ..formulas import real_array
 from ..groups.se3 import SE3
 from ..names import meant
 from .joint_forces import Damper, DryFriction, JointForce, JointPotential, Limited, Stops
-from .joints import FloatingJoint, PlanarJoint, PrismaticJoint, RevoluteJoint
+from .joints import FloatingJoint, Mimic, PlanarJoint, PrismaticJoint, RevoluteJoint
 from .link import Frame, Link, LinkShape
 
 KINDS = ("revolute", "continuous", "prismatic", "planar", "floating", "fixed")
@@ -170,11 +170,6 @@ def linkage_of(
         kind = joint.text("type")
         if kind not in KINDS:
             raise joint.wrong(f"has the type {kind!r}; URDF has {', '.join(KINDS)}")
-        if joint.one("mimic") is not None and kind != "fixed":
-            raise joint.wrong(
-                "mimics another joint, which is not done: delete its <mimic>, and tie the joints by "
-                "a JointForce, or make it fixed"
-            )
         poses[name] = poses[parent] @ _origin(joint)
         moved[name] = moved[parent] if kind == "fixed" else name
     heads = [name for name in order if moved[name] == name]
@@ -203,6 +198,8 @@ def linkage_of(
     seen = {name: poses[name].copy() for name in order}
     for name in order:
         seen[name][:3, 3] -= centres[moved[name]]
+    made["mimics"] = [_mimic(one, joints) for one in joints.values() if one.one("mimic")]
+    made["mimics"] = [one for one in made["mimics"] if one is not None]
     made["frames"] = [Frame(name, numbers[moved[name]], seen[name].tolist()) for name in order]
     made["shapes"] = _shapes(
         robot, links, seen, {n: numbers[moved[n]] for n in order}, _Files(folder, packages)
@@ -364,6 +361,20 @@ def _require_units(
                 "inertias are in kg m^2, lengths in m",
                 InertiaWarning,
             )
+
+
+def _mimic(joint: Element, joints: dict[str, Element]) -> Mimic | None:
+    """The joint that another one follows; None for one that is fixed."""
+    if joint.text("type") == "fixed":
+        return None
+    mimic: Any = joint.one("mimic")
+    leader = mimic.text("joint")
+    if leader not in joints:
+        raise mimic.wrong(
+            f"follows the joint {leader!r}, which is not there{meant(leader, joints)}"
+        )
+    ratio, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
+    return Mimic(joint.text("name"), leader, ratio, offset)
 
 
 def _rotors(robot: Element, joints: dict[str, Element], armature: Any) -> dict[str, float]:
