@@ -4,6 +4,7 @@ steps, from which the next guess is extrapolated.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ..formulas import Record, record
@@ -75,3 +76,11 @@ def followed(past: tuple[Any, Any, Any], unknown: Any) -> tuple[Any, Any, Any]:
 def extrapolated(last: Any, last_1: Any, last_2: Any) -> Any:
     """The value that continues three equidistant ones, by the parabola through them."""
     return 3.0 * last + (last_2 - 3.0 * last_1)
+
+
+def continued(past: Any) -> Any:
+    """The value that continues equidistant ones, the last one first, by the polynomial through them."""
+    total, n = past[0] * float(len(past)), len(past)
+    for k in range(1, n):
+        total = total + ((-1.0) ** k * math.comb(n, k + 1)) * past[k]
+    return total

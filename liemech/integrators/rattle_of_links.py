@@ -42,7 +42,7 @@ from ..systems.lie_poisson import BodyState
 from ..systems.system import System
 from ..systems.tabulated import during, inputs, jump_ahead
 from .lie_rattle import DEPENDENT, LEAST, MOST, ROUNDING, eliminated
-from .memory import extrapolated, followed, repeated
+from .memory import continued
 from .solvability import CONTRACTION, INFINITY, SHORTEST
 from .variational import momentum_slope, with_inertia
 
@@ -55,6 +55,11 @@ REST6 = vec(*[0.0] * 6)
 
 NEAR = 2.0**-20
 """A correction below this part of the displacement, both squared, leaves the derivative as it is."""
+
+FINE = 2.0**-110
+"""As ROUNDING, an eighth of a unit in the last place: a first correction is enough where its own square, over the
+displacement, which is what Newton's method leaves, is below.
+"""
 
 LINEAR = 2.0**-50
 """A correction below this part, of an iteration that converges linearly, is the last one."""
@@ -322,6 +327,11 @@ READY, BROKEN = 1.0, 2.0
 at the start of a run, when what is shown is the state itself.
 """
 
+PASTS = 5
+"""Steps before, from which a first guess is extrapolated: with 3 of them two corrections and a half are needed
+where 5 let one or two do.
+"""
+
 BLOCKS = 3
 """Blocks of a place: that of its joint, and two of the tie to another one."""
 
@@ -333,7 +343,7 @@ ENDS, TOUCH = carried_layout((0, 0, 0.0, 0)), carried_layout((0, 0.0, 0, 0.0))
 @record
 class LinkMemory(Record):
     """Numbers that steps carry along for the body and the joint of one place: the state, for every
-    substep the last three displacements and impulses, and the state that is shown, whose momentum is
+    substep the last `PASTS` displacements and impulses, and the state that is shown, whose momentum is
     on the constraint, if it is another one.
     """
 
@@ -375,7 +385,7 @@ class RattleOfLinks(Record):
     def start(self, system: Any, state: Any, h: float) -> LinkMemory:
         """A state, with pasts that are still to come: zeros."""
         none = vec(*[0.0] * (6 + self.most))
-        return LinkMemory(state, (repeated(none),) * self.stages, state)
+        return LinkMemory(state, ((none,) * PASTS,) * self.stages, state)
 
     def observe(self, memory: LinkMemory) -> Any:
         """The state, once it is settled."""
@@ -542,7 +552,9 @@ class RattleOfLinks(Record):
                 noisy = length <= NOISE * NOISE * (whole + size)
                 good = upright and bad < 0.0 and (shrinks or noisy)
                 settled = length <= ROUNDING * size or (
-                    before < INFINITY and length * (length / before) <= LEAST * whole
+                    length * length <= FINE * size * whole
+                    if before == INFINITY
+                    else length * (length / before) <= LEAST * whole
                 )
                 done = good and (settled or not shrinks)
                 before, anew = length, length > NEAR * whole
@@ -668,7 +680,7 @@ def copied(sites: Any, here: int, there: int, memory: Layout) -> None:
 
 def forgotten(pasts: Any, stages: int, most: int) -> None:
     """Nothing is known of steps before."""
-    for k in range(3 * stages):
+    for k in range(PASTS * stages):
         save(pasts, k, vec(*[0.0] * (6 + most)), vector(6 + most))
 
 
@@ -764,8 +776,8 @@ def guessed(system: Any, h: float, old: Any, pasts: Any, s: int, work: Any, stat
     """A first unknown, from the last steps, and the slope with which it begins."""
     n = system.most
     layout = vector(6 + n)
-    past = [load(pasts, 3 * s + i, layout) for i in range(3)]
-    guess = extrapolated(*past)
+    past = [load(pasts, PASTS * s + i, layout) for i in range(PASTS)]
+    guess = continued(past)
     xi = h * times(system.inverse(work), plain(load(old, 0, state).mu))
     x = [where(nothing([p[:6] for p in past]), a, b) for a, b in zip(xi, guess[:6])]
     save(below(work, system.rows.unknown), 0, vec(*x, *guess[6:]), layout)
@@ -966,17 +978,16 @@ def ended(system: Any, pasts: Any, place: Any, s: int, work: Any, state: Layout)
     """The past with this step; under loads the momentum without what leads off the constraint."""
     rows, layout = system.rows, vector(6 + system.most)
     unknown = load(below(work, rows.unknown), 0, layout)
-    past = [load(pasts, 3 * s + i, layout) for i in range(3)]
+    past = [load(pasts, PASTS * s + i, layout) for i in range(PASTS)]
     fresh = nothing(past)
     new = [
-        vec(*[where(fresh, a, b) for a, b in zip(unknown, y)])
-        for y in followed(tuple(past), unknown)
+        vec(*[where(fresh, a, b) for a, b in zip(unknown, y)]) for y in (unknown, *past[:-1])
     ]
     if system.loaded:
         on = on_the_constraint(system, load(place, 0, state), work)
         save(place, 0, fitted(on, state), state)
-    for i in range(3):
-        save(below(place, state.width), 3 * s + i, new[i], layout)
+    for i in range(PASTS):
+        save(below(place, state.width), PASTS * s + i, new[i], layout)
 
 
 def on_the_constraint(system: Any, one: BodyState, work: Any) -> BodyState:

@@ -5,9 +5,9 @@ Pinocchio.
 
 Figures are nanoseconds of processor time per rod and step of 2 ms, of whole runs that keep the last
 state, the least of several rounds in turn; "hinges" is the same chain on hinges, "order 4" a
-composition of five substeps.  Ours is by default compensated; the methods of C++ and of ours are two
-different ones of order 2.  C++ is built without contraction.  Then the seconds of compiling, with no
-code on disk.
+composition of five substeps.  Then rods that hang from the rim of one wheel.  Ours is by default
+compensated; the methods of C++ and of ours are two different ones of order 2.  C++ is built without
+contraction.  Then the seconds of compiling, with no code on disk.
 """
 
 import argparse
@@ -153,6 +153,37 @@ COLUMNS = (
     "ours", "hinges", "order 4", "C++, lanes", "C++", "MuJoCo, Euler", "MuJoCo, RK4", "aba of Pinocchio"
 )  # fmt: skip
 
+
+def wheel(m: int) -> tuple[Any, Any]:
+    """Rods at the rim of a wheel on a ball joint, at rest."""
+    links, poses = [lm.joints.Link(5.0, [1.0, 1.2, 1.1])], np.tile(np.eye(4), (m + 1, 1, 1))
+    joints = [lm.joints.BallJoint(0, None, [0.0, 0.0, 0.7], [0.0, 0.0, 0.7])]
+    rng, top = np.random.default_rng(3), np.array([0.0, 0.0, 0.5])
+    for k in range(m):
+        rim = np.array([np.cos(2 * np.pi * k / m), np.sin(2 * np.pi * k / m), 0.0])
+        R = lm.SO3().exp(0.4 * rng.normal(size=3))
+        poses[k + 1, :3, :3], poses[k + 1, :3, 3] = R, rim - R @ top
+        links.append(lm.joints.Link.rod(1.0, 1.0, 0.05))
+        joints.append(lm.joints.BallJoint(k + 1, 0, top, rim))
+    linkage = lm.joints.Linkage(links, joints)
+    return linkage, linkage.assembled(poses)
+
+
+def hubs(chosen: Any) -> dict[str, float]:
+    """Nanoseconds per rod and step of many rods on one body."""
+    found, lines = {}, []
+    for m in (8, 32) if chosen.quick else (4, 8, 32, 128):
+        linkage, start = wheel(m)
+        steps = (20_000 if chosen.quick else 100_000) // m
+        plan = lm.Plan(linkage, lm.LieRATTLE(), h=H, every=steps, compiled=True, progress=False)
+        run = functools.partial(plan.run, start, steps=steps)
+        run()
+        found[str(m)] = 1e9 * least({"ours": run}, 3 if chosen.quick else 7)["ours"] / m / steps
+        lines.append([m, found[str(m)]])
+    table("nanoseconds per rod and step, rods on one body", ["rods", "ours"], lines)
+    return found
+
+
 COMPILED = """
 import sys, time
 import numpy as np
@@ -198,7 +229,7 @@ def main() -> None:
     parser.add_argument("--peers", action="store_true", help="MuJoCo and Pinocchio, if installed")
     parser.add_argument("--out")
     chosen = parser.parse_args()
-    kept = {"pace": pace(chosen), "compiling": compiling(chosen)}
+    kept = {"pace": pace(chosen), "hubs": hubs(chosen), "compiling": compiling(chosen)}
     if chosen.out:
         write(chosen.out, kept)
 

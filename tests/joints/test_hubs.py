@@ -94,18 +94,19 @@ def test_hubs_change_nothing_but_the_way_of_elimination(case: str, monkeypatch: 
 
 
 def test_accelerations_with_hubs_are_those_of_the_dense_matrix(monkeypatch: Any) -> None:
-    linkage, start = wheel(6)
-    run = by_loops(linkage, lm.RKMK(4), start, False, h=0.002, steps=2)
+    linkage, start = wheel(7)
+    assert linkage.linked.links.parts > 0
+    run = by_loops(linkage, lm.RKMK(4), start, False, h=0.002, steps=1)
     monkeypatch.setattr(linked_joints, "HUB", 1000)
-    linkage, start = wheel(6)
-    other = by_loops(linkage, lm.RKMK(4), start, False, h=0.002, steps=2)
+    linkage, start = wheel(7)
+    other = by_loops(linkage, lm.RKMK(4), start, False, h=0.002, steps=1)
     assert np.abs(run.g[-1] - other.g[-1]).max() < 1e-13
 
 
 @needs_compiler
 @pytest.mark.slow
 def test_native_hubs_have_the_bits_of_plain_ones() -> None:
-    linkage, start = wheel(5)
+    linkage, start = wheel(8)
     plain, native = (
         by_loops(linkage, lm.LieRATTLE(), start, compiled, h=0.005, steps=3)
         for compiled in (False, True)
