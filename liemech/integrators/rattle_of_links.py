@@ -980,9 +980,7 @@ def ended(system: Any, pasts: Any, place: Any, s: int, work: Any, state: Layout)
     unknown = load(below(work, rows.unknown), 0, layout)
     past = [load(pasts, PASTS * s + i, layout) for i in range(PASTS)]
     fresh = nothing(past)
-    new = [
-        vec(*[where(fresh, a, b) for a, b in zip(unknown, y)]) for y in (unknown, *past[:-1])
-    ]
+    new = [vec(*[where(fresh, a, b) for a, b in zip(unknown, y)]) for y in (unknown, *past[:-1])]
     if system.loaded:
         on = on_the_constraint(system, load(place, 0, state), work)
         save(place, 0, fitted(on, state), state)

@@ -295,3 +295,21 @@ def test_ten_rods_keep_their_energy_over_many_steps() -> None:
         halves = np.array_split(off, 2)
         assert abs(np.mean(halves[1]) - np.mean(halves[0])) < 0.2 * np.ptp(off)
         assert np.abs(linkage.conditions_at(run.mu[-1], run.g[-1])[0]).max() < 4e-15
+
+
+def test_how_often_states_are_looked_at_changes_no_bit() -> None:
+    """What is shown is found beside the steps; inside of a step, too."""
+    linkage, start = hinged(3)
+    every, seldom, inside = (
+        by_loops(linkage, lm.LieRATTLE(), start, False, h=0.01, steps=9, **how)
+        for how in ({"every": 1}, {"every": 4}, {"t_eval": [0.0, 0.0349, 0.035, 0.09]})
+    )
+    for run, rows in ((seldom, [0, 4, 8, 9]), (inside, [0, -1, -1, 9])):
+        for k, mu, g in zip(rows, run.mu, run.g):
+            c, off = linkage.conditions_at(mu, g)
+            assert max(np.abs(c).max(), np.abs(off).max()) < 4e-15
+            assert k < 0 or (np.array_equal(mu, every.mu[k]) and np.array_equal(g, every.g[k]))
+    assert np.array_equal(every.mu[0], start.mu)
+    gone_on = lm.Plan(linkage, lm.LieRATTLE(), h=0.01, compiled=False).resume(seldom, steps=3)
+    whole = by_loops(linkage, lm.LieRATTLE(), start, False, h=0.01, steps=12, every=5)
+    assert np.array_equal(gone_on.mu[-1], whole.mu[-1])
