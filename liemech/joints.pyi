@@ -5,12 +5,14 @@ from .models.joint_forces import Damper as Damper
 from .models.joint_forces import DryFriction as DryFriction
 from .models.joint_forces import JointForce as JointForce
 from .models.joint_forces import JointPotential as JointPotential
+from .models.joint_forces import Limited as Limited
 from .models.joint_forces import Motor as Motor
 from .models.joint_forces import Spring as Spring
 from .models.joint_forces import Stops as Stops
 from .models.joints import BallJoint as BallJoint
 from .models.joints import FixedJoint as FixedJoint
 from .models.joints import FloatingJoint as FloatingJoint
+from .models.joints import Mimic as Mimic
 from .models.joints import PlanarJoint as PlanarJoint
 from .models.joints import PrismaticJoint as PrismaticJoint
 from .models.joints import RevoluteJoint as RevoluteJoint

@@ -69,6 +69,7 @@ SECTIONS = {
         "linkage",
         "arm",
         "puma",
+        "kapitza",
         "bricard",
         "governor",
         "net",

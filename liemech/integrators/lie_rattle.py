@@ -24,7 +24,7 @@ from ..formulas import (
 )
 from ..formulas.sizes import EPSILON
 from ..retractions import Exponential, Retraction
-from ..solvers import NOISE, newton
+from ..solvers import NOISE, newton, newton_of_kicks
 from ..systems.conditions import joint, led, pulled, solved_sparse, speeds
 from ..systems.constrained_body import ConstrainedBody
 from ..systems.kinetic_energy import times
@@ -97,9 +97,10 @@ class LieRATTLE(Remembering):
 
     def at_node(self, system: Any, state: BodyState, h: float) -> tuple[Vec, Any]:
         """The force, and the derivative of the constraint by rows."""
-        if system.constraint.rheonomic:
+        if system.constraint.rheonomic or getattr(system, "geared", False):
             raise IncompatibleSystem(
-                f"{self!r}: joints in a given motion go with steps of fixed length, without tangents"
+                f"{self!r}: joints in a given motion, or with an armature, go with steps of fixed length, "
+                "without tangents"
             )
         g = plain(state.g)
         return system.force(g), system.rows(g)
@@ -287,19 +288,27 @@ class LieRATTLE(Remembering):
         """
         load = system.body.load
 
-        def led_to(w: Vec) -> tuple[Vec, Vec]:
-            pushed = mu + h * load.at_rates(t, w, g)
-            held = pushed - pulled(system, rows, self._excess(system, rows, pushed))
-            return pushed, load.rates(system.velocity(held), g)
+        def held_of(pushed: Vec) -> Vec:
+            return pushed - pulled(system, rows, self._excess(system, rows, pushed))
+
+        def led_to(k: Vec) -> tuple[Vec, float]:
+            pushed = mu + load.spread(t, k, g)
+            free, found = system.velocity(pushed), load.rates(system.velocity(held_of(pushed)), g)
+            return found, dot(free, free) + dot(found, found)
 
         def equation(w: Vec) -> tuple[Vec, Mat, float]:
-            pushed, found = led_to(w)
-            slope = identity_matrix(len(w)) - jacobian(lambda y: led_to(y)[1], w)
-            free = system.velocity(pushed)
-            return w - found, slope, dot(free, free) + dot(w, w)
+            def rates(y: Vec) -> Vec:
+                return load.rates(system.velocity(held_of(mu + h * load.at_rates(t, y, g))), g)
 
-        held = mu - pulled(system, rows, self._excess(system, rows, mu))
-        w, rest, enough, _ = newton(equation, load.rates(system.velocity(held), g))
+            slope = identity_matrix(len(w)) - jacobian(rates, w)
+            free = system.velocity(mu + h * load.at_rates(t, w, g))
+            return w - rates(w), slope, dot(free, free) + dot(w, w)
+
+        guess = load.rates(system.velocity(held_of(mu)), g)
+        if load.by_rate:
+            w, rest, enough = newton_of_kicks(lambda y: h * load.efforts(t, y, g), led_to, guess)
+        else:
+            w, rest, enough, _ = newton(equation, guess)
         if not rest <= enough:
             raise NoConvergence(
                 f"{self!r}: no velocity found that fits the load at the end of a step; try "

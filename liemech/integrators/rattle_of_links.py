@@ -36,7 +36,7 @@ from ..formulas.pytree import Layout, carried_layout, fitted, layout_of, with_fi
 from ..formulas.tables import entry, whole
 from ..groups.lie_group import LieGroup
 from ..retractions import Exponential
-from ..solvers import NOISE, TOLERANCE
+from ..solvers import NOISE, TOLERANCE, slope_beside
 from ..systems.kinetic_energy import times
 from ..systems.lie_poisson import BodyState
 from ..systems.system import System
@@ -87,8 +87,8 @@ class Rows(Record):
     along: the row with which they begin.
 
     Fixed are: inertia and its inverse, weight, `ends` of a joint (first and second body, is there a
-    second one, the kind), `alive` (which conditions count), `beside` (are the first and the second body no
-    hubs?), `touch` (of a body a joint of which it is the
+    second one, the kind), `alive` (which conditions count), `yields` (1/A of its rotor), `beside` (are the
+    first and the second body no hubs?), `touch` (of a body a joint of which it is the
     first one, a joint of which it is the second one, each with 1, or 0 if there is none), `tie` (of a joint
     another one that a body ties it to, the sides on which the two have the body, and 1, or 0 if there
     is none), `own` (the parameters of a joint of each
@@ -101,6 +101,7 @@ class Rows(Record):
     weight: int
     ends: int
     alive: int
+    yields: int
     beside: int
     touch: int
     tie: int
@@ -133,33 +134,38 @@ class Rows(Record):
     rate: int
     gain: int
     slant: int
+    idle: int
+    foreseen: int
     field: int
     push: int
     wanted: int
     given: int
     bent: int
     paces: int
+    dial: int
     block: int
 
     @classmethod
     def of(
         cls, full: bool, most: int, freedoms: int, own: int, on: int, pushed: bool, bent: bool,
-        moving: bool, hubs: bool,
+        moving: bool, hubs: bool, geared: bool = False,
     ) -> Rows:  # fmt: skip
         """Those of inertias that are matrices, or not; so many conditions and coordinates of a
         joint, and numbers of its own; of what acts on a body, whether there are loads on bodies, and
-        one on all of them by one formula; of joints in a given motion; of hubs.
+        one on all of them by one formula; of joints in a given motion; of hubs; of rotors.
         """
         n, J, w = most + freedoms, 36 if full else 6, 6 if pushed else 0
         widths = dict(
-            inertia=J, inverse=J, weight=1, ends=4, alive=most, beside=2 if hubs else 0, touch=4, tie=4, own=own, acting=1,
+            inertia=J, inverse=J, weight=1, ends=4, alive=most, yields=int(geared),
+            beside=2 if hubs else 0, touch=4, tie=4, own=own, acting=1,
             on=on, note=3, force=6, pull=6,
             held=6, velocity=6, unknown=6 + most, slope=6 + most, answer=36, moved=36, free=6, led=6,
             pose=16, told=5, first=6 * n, second=6 * n, first_there=6 * n,
             second_there=6 * n, first_pushed=6 * n, second_pushed=6 * n, diagonal=n, rest=n, impulse=n,
-            wrench=12, rate=freedoms, gain=freedoms * freedoms, slant=freedoms * freedoms, field=6,
+            wrench=12, rate=freedoms, gain=freedoms * freedoms, slant=freedoms * freedoms,
+            idle=freedoms, foreseen=freedoms, field=6,
             push=w, wanted=w, given=6 * w, bent=36 if bent else 0,
-            paces=n if moving else 0, block=0,
+            paces=n if moving else 0, dial=3 if geared else 0, block=0,
         )  # fmt: skip
         places, row = {}, 0
         for name, width in widths.items():
@@ -175,7 +181,7 @@ class Links(System):
     kinds : layouts of the kinds of joints.  fields : of what acts on bodies beside joints, if
     anything does; on_all : what acts on all of them by one formula, or None.  window : time and
     length of the step that tables see, if they jump.  clock : the time that joints in a given motion see; rheonomic : are
-    there any?  most, freedoms : conditions of a joint, at most, and
+    there any?  geared : do rotors turn with joints?  most, freedoms : conditions of a joint, at most, and
     coordinates that loads act along.  full : are inertias matrices?
     bodies, joints, nodes : how many; of nodes, that are eliminated, each joint is one, and behind them each
     of the `parts` of the motion of a hub.  sides : on which of the two sides of joints the body of a `tie` is,
@@ -184,6 +190,8 @@ class Links(System):
     borders : joints at hubs, with the blocks.  couplings : pairs of joints that a body ties together,
     beside `tie`, with the sides on which it is, and the block.  pivots, belows, updates : what elimination
     does, see `tables_of`.  pulled : do potentials of bodies count among the forces?
+    meshes : do joints share rotors?  mesh : how many pairs of such joints; of each both, and the block;
+    meshing : the rate that the one gains by an impulse of the other.
     """
 
     group: LieGroup
@@ -193,6 +201,7 @@ class Links(System):
     window: tuple[Any, ...]
     clock: tuple[Any, ...]
     rheonomic: bool
+    geared: bool
     rows: Rows
     most: int
     freedoms: int
@@ -212,11 +221,14 @@ class Links(System):
     pivots: Any
     belows: Any
     updates: Any
+    meshes: bool
+    mesh: Any
+    meshing: Any
 
     @property
     def loaded(self) -> bool:
-        """Are there loads, which depend on velocities?"""
-        return self.pushed or self.freedoms > 0
+        """Are there loads, which depend on velocities, or rotors, which follow them?"""
+        return self.pushed or self.freedoms > 0 or self.geared
 
     def displaced(self, retraction: Any, state: BodyState, omega: Vec) -> BodyState:
         """The state of a free body, displaced."""
@@ -465,9 +477,15 @@ class RattleOfLinks(Record):
             if system.loaded and turn > 0:
                 before = below(sites, begun if turn == 1 else there)
                 self.loads(system, t, turn, h, sites, before, new, work, state)
+            if turn == 1 and system.geared:
+                each(sites, dial_here, system, old, work, state)
             if turn == 1:
                 each(sites, guessed, system, h, old, past, s, work, state)
                 self.solve(system, t, h, sites, old, work, state)
+                if system.meshes:
+                    meshed(system, work)
+                if system.geared:
+                    each(sites, dial_there, system, work)
                 each(sites, moved_body, system, self.retraction, h, old, new, work, state)
                 put(ready, 0, 2, where(state_of_work == 0.0, 0.0, BROKEN), NUMBER)
             if turn < 2:
@@ -511,16 +529,20 @@ class RattleOfLinks(Record):
             while True:
                 k = part * h
                 now = system.at_time(t + k)
+                if system.meshes:
+                    meshed(system, work)
                 if anew:
                     sign = 1.0 if h > 0.0 else -1.0
                     each(sites, correction_of_body, system, retraction, k, old, work, state)
-                    each(sites, correction_of_joint, now, sign, work)
+                    each(sites, correction_of_joint, now, sign, k, work)
                     each(sites, tied, system, rows.first_there, n, work)
                     coupled(system, work, rows.first_there, sign, n)
+                    if system.meshes:
+                        mesh_blocks(system, k, work, n)
                     bad = factored(system, work, h, n)
                 else:
                     each(sites, mismatch_of_body, system, retraction, k, old, work, state)
-                    each(sites, mismatch_of_joint, now, work)
+                    each(sites, mismatch_of_joint, now, k, work)
                     eliminated_again(system, work, n)
                 solved(system, work, n)
                 each(sites, wrench_of_impulses, system, work)
@@ -577,7 +599,10 @@ class RattleOfLinks(Record):
         enough = TOLERANCE if system.on_all is None else LINEAR  # without the whole derivative
         while True:
             if system.freedoms > 0:
-                each(sites, efforts_there, system.at_time(t), t, k, old, work, state)
+                if tried == 1 and not last:
+                    each(sites, efforts_at_rest, system.at_time(t), t, k, old, work, state)
+                again = where(tried > 0, 1.0, 0.0)
+                each(sites, efforts_there, system.at_time(t), t, k, again, old, work, state)
                 scattered(system, work)
             if system.pushed:
                 self.load_of_all(system, t, k, old, work, state)
@@ -592,10 +617,12 @@ class RattleOfLinks(Record):
                 put(below(work, rows.note), 0, 0, -1.0, NUMBER)
                 raise NoConvergence("no velocity found that fits the loads at the end of a step")
             each(sites, loaded_velocity, system, old, work, state)
-            if system.pushed or tried == 0 or bends(system, work):
+            if system.pushed or tried == 0 or (system.freedoms > 0 and bends(system, work)):
                 each(sites, excess_of_rates, system, work)
                 each(sites, tied, system, rows.first, n, work)
                 coupled(system, work, rows.first, 1.0, n)
+                if system.meshes:
+                    mesh_blocks(system, 1.0, work, n)
                 factored(system, work, 1.0, n)
             else:
                 each(sites, excess_again, system, work)
@@ -619,7 +646,8 @@ class RattleOfLinks(Record):
                 noisy = tried > 1 and off >= apart and off <= NOISE * NOISE * size
                 last = last and (small or noisy or off == 0.0)
             elif last:
-                each(sites, kicked_by_loads, system, old, work, state)
+                if system.freedoms > 0:
+                    each(sites, kicked_by_loads, system, old, work, state)
                 break
 
     def load_of_all(
@@ -1046,16 +1074,76 @@ def save_wrench(system: Any, work: Any, l: Vec) -> None:
     save(below(work, rows.wrench), 0, vec(*pulls[0], *pulls[1]), TWELVE)
 
 
-def correction_of_joint(system: Any, sign: float, work: Any) -> None:
+def meshed(system: Any, work: Any) -> None:
+    """The rate that a rotor gains by the impulses of other joints that it drives."""
+    rows, table = system.rows, system.mesh
+    dial, unknown = below(work, rows.dial), below(work, rows.unknown)
+    for p in range(whole(table, 0)):
+        put(dial, whole(table, 1 + 3 * p), 2, 0.0, NUMBER)
+    for p in range(whole(table, 0)):
+        j, k = whole(table, 1 + 3 * p), whole(table, 2 + 3 * p)
+        l = at(unknown, k, 5 + system.most, NUMBER)
+        put(dial, j, 2, at(dial, j, 2, NUMBER) + entry(system.meshing, p) * l, NUMBER)
+
+
+def mesh_blocks(system: Any, h: float, work: Any, n: int) -> None:
+    """Add h times that to the blocks of such joints."""
+    blocks, table, last = below(work, system.rows.block), system.mesh, system.most - 1
+    for p in range(whole(table, 0)):
+        place, y = whole(table, 3 + 3 * p), h * entry(system.meshing, p)
+        more = [vec(*[y if i == last and j == last else 0.0 for j in range(n)]) for i in range(n)]
+        put_block(blocks, place, block_at(blocks, place, n) + mat(*more))
+
+
+def dial_here(system: Any, old: Any, work: Any, state: Layout) -> None:
+    """The coordinate of a joint, by which its rotor turns, and its rate."""
+    rows, last = system.rows, system.most - 1
+    first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
+    g, k = poses_of(system, old, work, state)
+    q = system.of_kind(work, lambda one: one.turned(g, k, 0.0))
+    layout = matrix(system.most + system.freedoms, 6)
+    a, b = [load(below(work, place), 0, layout)[last] for place in (rows.first, rows.second)]
+    one, two = [at(below(work, rows.velocity), body, 0, SIX) for body in (first, second)]
+    save(below(work, rows.dial), 0, vec(q, dot(a, one) + dot(b, two), 0.0), vector(3))
+
+
+def dial_there(system: Any, work: Any) -> None:
+    """The rate of a rotor after the impulse on it, q' + l/A."""
+    dial, y = below(work, system.rows.dial), load(below(work, system.rows.yields), 0, NUMBER)
+    q, rate, more = load(dial, 0, vector(3))
+    l = load(below(work, system.rows.unknown), 0, vector(6 + system.most))[5 + system.most]
+    save(dial, 0, vec(q, rate + y * l + more, 0.0), vector(3))
+
+
+def with_dial(system: Any, h: float, g: Mat, k: Mat, c: Any, work: Any) -> Any:
+    """The conditions, with that of the rotor, which turns as the joint does: by h (q' + l/A) along the step."""
+    if not system.geared:
+        return c
+    q, rate, more = load(below(work, system.rows.dial), 0, vector(3))
+    y = load(below(work, system.rows.yields), 0, NUMBER)
+    l = load(below(work, system.rows.unknown), 0, vector(6 + system.most))[5 + system.most]
+    turned = system.of_kind(work, lambda one: one.turned(g, k, q))
+    return [*c[: system.most - 1], turned - h * (rate + y * l + more)]
+
+
+def yielding(system: Any, h: float, blank: Any, work: Any) -> Vec:
+    """An addition to the diagonal of a block: the blanks, and h/A of the rotor."""
+    if not system.geared:
+        return vec(*blank)
+    m, y = system.most, load(below(work, system.rows.yields), 0, NUMBER)
+    return vec(*[x + h * y if i == m - 1 else x for i, x in enumerate(blank)])
+
+
+def correction_of_joint(system: Any, sign: float, h: float, work: Any) -> None:
     """The conditions at the end of the step, their rows, what they miss, and the answers of the
-    bodies to the impulses of the joint.  sign : of the step.
+    bodies to the impulses of the joint.  sign : of the step h.
     """
     rows, n = system.rows, system.most
     first, second, held, _ = load(below(work, rows.ends), 0, ENDS)
     g, k = poses_of(system, below(work, rows.pose), work, POSE)
     alive = load(below(work, rows.alive), 0, vector(n))
     sides = system.of_kind(work, lambda one: one.rows(g, k, n, 0))
-    c = system.of_kind(work, lambda one: one.value(g, k, n))
+    c = with_dial(system, h, g, k, system.of_kind(work, lambda one: one.value(g, k, n)), work)
     there = (
         [a * row for a, row in zip(alive, sides[0])],
         [(a * held) * row for a, row in zip(alive, sides[1])],
@@ -1073,18 +1161,18 @@ def correction_of_joint(system: Any, sign: float, work: Any) -> None:
     ]
     for place, side in zip((rows.first_there, rows.second_there), there):
         save(below(work, place), 0, mat(*side), matrix(n, 6))
-    blank = vec(*[sign * (1.0 - x) for x in alive])
+    blank = yielding(system, h, [sign * (1.0 - x) for x in alive], work)
     save_pushed(system, work, pushed, there, blank, n)
     save(below(work, rows.rest), 0, vec(*rest), vector(n))
 
 
-def mismatch_of_joint(system: Any, work: Any) -> None:
+def mismatch_of_joint(system: Any, h: float, work: Any) -> None:
     """The mismatch of the conditions, with their rows as they were."""
     rows, n = system.rows, system.most
     first, second, _, _ = load(below(work, rows.ends), 0, ENDS)
     g, k = poses_of(system, below(work, rows.pose), work, POSE)
     alive = load(below(work, rows.alive), 0, vector(n))
-    c = system.of_kind(work, lambda one: one.value(g, k, n))
+    c = with_dial(system, h, g, k, system.of_kind(work, lambda one: one.value(g, k, n)), work)
     sides: list[Any] = []
     for place, body in ((rows.first_there, first), (rows.second_there, second)):
         free = at(below(work, rows.led), body, 0, SIX)
@@ -1190,13 +1278,30 @@ def save_push(system: Any, work: Any, efforts: Any) -> None:
     save(below(work, system.rows.wrench), 0, vec(*pushes[0], *pushes[1]), TWELVE)
 
 
-def efforts_there(system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
-    """The kick h F of loads, and its derivative by the rates."""
+def efforts_at_rest(system: Any, t: float, h: float, old: Any, work: Any, state: Layout) -> None:
+    """The kick h F that loads would give at rest."""
+    g, k = poses_of(system, old, work, state)
+    rest = vec(*[0.0] * system.freedoms)
+    kicks = system.of_kind(work, lambda one: h * one.efforts(t, one.seen(t, g, k), rest, len(rest)))
+    save(below(work, system.rows.idle), 0, kicks, vector(system.freedoms))
+
+
+def efforts_there(
+    system: Any, t: float, h: float, again: float, old: Any, work: Any, state: Layout
+) -> None:
+    """The kick h F of loads, and the slope by the rates with which Newton's method goes on.  again : 1 after
+    a correction, which has foreseen a kick.
+    """
     rows, n = system.rows, system.freedoms
     g, k = poses_of(system, old, work, state)
-    rates = load(below(work, rows.rate), 0, vector(n))
+    rates, foreseen = load(below(work, rows.rate), 0, vector(n)), below(work, rows.foreseen)
     kicks, gain = system.of_kind(work, lambda one: kick_of(one, t, h, one.seen(t, g, k), rates))
-    save(below(work, rows.slant), 0, gain, matrix(n, n))
+    idle, wanted = load(below(work, rows.idle), 0, vector(n)), load(foreseen, 0, vector(n))
+    wanted = vec(*[where(again > 0.0, a, b) for a, b in zip(wanted, kicks)])
+    slopes = [slope_beside(kicks[i], idle[i], wanted[i], rates[i], gain[i, i]) for i in range(n)]
+    gain = [vec(*[slopes[i] if i == j else gain[i, j] for j in range(n)]) for i in range(n)]
+    save(foreseen, 0, kicks, vector(n))
+    save(below(work, rows.slant), 0, mat(*gain), matrix(n, n))
     save_push(system, work, kicks)
 
 
@@ -1231,7 +1336,8 @@ def excess_of_rates(system: Any, work: Any) -> None:
         ]
         here, pushed = [*here, own], [*pushed, [*moved[:m], *kicks]]
     save(below(work, rows.rest), 0, rates_off(system, work, here), vector(n))
-    blank = vec(*[1.0 - x for x in alive], *[1.0 for _ in range(system.freedoms)])
+    blank = [*[1.0 - x for x in alive], *[1.0 for _ in range(system.freedoms)]]
+    blank = yielding(system, 1.0, blank, work)
     save_pushed(system, work, pushed, here, blank, n)
 
 
@@ -1254,6 +1360,8 @@ def rates_off(system: Any, work: Any, here: Any) -> Vec:
     if system.freedoms > 0:
         rates = load(below(work, rows.rate), 0, vector(system.freedoms))
         off = [x - w for x, w in zip(rest[m:], rates)]
+    if system.geared:
+        rest = [*rest[: m - 1], rest[m - 1] - load(below(work, rows.dial), 0, vector(3))[1]]
     return vec(*rest[:m], *off)
 
 
@@ -1284,17 +1392,20 @@ def wrench_of_corrections(system: Any, work: Any) -> None:
 
 
 def corrected_rates(system: Any, work: Any) -> tuple[float, float]:
-    """Rates after Newton's correction; the sums of the squares of corrections, and of rates before
+    """Rates after Newton's correction, and the kicks that it foresees; the sums of the squares of corrections, and of rates before
     them with how far off those were: at rest the kicks alone say what rounding is.
     """
     n, m = system.most + system.freedoms, system.most
     change, whole, layout = 0.0, 0.0, vector(system.freedoms)
     rates, found = below(work, system.rows.rate), below(work, system.rows.impulse)
-    rest = below(work, system.rows.rest)
+    rest, kicks = below(work, system.rows.rest), below(work, system.rows.foreseen)
+    gains, square = below(work, system.rows.gain), matrix(system.freedoms, system.freedoms)
     for j in range(int(system.joints)):
         step = at(found, j, 0, vector(n))[m:]
         old, off = at(rates, j, 0, layout), at(rest, j, 0, vector(n))[m:]
         put(rates, j, 0, old + step, layout)
+        led = vec(*[dot(row, step) for row in at(gains, j, 0, square)])
+        put(kicks, j, 0, at(kicks, j, 0, layout) + led, layout)
         change, whole = change + dot(step, step), whole + dot(old, old) + dot(off, off)
     return change, whole
 

@@ -226,6 +226,11 @@ def carried_by(m: Mat, row: Vec) -> Vec:
 
 def moved(joint: Any, support: Any, path: Any, label: str) -> Any:
     """A joint of a linkage in its given motion."""
+    if joint.geared and joint.armature > 0.0:
+        raise InvalidInput(
+            f"Linkage: {label} has an armature and is in a given motion, which do not go together; give "
+            "its rotor as a link of its own, or leave armature= out there"
+        )
     own = replace(joint, first=0, second=1, name=None)
     at: Any = getattr(joint, "at_first", vec(0.0, 0.0, 0.0))
     held: Any = own

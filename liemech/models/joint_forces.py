@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from math import pi
 from typing import Any
 
@@ -207,6 +207,55 @@ class Motor(JointForce):
         return self.torque(t) if isinstance(self.torque, PiecewisePolynomial) else self.torque
 
 
+@record
+class Limited(JointForce):
+    """A motor or a controller that gives no more than it can: torques are cut at a limit, and fall to zero
+    along the motion where it is as fast as the motor turns.
+
+    given : the Motor, or a JointForce of one's own, at this joint.  limit : in N m or N, to either side.
+    speed : in rad/s or m/s; None: any.  From nine tenths of it on, what drives the motion on
+    fades; what brakes it does not.
+
+    Source: Hughes and Drury, Electric Motors and Drives, 5th ed. (2019), section 4.3 (the region of torque
+    and speed of a drive).
+    """
+
+    given: Any
+    limit: float
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        given: Any = self.given
+        if (
+            not isinstance(given, JointForce)
+            or given.freedom != self.freedom
+            or given.joint not in (self.joint, 0)
+        ):
+            raise InvalidType(
+                "Limited: given is a JointForce such as Motor(0, 2.0), at the same joint and along the same "
+                f"freedom; got {given!r} at joint {self.joint!r}"
+            )
+        for name in ("limit", "speed"):
+            value = getattr(self, name)
+            if not (value is None if name == "speed" else False) and not 0.0 < value < np.inf:
+                raise InvalidInput(f"Limited: {name} must be positive; got {value!r}")
+        object.__setattr__(self, "given", replace(self.given, joint=0))
+
+    def effort(self, t: float, q: float, rate: float) -> float:
+        """That of the motor, within its limits."""
+        low, high = -self.limit, self.limit
+        if self.speed is not None:
+            forth = min(1.0, max(0.0, 10.0 * (1.0 - rate / self.speed)))
+            back = min(1.0, max(0.0, 10.0 * (1.0 + rate / self.speed)))
+            low, high = back * low, forth * high
+        return max(low, min(high, self.given.effort(t, q, rate)))
+
+    def about(self, t: float) -> float:
+        """As the motor sees it."""
+        return self.given.about(t)
+
+
 # ------------------------------------------------------------------ all of a linkage
 
 
@@ -249,13 +298,16 @@ class AtJoint(Record):
             *[dot(multipliers, vec(*row)) for row in joint.paces_by_coordinates(first, second)]
         )
 
-    def missed(self, g: Mat, k: Mat) -> Vec:
+    def missed(self, t: float, g: Mat, k: Mat) -> Vec:
         """The conditions of the joint, which are zero, at the poses of its bodies."""
-        return self.joint.value(g, k)
+        return self.joint.at_time(t).value(g, k)
 
-    def slips(self, g: Mat, k: Mat, xi: Vec, eta: Vec) -> Vec:
+    def slips(self, t: float, g: Mat, k: Mat, xi: Vec, eta: Vec) -> Vec:
         """Their rates, which are zero, at the velocities of its bodies."""
-        return vec(*[dot(one, xi) + dot(two, eta) for one, two in self.joint.rows(g, k)])
+        joint = self.joint.at_time(t)
+        found = vec(*[dot(one, xi) + dot(two, eta) for one, two in joint.rows(g, k)])
+        paces = joint.paces(g, k)
+        return found + vec(*paces) if len(paces) > 0 else found
 
     def wrench(self, t: float, g: Vec, multipliers: Vec) -> Vec:
         """The force of the conditions on the first body and their torque about its point, seen from
@@ -395,14 +447,33 @@ class LinkageForce(Force):
             return xi
         return vec(*[rate for one in self.at_joints for rate in rates_of(one.joint, g, xi)])
 
-    def at_rates(self, t: float, rates: Vec, g: Any) -> Vec:
-        """The sum at these rates."""
+    @property
+    def by_rate(self) -> bool:
+        """Without a load of the user's."""
+        return self.other is None
+
+    def efforts(self, t: float, rates: Vec, g: Any) -> Vec:
+        """The torques or forces along all motions of the joints."""
+        found: list[Any] = []
+        for one in self.at_joints:
+            begin = len(found)
+            found = [*found, *one.efforts(t, g, rates[begin : begin + one.joint.freedoms])]
+        return vec(*found)
+
+    def spread(self, t: float, efforts: Vec, g: Any) -> Vec:
+        """The forces on all bodies by them."""
         pushes: list[Any] = []
         begin = 0
         for one in self.at_joints:
-            own = rates[begin : begin + one.joint.freedoms]
-            if self.other is not None:
-                own = rates_of(one.joint, g, rates)
-            pushes, begin = [*pushes, one.push(t, g, own)], begin + one.joint.freedoms
-        total = pushed(pushes, len(g) // 16 * 6)
-        return total if self.other is None else total + self.other.covector(t, rates, g)
+            end = begin + one.joint.freedoms
+            motions = one.joint.at_time(t).motions(*both(one.joint, g))
+            pushes, begin = [*pushes, (one.joint, motions, efforts[begin:end])], end
+        return pushed(pushes, len(g) // 16 * 6)
+
+    def at_rates(self, t: float, rates: Vec, g: Any) -> Vec:
+        """The sum at these rates."""
+        if self.other is None:
+            return self.spread(t, self.efforts(t, rates, g), g)
+        own = vec(*[x for one in self.at_joints for x in rates_of(one.joint, g, rates)])
+        total = self.spread(t, self.efforts(t, own, g), g)
+        return total + self.other.covector(t, rates, g)

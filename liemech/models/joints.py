@@ -49,6 +49,7 @@ class Joint(Record):
     conditions: ClassVar[int]
     freedoms: ClassVar[int] = 0
     turns: ClassVar[bool] = True
+    geared: ClassVar[bool] = False  # may a rotor turn with its coordinate?
 
     first: int
     second: int | None
@@ -68,6 +69,9 @@ class Joint(Record):
                     f"{name}: {what} is the number of a body, 0 or more "
                     f"(second: None is the ground); got {number!r}"
                 )
+        armature = getattr(self, "armature", 0.0)
+        if not 0.0 <= armature < np.inf:
+            raise InvalidInput(f"{name}: armature must be 0 or more; got {armature!r}")
         if self.first == self.second:
             raise InvalidInput(
                 f"{name}: a joint holds two bodies together; first and second are both {self.first}"
@@ -176,17 +180,22 @@ class RevoluteJoint(Joint):
     (3,), of any length.
     Its angle is 0 where the vectors `across` the axes are parallel: if both axes have the same
     numbers, where both frames are parallel.
+    armature : A, in kg m^2, the inertia of a motor's rotor as the joint feels it, that about its own
+    axis times the gear ratio squared; the kinetic energy has A q'^2/2 more.
 
-    Source: Nikravesh (1988), section 7.2.
+    Source: Nikravesh (1988), section 7.2; Featherstone, Rigid Body Dynamics Algorithms (2008),
+    section 9.6 (rotors behind gears).
     """
 
     conditions: ClassVar[int] = 5
     freedoms: ClassVar[int] = 1
+    geared: ClassVar[bool] = True
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
     axis_first: Vec = AXES[2]
     axis_second: Vec = AXES[2]
+    armature: float = field(default=0.0, kw_only=True, repr=False)
 
     def value(self, g: Mat, k: Mat) -> Vec:
         """x_1 - x_2, and the components of axis 2 across axis 1."""
@@ -282,6 +291,7 @@ class PrismaticJoint(Joint):
     first body, (3,).  Both bodies have parallel axes when they are mounted; `attitude` is the
     rotation from the second body to the first, (3, 3), if they have not.  Its coordinate is the
     shift of the first body's point along the axis.
+    armature : A, in kg, the inertia of a motor's rotor as the slider feels it.
 
     Source: Nikravesh (1988), section 7.2 (translational joint).
     """
@@ -289,11 +299,13 @@ class PrismaticJoint(Joint):
     conditions: ClassVar[int] = 5
     freedoms: ClassVar[int] = 1
     turns: ClassVar[bool] = False
+    geared: ClassVar[bool] = True
 
     at_first: Vec = ORIGIN
     at_second: Vec = ORIGIN
     axis: Vec = AXES[2]
     attitude: Mat = mat(*AXES)
+    armature: float = field(default=0.0, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -530,6 +542,22 @@ class RigidRod(Joint):
 
 
 @record
+class Mimic(Record):
+    """A hinge or slider that follows another one by gears: q = ratio q_leader + offset.
+
+    joint, leader : the names or numbers of joints.  ratio : in rad/rad, m/rad, rad/m or m/m.
+    offset : in rad or m.  One rotor drives both: the armature of the leader.
+
+    Source: the URDF specification of ROS, wiki, "urdf/XML/joint", mimic.
+    """
+
+    joint: Any
+    leader: Any
+    ratio: float = 1.0
+    offset: float = 0.0
+
+
+@record
 class Joints(Constraint):
     """The conditions of several joints, on a product of SE(3)s: a pose [[R, p], [0, 1]], p the
     centre of mass, for each body.
@@ -603,6 +631,63 @@ class Joints(Constraint):
 
 
 REST6 = vec(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@record
+class WithRotors(Constraint):
+    """The conditions of joints and, behind them, the coordinates along which rotors turn with joints: by their
+    impulses momentum goes to the rotors, A q'' = lam.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 9.6.
+    """
+
+    held: Joints
+    rotors: tuple[tuple[Any, ...], ...]
+    lightness: Vec
+
+    @property
+    def yields(self) -> tuple[Any, ...]:
+        """1/A of each condition; 0 of those of joints, and of those that follow another one."""
+        hard = sum([len(kept) for _, kept in self.held.counted])
+        return (*[0.0] * hard, *self.lightness)
+
+    def value(self, g: Vec) -> Vec:
+        """The conditions, and the coordinates: of one that follows less what it follows."""
+        found: list[Any] = []
+        for some in self.rotors:
+            total = 0.0
+            for joint, ratio in some:
+                total = total + ratio * joint.coordinates(*both(joint, g))[0]
+            found = [*found, total]
+        return vec(*self.held.value(g), *found)
+
+    def rows(self, group: LieGroup, g: Vec) -> Rows:
+        """Those of the joints, and those of the motions."""
+        return (*self.held.rows(group, g), *[_motions(some, g) for some in self.rotors])
+
+    def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
+        """The bodies of each joint, and of the one that it follows."""
+        mine = tuple([_held_by(some) for some in self.rotors])
+        return (*self.held.touches(group, conditions), *mine)
+
+
+def _held_by(some: Any) -> tuple[int, ...]:
+    """The bodies of joints, each of them once."""
+    found: list[int] = []
+    for joint, _ in some:
+        for b in (joint.first, joint.second):
+            found = found if b is None or b in found else [*found, b]
+    return tuple(found)
+
+
+def _motions(some: Any, g: Vec) -> tuple[Any, ...]:
+    """The row of the motions of joints, times their ratios, body by body."""
+    parts = [REST6 for _ in _held_by(some)]
+    for joint, ratio in some:
+        (row,) = joint.motions(*both(joint, g))
+        for b, part in zip((joint.first, joint.second), row):
+            parts = [x + ratio * part if b == body else x for body, x in zip(_held_by(some), parts)]
+    return tuple(parts)
 
 
 def some(items: Any, numbers: Any) -> list[Any]:

@@ -31,9 +31,12 @@ from .joint_forces import (
     JointPotential,
     LinkageForce,
     LinkagePotential,
+    acting,
+    pushed,
+    rates_of,
 )
 from .joint_motion import JointAngle, JointMotion, LinkMotion
-from .joints import BallJoint, Joint, Joints, RevoluteJoint
+from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors, both
 from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
 from .mounting import (
@@ -98,6 +101,8 @@ class Linkage(ConstrainedBody):
     motions : that are given: {"hinge": Shaking([0.0, 0.0, 0.1], 50.0)}, a MovingSupport, moves the place
     that holds a joint; {"crank": plan}, a JointPath or a PiecewisePolynomial of the time, is followed by its
     coordinates; {None: ...} moves the ground, with all joints at it.
+    mimics : joints that follow others by gears, Mimic("left", "right", -1.0); the rotor of their motor, the
+    armature of the one that leads, ties them.
     kept : the conditions of each joint that count, as `independent` finds them; None: all.
     frames : that are fixed in links, such as that of a tool; `frame` tells where they are.  shapes :
     by which links are shown; without them they are boxes.
@@ -120,6 +125,7 @@ class Linkage(ConstrainedBody):
 
     body: Any = field(init=False, repr=False)
     constraint: Joints = field(init=False, repr=False)
+    rotors: tuple[int, ...] = field(init=False, repr=False)
     links: tuple[Any, ...]
     joints: tuple[Any, ...]
     gravity: float = 9.80665
@@ -127,6 +133,7 @@ class Linkage(ConstrainedBody):
     potential: Any = field(default=None, kw_only=True, repr=False)
     load: Any = field(default=None, kw_only=True, repr=False)
     motions: Any = field(default=(), kw_only=True, repr=False)
+    mimics: tuple[Any, ...] = field(default=(), kw_only=True, repr=False)
     kept: tuple[tuple[int, ...], ...] | None = field(default=None, kw_only=True, repr=False)
     frames: tuple[Frame, ...] = field(default=(), kw_only=True, repr=False)
     shapes: tuple[LinkShape, ...] = field(default=(), kw_only=True, repr=False)
@@ -171,6 +178,7 @@ class Linkage(ConstrainedBody):
         object.__setattr__(self, "joints", joints)
         joints = self._moved()
         object.__setattr__(self, "joints", joints)
+        self._mesh()
         springs, others = self._at_joints()
         group = ProductGroup(*[SE3()] * len(links))
         free = LiePoissonSystem(group, KineticEnergy(_inertia(links)))
@@ -228,6 +236,86 @@ class Linkage(ConstrainedBody):
         """Are motions of joints given?"""
         return len(self.motions) > 0
 
+    @property
+    def geared(self) -> bool:
+        """Do rotors turn with joints?"""
+        return len(self.rotors) > 0
+
+    @property
+    def _rotors(self) -> tuple[Any, ...]:
+        """The joints that have an armature."""
+        return tuple([self.joints[i] for i in self.rotors])
+
+    @cached_property
+    def _with_rotors(self) -> ConstrainedBody:
+        """The bodies with the conditions by which rotors turn with joints, for accelerations."""
+        made: Any = WithRotors
+        rotors: list[Any] = [((self.joints[j], 1.0),) for j in self.rotors]
+        light = [self.lightness[j] for j in self.rotors]
+        for place, j in enumerate(self.rotors):
+            for follower, leader, ratio, _ in self._meshed:
+                if j == follower:
+                    rotors[place] = ((self.joints[j], 1.0), (self.joints[leader], -ratio))
+                    light[place] = 0.0
+        return ConstrainedBody(self.body, made(self.constraint, tuple(rotors), light))
+
+    @property
+    def _meshed(self) -> list[tuple[int, int, float, float]]:
+        """Of each Mimic the numbers of its joint and of the one that it follows, ratio and offset."""
+        return [
+            (self.number(one.joint), self.number(one.leader), one.ratio, one.offset)
+            for one in self.mimics
+        ]
+
+    @property
+    def _turns(self) -> dict[int, tuple[int, float]]:
+        """Of each rotor the one that it shares, by the number of the joint that leads, and its ratio."""
+        led = {j: (leader, ratio) for j, leader, ratio, _ in self._meshed}
+        return {j: led.get(j, (j, 1.0)) for j in self.rotors}
+
+    @property
+    def _heavy(self) -> dict[int, float]:
+        """The armature of each rotor as the leading joint feels it."""
+        total: dict[int, float] = {}
+        for j, (leader, ratio) in self._turns.items():
+            total[leader] = total.get(leader, 0.0) + ratio * ratio * self.joints[j].armature
+        return total
+
+    @property
+    def lightness(self) -> dict[int, float]:
+        """The rate that each joint with a rotor gains by a unit impulse along it."""
+        heavy = self._heavy
+        return {j: ratio * ratio / heavy[leader] for j, (leader, ratio) in self._turns.items()}
+
+    @property
+    def meshes(self) -> dict[tuple[int, int], float]:
+        """The rate that a joint gains by a unit impulse along another one that shares its rotor."""
+        turns, heavy = self._turns, self._heavy
+        return {
+            (j, k): a * b / heavy[leader]
+            for j, (leader, a) in turns.items()
+            for k, (other, b) in turns.items()
+            if j != k and leader == other
+        }
+
+    def energy(self, mu: Vec, g: Element) -> float:
+        """H(mu) + V(g), and A q'^2/2 of rotors.  mu : (6 N,), g : (16 N,)."""
+        total, xi = self.body.energy(mu, g), self.velocity(mu)
+        for joint in self._rotors:
+            rate = rates_of(joint, g, xi)[0]
+            total = total + 0.5 * joint.armature * rate * rate
+        return total
+
+    def multipliers(self, mu: Vec, g: Element, t: float = 0.0) -> Vec:
+        """The multipliers of the conditions, as of a ConstrainedBody, with rotors that are sped up too."""
+        if not self.geared:
+            return super().multipliers(mu, g, t)
+        return self._with_rotors.multipliers(mu, g, t)[: self.conditions]
+
+    def rate(self, t: float, state: BodyState) -> Vec:
+        """The velocity on T*G, by index reduction, with rotors that are sped up too."""
+        return self._with_rotors.rate(t, state) if self.geared else super().rate(t, state)
+
     def at_time(self, t: float) -> Linkage:
         """The linkage with given motions as they are at time t, to be looked at."""
         if not self.rheonomic:
@@ -250,6 +338,8 @@ class Linkage(ConstrainedBody):
         stops: float | None = None,
         speed: float = 0.01,
         packages: Mapping[str, Any] | None = None,
+        limits: bool = False,
+        armature: Any = None,
     ) -> Linkage:
         """The robot of a URDF file.  Its joints have the names of the file; links that are fixed to
         each other are one body, with the name of the one that moves; all links are `frames`, and their
@@ -262,17 +352,51 @@ class Linkage(ConstrainedBody):
         or N/m^2, or left out.
         packages : folders of package://name by their names; others are looked for above the file and
         in ROS_PACKAGE_PATH.
+        limits : motors and controllers in `forces` are `Limited` by the efforts and velocities of the file.
+        armature : of the joints, in kg m^2 or kg, {"elbow": 0.8}, or one number for all; else that of
+        Drake's rotor_inertia and gear_ratio in the transmissions of the file, if they are there.
         Angles are those of the file: frames of all bodies are parallel to space where they are zero.
-        Raises InvalidInput, with the line, for what is wrong in the file, and for mimic joints.
+        Raises InvalidInput, with the line, for what is wrong in the file, and for mimic joints
+        without a rotor that drives them.
         Warns of meshes that are not there, and of inertias that no body has.
 
         Source: the URDF specification of ROS, wiki, "urdf/XML".
         """
         made = linkage_of(
-            path, floating=floating, at=at, stops=stops, speed=speed, packages=packages
-        )
-        made["forces"] = [*made["forces"], *forces]
+            path, floating=floating, at=at, stops=stops, speed=speed, packages=packages,
+            forces=forces, limits=limits, armature=armature,
+        )  # fmt: skip
         return cls(**made, gravity=gravity)
+
+    def _mesh(self) -> None:
+        """Find the joints with rotors, and refuse those that follow others in a way that cannot be."""
+        heavy = {j for j, one in enumerate(self.joints) if one.geared and one.armature > 0.0}
+        if not all(isinstance(one, Mimic) for one in self.mimics):
+            raise InvalidType(
+                f'Linkage: mimics is a list of Mimics such as Mimic("left", "right", -1.0); got {self.mimics!r}'
+            )
+        object.__setattr__(self, "mimics", tuple(self.mimics))
+        followers = [j for j, *_ in self._meshed]
+        for j, leader, ratio, _ in self._meshed:
+            for number in (j, leader):
+                if not self.joints[number].geared:
+                    raise InvalidInput(
+                        f"Linkage: {self.label(number)} is no hinge or slider, which alone may follow another "
+                        "joint, or lead it"
+                    )
+            if leader in followers or j == leader or followers.count(j) > 1 or ratio == 0.0:
+                raise InvalidInput(
+                    f"Linkage: {self.label(j)} follows {self.label(leader)}, which follows another joint or "
+                    "itself, or it follows two of them, or does not move; let all follow one that leads"
+                )
+            mine = [k for k, other, *_ in self._meshed if other == leader]
+            if not heavy & {leader, *mine}:
+                raise InvalidInput(
+                    f"Linkage: {self.label(j)} follows {self.label(leader)} by gears, and their motor has no "
+                    f"rotor: give {self.label(leader)} an armature, in kg m^2 or kg"
+                )
+            heavy |= {leader, j}
+        object.__setattr__(self, "rotors", tuple(sorted(heavy)))
 
     def _at_joints(self) -> tuple[tuple[AtJoint, ...], tuple[AtJoint, ...]]:
         """The forces joint by joint: those with a potential, and the others."""
@@ -345,7 +469,7 @@ class Linkage(ConstrainedBody):
     @property
     def site_form(self) -> Links | None:
         """That of many bodies, and of those in a given motion."""
-        many = 6 * len(self.links) > self.small or self.rheonomic
+        many = 6 * len(self.links) > self.small or self.rheonomic or self.geared
         return self.linked.links if many else None
 
     def by_site(self, arrays: dict[str, Any]) -> dict[str, Any]:
@@ -431,6 +555,10 @@ class Linkage(ConstrainedBody):
                 "Linkage.state: give angles and rates, or momenta and poses, not both"
             )
         q, speeds = self._by_number("angles", angles), self._by_number("rates", rates)
+        for j, leader, ratio, offset in self._meshed:
+            q[j] = ratio * q.get(leader, np.zeros(1)) + offset
+            speeds[j] = ratio * speeds.get(leader, np.zeros(1))
+        self._require_within_a_turn(q, t)
         free = [0 if _follows(joint) else joint.freedoms for joint in self.joints]
         start = hung_from_each_other(self, q) if near is None else self._near("state: near", near)
         tree = sum(joint.conditions for joint in self.joints) + sum(free)
@@ -446,6 +574,25 @@ class Linkage(ConstrainedBody):
         there = small(poses.ravel())
         self._require_independent(there, "Linkage.state")
         return super().state(self._projected(momentum, there), poses.ravel())
+
+    def _require_within_a_turn(self, q: dict[int, np.ndarray], t: float) -> None:
+        """Refuse angles at which a spring would be wound: it sees them within half a turn."""
+        for force in self.forces:
+            number = self.number(force.joint)
+            joint = self.joints[number]
+            if not isinstance(force, JointPotential) or not joint.turns or joint.freedoms > 2:
+                continue
+            middle = force.about(t)
+            for i in acting(force, joint):
+                angle = q.get(number, np.full(joint.freedoms, middle))[i]
+                if abs(angle - middle) > np.pi:
+                    turns = 2.0 * np.pi * np.round((angle - middle) / (2.0 * np.pi))
+                    raise InvalidInput(
+                        f"Linkage.state: at {self.label(number)} the angle {angle:g} rad is more than half a "
+                        f"turn from {middle:g}, about which {force!r} sees it: poses do not tell how often a "
+                        f"joint has turned, so that nothing is wound. Give {angle - turns:g} rad, or a "
+                        "drive that counts turns by itself"
+                    )
 
     def _near(self, name: str, poses: Any) -> np.ndarray:
         """Poses of all bodies, that are on the group."""
@@ -474,6 +621,10 @@ class Linkage(ConstrainedBody):
             x = np.atleast_1d(real_array(value, f"Linkage.state: {what}[{joint!r}]"))
             check_finite(x, f"Linkage.state: {what}[{joint!r}]")
             free = self.joints[number].freedoms
+            if number in [j for j, *_ in self._meshed]:
+                raise InvalidInput(
+                    f"Linkage.state: {what}[{joint!r}]: {self.label(number)} follows another joint; leave it out"
+                )
             if _follows(self.joints[number]):
                 raise InvalidInput(
                     f"Linkage.state: {what}[{joint!r}]: {self.label(number)} follows a path, which says "
@@ -586,6 +737,12 @@ class Linkage(ConstrainedBody):
         """Angular momentum about the origin and linear momentum of all bodies together, seen from
         space, (..., 6).
         """
+        mu, g = np.asarray(mu), np.asarray(g)
+        for joint in self._rotors:
+            push = joint.armature * rates_of(joint, g, self.velocity(mu))
+            mu = mu + np.asarray(
+                pushed([(joint, joint.motions(*both(joint, g)), push)], mu.shape[-1])
+            )
         m = np.asarray(self.spatial_momentum(mu, g))
         return m.reshape(*m.shape[:-1], len(self.links), 6).sum(axis=-2)
 
@@ -607,15 +764,16 @@ class Linkage(ConstrainedBody):
         g, size = self.poses(states["g"]), np.full((*lead, 1), np.abs(states["g"]).max())
         speed = np.full((*lead, 1), np.abs(xi).max())
         ground = np.broadcast_to(np.eye(4), (*lead, 4, 4)), np.zeros((*lead, 6))
+        t: Any = np.broadcast_to(states.get("t", 0.0), lead)
         for number, (joint, kept) in enumerate(self.constraint.counted):
             at, name = AtJoint(joint, ()), joint.name or f"joint {number}"
-            if kept and not isinstance(joint, MovedJoint):  # those ask for the time
+            if kept:
                 one = g[..., joint.first, :, :], xi[..., joint.first, :]
                 two = ground
                 if joint.second is not None:
                     two = g[..., joint.second, :, :], xi[..., joint.second, :]
-                missed = np.asarray(at.missed(one[0], two[0]))[..., list(kept)]
-                slips = np.asarray(at.slips(one[0], two[0], one[1], two[1]))
+                missed = np.asarray(at.missed(t, one[0], two[0]))[..., list(kept)]
+                slips = np.asarray(at.slips(t, one[0], two[0], one[1], two[1]))
                 found[f"{name}: position"] = np.concatenate([missed, size], axis=-1)
                 slips = slips[..., list(kept)]
                 found[f"{name}: rate"] = np.concatenate([slips, speed], axis=-1)

@@ -21,8 +21,11 @@ from ..formulas.tables import Table, of_whole
 from ..groups.se3 import SE3
 from ..integrators.rattle_of_links import BLOCKS, Links, Rows
 from .body_forces import AtBody, ForcesOfBodies, OnAll, PotentialsOfBodies
-from .joint_forces import AtJoint
+from .joint_forces import AtJoint, seen_about
 from .joints import REST6
+
+SHARED = 1 << 40
+"""Numbers from here on are those of rotors that joints share, behind those of bodies."""
 
 FEW = 4
 """Places in memory of the smallest linkages; those of others go by eights, as many as run side by side."""
@@ -92,6 +95,36 @@ class LinkedJoint(Record):
         return total
 
 
+@record
+class GearedJoint(LinkedJoint):
+    """A joint of a linkage of which some have rotors: behind its conditions stands its coordinate.
+
+    Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 9.6.
+    """
+
+    def rows(self, g: Mat, k: Mat, most: int, freedoms: int) -> tuple[list[Vec], list[Vec]]:
+        """Those of conditions, of the coordinate, and of motions along which loads act."""
+        found, motions = self.joint.rows(g, k), ()  # type: Any, Any
+        if self.joint.geared or (freedoms > 0 and len(self.loads) > 0):
+            motions = self.joint.motions(g, k)
+        moving = motions if freedoms > 0 and len(self.loads) > 0 else ()
+        turning = motions if self.joint.geared else ()
+        sides: list[Any] = []
+        for side in range(2):
+            own = filled([row[side] for row in found], most - 1, REST6)
+            last = filled([row[side] for row in turning], 1, REST6)
+            others = filled([row[side] for row in moving], freedoms, REST6)
+            sides = [*sides, [*own, *last, *others]]
+        return sides[0], sides[1]
+
+    def turned(self, g: Mat, k: Mat, q: float) -> float:
+        """How far the coordinate is from q, an angle within half a turn."""
+        if not self.joint.geared:
+            return 0.0
+        far = self.joint.coordinates(g, k) - vec(q)
+        return seen_about(far, 0.0)[0] if self.joint.turns else far[0]
+
+
 def filled(some: list[Any], count: int, blank: Any) -> list[Any]:
     """Some values, and blanks up to so many."""
     return [*some, *[blank for _ in range(count - len(some))]]
@@ -138,13 +171,15 @@ def linked(linkage: Any) -> LinkedForm:
             number = next(j for j, (joint, _) in enumerate(counted) if joint is one.joint)
             acting[number][which] = tuple(replace(force, joint=0) for force in one.forces)
     ends = [(joint.first, -1 if joint.second is None else joint.second) for joint, _ in counted]
+    geared: bool = getattr(given, "geared", False)
+    made: Any = GearedJoint if geared else LinkedJoint
     joints = [
-        LinkedJoint(replace(joint, first=0, second=1, name=None), *some)
+        made(replace(joint, first=0, second=1, name=None), *some)
         for (joint, _), some in zip(counted, acting)
     ]
     layouts = [layout_of(joint) for joint in joints]
     kinds = tuple(dict.fromkeys(layouts))
-    most = max(joint.joint.conditions for joint in joints)
+    most = max(joint.joint.conditions for joint in joints) + int(geared)
     freedoms = max([joint.joint.freedoms for joint in joints if joint.loads], default=0)
     full = any(np.ndim(np.array(link.inertia)) == 2 for link in given.links)
     own = sum(kind.width for kind in kinds)
@@ -163,6 +198,7 @@ def linked(linkage: Any) -> LinkedForm:
         bent,
         moving,
         parts > 0,
+        geared,
     )
     most_places = max(len(given.links), len(joints) + parts * len(hubs))
     places = FEW if most_places <= FEW else EIGHT * -(-most_places // EIGHT)
@@ -173,7 +209,11 @@ def linked(linkage: Any) -> LinkedForm:
         inverse = np.linalg.inv(J) if full else 1.0 / J
         fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
     fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
-    tables, blocks, ties = tables_of(ends, hubs, parts, places)
+    meshes: dict[tuple[int, int], float] = given.meshes if geared else {}
+    shared = {j: (SHARED + min(j, *[k for i, k in meshes if i == j]),) for j, _ in meshes}
+    tables, blocks, ties, at_blocks = tables_of(
+        [(*bodies_of, *shared.get(j, ())) for j, bodies_of in enumerate(ends)], hubs, parts, places
+    )
     mine: dict[tuple[int, int], tuple[int, float]] = {}  # the first joint on each side of a body
     more: list[int] = []
     for j, bodies_of in enumerate(ends):
@@ -190,6 +230,9 @@ def linked(linkage: Any) -> LinkedForm:
         head = [first, max(second, 0), float(second >= 0), kinds.index(layouts[j])]
         touch = [x for side in (0, 1) for x in mine.get((place, side), (0, 0.0))]
         alive = [float(i in kept) for i in range(most)]
+        if geared:
+            light = given.lightness.get(j, 0.0)
+            alive = [*alive[:-1], float(light > 0.0), light]
         shown = [j if layouts[j] == kind else layouts.index(kind) for kind in kinds]
         tie = ties.get(place, (ahead if ahead < padded(places) else 0, 0.0, 0.0, 0.0))
         ahead = tie[0] + 1  # so that lanes without a tie ask for what lies beside that of others
@@ -210,11 +253,14 @@ def linked(linkage: Any) -> LinkedForm:
             (fixed.view(np.int64) if isinstance(x, int) else fixed)[row, place] = x
     size = most + freedoms
     trace = float(sum(np.trace(inertia_of(link, True)) for link in given.links))
-    links = Links(
-        SE3(), kinds, fields, on_all, (), (), moving, rows, most, freedoms, full,
+    form: Any = Links
+    links = form(
+        SE3(), kinds, fields, on_all, (), (), moving, geared, rows, most, freedoms, full,
         any(joint.springs for joint in joints), pushed, True, float(len(given.links)), float(len(joints)),
         float(len(joints) + parts * len(hubs)), parts, trace, sides_of(ties),
-        of_whole([len(more) // 3, *more]), *tables,
+        of_whole([len(more) // 3, *more]), *tables, len(meshes) > 0,
+        of_whole([len(meshes), *[x for pair in meshes for x in (*pair, at_blocks[pair])]]),
+        Table(np.array([*meshes.values(), 0.0])),
     )  # fmt: skip
     return LinkedForm(
         links,
@@ -379,17 +425,19 @@ def eliminated_with_hubs(
     return tuple(found), [sorted(some, key=place.__getitem__) for some in found.values()]
 
 
-def apart_from(ends: list[tuple[int, int]], hubs: list[int]) -> list[tuple[int, int]]:
+def apart_from(ends: list[Any], hubs: list[int]) -> list[Any]:
     """The ends of joints with hubs in the place of the ground."""
-    return [(-1 if a in hubs else a, -1 if b in hubs else b) for a, b in ends]
+    return [(*[-1 if b in hubs else b for b in bodies[:2]], *bodies[2:]) for bodies in ends]
 
 
 def tables_of(
-    ends: list[tuple[int, int]], hubs: list[int], parts: int, places: int
-) -> tuple[list[Table], int, dict[int, Tie]]:
+    ends: list[Any], hubs: list[int], parts: int, places: int
+) -> tuple[list[Table], int, dict[int, Tie], dict[tuple[int, int], int]]:
     """The plan of elimination, as lists of numbers: borders, couplings, pivots, belows and updates of
-    `Links`; how many blocks there are; and of each joint the tie to another one, of which the place has
-    the blocks.
+    `Links`; how many blocks there are; of each joint the tie to another one, of which the place has
+    the blocks; and where the blocks are.
+
+    ends : of each joint its bodies, and behind them the rotor that it shares with others, if there is one.
 
     borders : how many joints there are at hubs; of each the joint, the side on which it has the hub, and
     for each part of the motion of the hub the places of the blocks, of the joint by it, and of it by the
@@ -417,7 +465,7 @@ def tables_of(
     borders: list[list[int]] = []
     direct: set[tuple[int, int]] = set()
     for j, bodies in enumerate(given):
-        for side, b in enumerate(bodies):
+        for side, b in enumerate(bodies[:2]):
             if b in hubs:
                 nodes = [len(given) + parts * hubs.index(b) + k for k in range(parts)]
                 direct |= {(j, v) for v in nodes} | {(v, j) for v in nodes}
@@ -447,7 +495,7 @@ def tables_of(
         np.ravel(belows),
         np.ravel(updates),
     )
-    return [of_whole([*some, 0]) for some in found], count, ties
+    return [of_whole([*some, 0]) for some in found], count, ties, blocks
 
 
 Tie = tuple[int, float, float, float]
@@ -483,4 +531,6 @@ def sides_of(ties: dict[int, Tie]) -> tuple[int, int]:
 
 def _sides(one: tuple[int, int], other: tuple[int, int]) -> list[tuple[int, int]]:
     """The sides of two joints on which they have a body in common."""
-    return [(s, t) for s, b in enumerate(one) for t, c in enumerate(other) if b == c and b >= 0]
+    return [
+        (s, t) for s, b in enumerate(one[:2]) for t, c in enumerate(other[:2]) if b == c and b >= 0
+    ]

@@ -21,12 +21,15 @@ from ..errors import FileWarning, InertiaWarning, InvalidInput, InvalidType, war
 from ..formulas import real_array
 from ..groups.se3 import SE3
 from ..names import meant
-from .joint_forces import Damper, DryFriction, Stops
-from .joints import FloatingJoint, PlanarJoint, PrismaticJoint, RevoluteJoint
+from .joint_forces import Damper, DryFriction, JointForce, JointPotential, Limited, Stops
+from .joints import FloatingJoint, Mimic, PlanarJoint, PrismaticJoint, RevoluteJoint
 from .link import Frame, Link, LinkShape
 
 KINDS = ("revolute", "continuous", "prismatic", "planar", "floating", "fixed")
 """The joints of URDF."""
+
+GEARED = ("revolute", "continuous", "prismatic")
+"""Those that a motor drives."""
 
 WIDE = 100.0
 """Bodies whose inertia says that they are so many times larger than the robot have other units."""
@@ -143,6 +146,9 @@ def linkage_of(
     stops: float | None = None,
     speed: float = 0.01,
     packages: Mapping[str, Any] | None = None,
+    forces: Any = (),
+    limits: bool = False,
+    armature: Any = None,
 ) -> dict[str, Any]:
     """The arguments of a `Linkage`: links, joints, forces, frames and shapes; see `from_urdf`."""
     robot, folder = _opened(path)
@@ -164,11 +170,6 @@ def linkage_of(
         kind = joint.text("type")
         if kind not in KINDS:
             raise joint.wrong(f"has the type {kind!r}; URDF has {', '.join(KINDS)}")
-        if joint.one("mimic") is not None and kind != "fixed":
-            raise joint.wrong(
-                "mimics another joint, which is not done: delete its <mimic>, and tie the joints by "
-                "a JointForce, or make it fixed"
-            )
         poses[name] = poses[parent] @ _origin(joint)
         moved[name] = moved[parent] if kind == "fixed" else name
     heads = [name for name in order if moved[name] == name]
@@ -183,6 +184,7 @@ def linkage_of(
     centres: Any = {name: centre for name, (_, centre) in bodies.items()} | {None: np.zeros(3)}
     made: dict[str, Any] = {"links": [body for body, _ in bodies.values()], "joints": []}
     made["forces"] = []
+    rotors = _rotors(robot, joints, armature)
     for name in heads:
         point, second = poses[name][:3, 3], moved[parents[name][1]] if name in parents else None
         ends: Any = numbers[name], numbers[second], point - centres[name], point - centres[second]
@@ -190,11 +192,14 @@ def linkage_of(
             made["joints"].append(FloatingJoint(*ends, name=name))
             continue
         joint = parents[name][0]
-        made["joints"].append(_joint(joint, ends, poses[name][:3, :3]))
+        made["joints"].append(_joint(joint, ends, poses[name][:3, :3], rotors))
         made["forces"] += _forces(joint, stops, speed)
+    made["forces"] += [_within(joints, force) if limits else force for force in forces]
     seen = {name: poses[name].copy() for name in order}
     for name in order:
         seen[name][:3, 3] -= centres[moved[name]]
+    made["mimics"] = [_mimic(one, joints) for one in joints.values() if one.one("mimic")]
+    made["mimics"] = [one for one in made["mimics"] if one is not None]
     made["frames"] = [Frame(name, numbers[moved[name]], seen[name].tolist()) for name in order]
     made["shapes"] = _shapes(
         robot, links, seen, {n: numbers[moved[n]] for n in order}, _Files(folder, packages)
@@ -358,7 +363,65 @@ def _require_units(
             )
 
 
-def _joint(joint: Element, ends: Any, R: np.ndarray) -> Any:
+def _mimic(joint: Element, joints: dict[str, Element]) -> Mimic | None:
+    """The joint that another one follows; None for one that is fixed."""
+    if joint.text("type") == "fixed":
+        return None
+    mimic: Any = joint.one("mimic")
+    leader = mimic.text("joint")
+    if leader not in joints:
+        raise mimic.wrong(
+            f"follows the joint {leader!r}, which is not there{meant(leader, joints)}"
+        )
+    ratio, offset = mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)
+    return Mimic(joint.text("name"), leader, ratio, offset)
+
+
+def _rotors(robot: Element, joints: dict[str, Element], armature: Any) -> dict[str, float]:
+    """The armatures of joints: those that are given, by names or for all, before those of the file, the
+    inertia of a rotor times the square of its gear's ratio.
+    """
+    found: dict[str, float] = {}
+    for transmission in robot.some("transmission"):
+        for one in transmission.some("actuator"):
+            rotor, gear = one.one("drake:rotor_inertia"), one.one("drake:gear_ratio")
+            held = transmission.one("joint")
+            if rotor is not None and held is not None:
+                ratio = 1.0 if gear is None else gear.number("value")
+                found[held.text("name")] = rotor.number("value") * ratio * ratio
+    for name in found.keys() - joints.keys():
+        raise robot.wrong(f"has a rotor at the joint {name!r}, which is not there")
+    turning = [name for name, one in joints.items() if one.text("type") in GEARED]
+    if isinstance(armature, Mapping):
+        for name in armature:
+            if name not in turning:
+                raise InvalidInput(
+                    f"Linkage.from_urdf: armature names {name!r}, which is no joint with one coordinate"
+                    f"{meant(name, turning)}"
+                )
+        return found | {name: float(x) for name, x in armature.items()}
+    return found if armature is None else dict.fromkeys(turning, float(armature))
+
+
+def _within(joints: dict[str, Element], force: Any) -> Any:
+    """A motor or a controller, within the limits of the file."""
+    own = isinstance(force, (JointPotential, Damper, DryFriction, Limited))
+    if own or not isinstance(force, JointForce) or force.joint not in joints:
+        return force
+    joint = joints[force.joint]
+    limit = joint.one("limit")
+    if limit is None or joint.text("type") not in GEARED:
+        return force
+    effort, speed = limit.number("effort"), limit.number("velocity")
+    if not (effort > 0.0 and speed > 0.0):
+        raise limit.wrong(
+            f"of joint {force.joint!r} has effort={effort:g} and velocity={speed:g}, by which {force!r} "
+            "moves nothing; write what the drive can do, or leave limits= out"
+        )
+    return Limited(force.joint, force, effort, speed, freedom=force.freedom)
+
+
+def _joint(joint: Element, ends: Any, R: np.ndarray, rotors: dict[str, float]) -> Any:
     """The joint of a link, whose frame is turned by R in the zero position."""
     kind, name, axis = joint.text("type"), joint.text("name"), joint.one("axis")
     made: Any = {"floating": FloatingJoint, "prismatic": PrismaticJoint, "planar": PlanarJoint}
@@ -369,7 +432,10 @@ def _joint(joint: Element, ends: Any, R: np.ndarray) -> Any:
     if not along.any():
         raise joint.wrong("has an axis without a direction")
     along = (R @ along / np.linalg.norm(along)).tolist()
-    return made(*ends, *[along] * (1 if kind == "prismatic" else 2), name=name)
+    axes = [along] * (1 if kind == "prismatic" else 2)
+    if kind == "planar":
+        return made(*ends, *axes, name=name)
+    return made(*ends, *axes, armature=rotors.get(name, 0.0), name=name)
 
 
 def _forces(joint: Element, stops: float | None, speed: float) -> list[Any]:

@@ -475,7 +475,16 @@ class Trajectory:
         """
         if self.observed or self._is_of_sites:
             return Drift.recorded(self._constants, self.t, self.bodies)
-        return Drift.of(self.system, self.t, self.states, self.bodies)
+        return Drift.of(self.system, self.t, self._at_times, self.bodies)
+
+    @property
+    def _at_times(self) -> dict[str, np.ndarray]:
+        """The states, of a system with given motions with the times beside them."""
+        if not getattr(self.system, "rheonomic", False):
+            return self.states
+        many = self.bodies is not None and self.t.ndim == 1
+        t = np.repeat(self.t[:, None], self.bodies or 1, axis=1) if many else self.t
+        return self.states | {"t": t}
 
     @property
     def _is_of_sites(self) -> bool:
@@ -494,7 +503,7 @@ class Trajectory:
             from .sites.totals import constants
 
             return constants(self.system, self.t, self.states)
-        return self.system.constants(self.states)
+        return self.system.constants(self._at_times)
 
     def _attitude(self, what: str) -> np.ndarray:
         if self.g is None:

@@ -107,6 +107,15 @@ def joint(system: Any, led: list[Any], pushed: list[Any]) -> list[list[Any]]:
     ]
 
 
+def yielding(system: Any, m: list[list[Any]]) -> list[list[Any]]:
+    """m with what conditions yield to their own multipliers on its diagonal."""
+    found, yields = m, system.constraint.yields
+    for k, (x, (diagonal, _, _, _)) in enumerate(zip(yields, system.elimination)):
+        row = [y + x if i == diagonal else y for i, y in enumerate(m[k])]
+        found = [row if i == k else other for i, other in enumerate(found)]
+    return found
+
+
 def solved_sparse(system: Any, m: list[list[Any]], rhs: list[Any]) -> tuple[Vec, list[Any]]:
     """m^-1 rhs by elimination in the given order, and the pivots; m as `joint` makes it, and near
     to a positive matrix.

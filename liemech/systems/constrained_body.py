@@ -12,7 +12,7 @@ from ..formulas import Element, Mat, Vec, derivative, mat, record, vec, vectors
 from ..formulas.vectors import small
 from ..groups.lie_group import LieGroup
 from ..retractions import Retraction
-from .conditions import connections, joint, led, pulled, solved_sparse, speeds
+from .conditions import connections, joint, led, pulled, solved_sparse, speeds, yielding
 from .constraint import Constraint, VelocityConstraint, factors_of
 from .kinetic_energy import KineticEnergy, times
 from .lie_poisson import BodyState, LiePoissonSystem, body_state
@@ -156,7 +156,6 @@ class BoundBody(System):
         """The force of the field, without that of the constraint.  g : an element;  returns (dim,)."""
         return self.body.force(g)
 
-    @final
     def energy(self, mu: Vec, g: Element) -> float:
         """H(mu) + V(g).  mu : (dim,), g : an element."""
         return self.body.energy(mu, g)
@@ -178,7 +177,6 @@ class BoundBody(System):
             return tuple([(row,) for row in self.jacobian(g)])
         return self.constraint.rows(self.configurations, g)
 
-    @final
     def multipliers(self, mu: Vec, g: Element, t: float = 0.0) -> Vec:
         """The multipliers lam, (m,), at a consistent state: -G* lam is the force of the constraint
         on the momentum.
@@ -199,7 +197,7 @@ class BoundBody(System):
         pushed = [
             [times(inverse, row) for row in block] for inverse, block in zip(self.inverses, through)
         ]
-        return solved_sparse(self, joint(self, through, pushed), needed)[0]
+        return solved_sparse(self, yielding(self, joint(self, through, pushed)), needed)[0]
 
     def rows_at(self, t: float, g: Any) -> Any:
         """G by conditions and blocks, at time t."""
@@ -216,7 +214,6 @@ class BoundBody(System):
 
     # ---------------------------------------------------------------- how it moves
 
-    @final
     def rate(self, t: float, state: BodyState) -> Vec:
         """(xi, f + F - G* lam): the velocity on T*G, by index reduction."""
         xi = self.velocity(state.mu)
@@ -546,7 +543,9 @@ class ConstrainedBody(BoundBody):
             for J in self.inverses
         )
         reach = np.sqrt((G @ inverse @ G.T).diagonal() / largest)
-        self._require_zero("c(g)", np.array(self.constraint.value(g)), self._terms(g) + reach)
+        value = np.array(self.constraint.value(g))
+        if (np.abs(value) > CONSISTENT * reach).any():  # their terms take longer to find
+            self._require_zero("c(g)", value, self._terms(g) + reach)
         super()._require_consistent(mu, g)
 
     def _terms(self, g: Any) -> np.ndarray:

@@ -58,6 +58,11 @@ class Constraint(Record):
         """Do they change with time?"""
         return False
 
+    @property
+    def yields(self) -> tuple[Any, ...]:
+        """1/A of each condition whose rate gains lam/A by its multiplier; none by default."""
+        return ()
+
     def touches(self, group: LieGroup, conditions: int) -> tuple[tuple[int, ...], ...]:
         """The factors of the group that each condition depends on, by their numbers; all by
         default.

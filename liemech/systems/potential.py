@@ -86,6 +86,19 @@ class Force(Record):
         """
         raise undefined(self, "covector")
 
+    @property
+    def by_rate(self) -> bool:
+        """Is it a sum of efforts, each of which depends on its own rate alone?"""
+        return False
+
+    def efforts(self, t: float, rates: Vec, g: Any) -> Vec:
+        """Those efforts, (n,).  rates : (n,), g : an element."""
+        raise undefined(self, "efforts")
+
+    def spread(self, t: float, efforts: Vec, g: Any) -> Vec:
+        """The force by these efforts, (dim,).  efforts : (n,), g : an element."""
+        raise undefined(self, "spread")
+
     def rates(self, xi: Vec, g: Any) -> Vec:
         """The velocities that the force depends on, linear in xi, (n,): all of them, xi, by
         default.  xi : (dim,), g : an element.

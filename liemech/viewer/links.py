@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..errors import InvalidInput
 from ..models.even_boxes import principal_box
+from ..models.given_motion import MovedJoint
 from ..models.joints import RigidRod
 from ..models.link import LinkShape
 from ..models.linkage import Linkage
@@ -134,12 +135,17 @@ def _read(motion: Motion) -> tuple[Linkage, Array]:
 
 def _ends(system: Linkage) -> list[tuple[int, Array]]:
     """The ends of the joints, two of each: the number of a body, GROUND for none, and the point in its
-    axes.
+    axes.  What holds a joint in a given motion is where the first body is.
     """
     return [
         (GROUND if body is None else body, np.array(at, dtype=float))
         for joint in system.joints
-        for body, at in ((joint.first, joint.at_first), (joint.second, joint.at_second))
+        for body, at in (
+            (joint.first, joint.at_first),
+            (joint.first, joint.at_first)
+            if isinstance(joint, MovedJoint)
+            else (joint.second, joint.at_second),
+        )
     ]
 
 

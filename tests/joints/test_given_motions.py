@@ -252,3 +252,17 @@ def test_starts_of_trees_hang_from_the_ground():
         assert np.abs(c).max() < 1e-13 and np.abs(slips).max() < 1e-12
         found = [tree.motion_at(None, k).at.rates(0.0, start.g, tree.velocity(start.mu)) for k in q]
         assert np.allclose(np.array(found), [rates[k] for k in q], atol=1e-11)
+
+
+def test_the_report_has_lines_for_joints_in_given_motions() -> None:
+    rods = lm.joints.chain(2, axis=[0.0, 1.0, 0.0])
+    motions = {0: lm.joints.Shaking([0.0, 0.0, 0.1], 60.0)}
+    shaken = lm.joints.Linkage(rods.links, rods.joints, motions=motions)
+    start = shaken.state(angles={0: 3.0, 1: 0.4})
+    run = lm.integrate(shaken, lm.LieRATTLE(), start, h=2e-3, steps=30, compiled=False)
+    assert set(run.drift()) == {
+        f"joint {k}: {what}" for k in range(2) for what in ("position", "rate")
+    }
+    assert str(run.drift()).count("exact") == 4
+    off = lm.joints.Linkage(rods.links, rods.joints)  # which does not know of the motion
+    assert np.abs(np.array(off.conditions_at(run.mu[-1], run.g[-1])[0])).max() > 1e-3

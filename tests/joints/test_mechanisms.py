@@ -16,8 +16,10 @@ from liemech.joints import (
     DryFriction,
     JointForce,
     JointPotential,
+    Limited,
     Link,
     Linkage,
+    Mimic,
     Motor,
     PlanarJoint,
     PrismaticJoint,
@@ -486,3 +488,237 @@ def test_tables_compile_where_elements_have_constant_entries() -> None:
     )
     assert native.compiled
     assert np.array_equal(plain.mu, native.mu) and np.array_equal(plain.g, native.g)
+
+
+# ------------------------------------------------------------------ dry friction
+
+
+def rubbing(count: int, speed: float) -> Linkage:
+    """Hinges in a row under dry friction of 1 and 2 N m in turn."""
+    rods = lm.joints.chain(count, axis=[0.0, 1.0, 0.0])
+    return Linkage(
+        rods.links, rods.joints, forces=[DryFriction(k, 1.0 + k % 2, speed) for k in range(count)]
+    )
+
+
+@pytest.mark.parametrize("speed", [1e-2, 1e-4, 1e-8])
+def test_friction_stops_at_any_speed(speed: float) -> None:
+    # Newton's corrections jump over the bend; 0.01 rad/s with h = 0.01 was refused once. Friction
+    # takes energy away at every sample, and never gives any.
+    linkage = rubbing(5, speed)
+    start = linkage.state(angles=dict.fromkeys(range(5), 0.6))
+    run = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=60, compiled=True)
+    for k in range(5):
+        motion = run.joint(k)
+        assert np.all(motion.power <= 0.0)
+        assert np.allclose(motion.torque, -(1.0 + k % 2) * np.tanh(motion.rate / speed))
+    assert run.energy[-1] < run.energy[0] - 1.0
+    plain = lm.integrate(linkage, lm.LieRATTLE(), start, h=0.01, steps=6, compiled=False)
+    assert np.array_equal(plain.mu, run.mu[:7]) and np.array_equal(plain.g, run.g[:7])
+
+
+def test_friction_of_few_joints_is_that_of_loops() -> None:
+    # Two bodies are written out, and have the same equations: a third one hangs beside them.
+    linkage = rubbing(2, 1e-6)
+    alone = lm.integrate(
+        linkage, lm.LieRATTLE(), linkage.state(angles={0: 0.6, 1: 0.6}), h=0.01, steps=30,
+        compiled=False,
+    )  # fmt: skip
+    third = lm.joints.RevoluteJoint(2, None, [0, 0, 0.5], [5, 0, 0], TURN, TURN)
+    more = Linkage([*linkage.links, linkage.links[0]], [*linkage.joints, third],
+                   forces=linkage.forces)  # fmt: skip
+    start = more.state(angles={0: 0.6, 1: 0.6})
+    beside = lm.integrate(more, lm.LieRATTLE(), start, h=0.01, steps=30, compiled=False)
+    for k in range(2):
+        assert np.abs(alone.joint(k).angle - beside.joint(k).angle).max() < 1e-9
+        assert np.abs(alone.joint(k).rate - beside.joint(k).rate).max() < 1e-7
+
+
+def test_friction_at_no_speed_is_that_of_coulomb() -> None:
+    # A wheel under M < T that begins with w is braked by T - M and stands still from J w/(T - M) on, at
+    # J w^2/(2 (T - M)): exactly while it slips, to h^2 from where it sticks on.
+    J, torque, w = 0.5, 2.0, 3.0
+    up, end = [0.0, 0.0, 1.0], J * w / (torque - 0.5)
+    missed = {}
+    for speed, h in ((1e-2, 0.01), (1e-4, 0.01), (1e-6, 0.01), (1e-6, 0.005)):
+        wheel = Linkage(
+            [Link(1.0, [J, J, J])],
+            [lm.joints.RevoluteJoint(0, None, axis_first=up, axis_second=up)],
+            forces=[DryFriction(0, torque, speed), Motor(0, 0.5)],
+        )
+        start = wheel.state(angles={0: 0.0}, rates={0: w})
+        run = lm.integrate(wheel, lm.LieRATTLE(), start, h=h, steps=round(2.0 / h), compiled=True)
+        t, q = run.t, run.joint(0).angle
+        slips = w * t - (torque - 0.5) / (2.0 * J) * t * t
+        off = np.abs(q - np.where(t < end, slips, 0.5 * w * end))
+        assert speed > 1e-3 or off[t < end - h].max() < 1e-14
+        assert np.abs(run.joint(0).rate[t > end + 0.1]).max() < 5.0 * speed
+        missed[speed, h] = off.max()
+    assert missed[1e-4, 0.01] < 0.1 * missed[1e-2, 0.01]
+    assert abs(np.log2(missed[1e-6, 0.01] / missed[1e-6, 0.005]) - 2.0) < 0.05
+
+
+def test_a_wound_spring_is_refused() -> None:
+    rod = lm.joints.chain(1, axis=TURN)
+    hung = Linkage(rod.links, rod.joints, forces=[Spring(0, 3.0, rest=1.0), Damper(0, 0.1)])
+    with pytest.raises(lm.errors.InvalidInput, match="so that nothing is wound"):
+        hung.state(angles={0: 9.0})
+    assert hung.state(angles={0: 4.0}) is not None and hung.state(angles={}) is not None
+
+
+# ------------------------------------------------------------------ rotors of motors
+
+
+def turret(armatures: Any, forces: Any = ()) -> Linkage:
+    """Three bodies on hinges across each other, with the armatures of their motors."""
+    axes = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.6, 0.8]]
+    moments = [[0.1, 0.12, 0.02], [0.05, 0.06, 0.03], [0.04, 0.03, 0.05]]
+    ends = [([0, 0, 0.5], [0, 0, 0]), ([0, 0, 0.4], [0, 0, -0.5]), ([0.1, 0, 0.3], [0, 0, -0.4])]
+    joints = [
+        RevoluteJoint(k, k - 1 if k else None, *ends[k], axes[k], axes[k], armature=armatures[k])
+        for k in range(3)
+    ]
+    links = [Link(1.0 - 0.2 * k, J) for k, J in enumerate(moments)]
+    return Linkage(links, joints, forces=forces)
+
+
+def test_armature_of_one_hinge_is_inertia_about_its_axis() -> None:
+    ends = [0, 0, 0.5], [0, 0, 0], TURN, TURN
+    geared = Linkage([Link(1.0, [0.1, 0.1, 0.02])], [RevoluteJoint(0, None, *ends, armature=0.3)])
+    heavy = Linkage([Link(1.0, [0.1, 0.4, 0.02])], [RevoluteJoint(0, None, *ends)])
+    runs = [
+        lm.integrate(one, lm.LieRATTLE(), one.state(angles={0: 1.0}, rates={0: 2.0}), h=0.01,
+                     steps=50, compiled=False)
+        for one in (geared, heavy)
+    ]  # fmt: skip
+    one, two = (run.joint(0) for run in runs)
+    assert np.abs(one.angle - two.angle).max() < 1e-14
+    assert np.abs(one.rate - two.rate).max() < 1e-13
+    assert np.abs(one.reaction - two.reaction).max() < 1e-12
+    assert np.abs(runs[0].energy - runs[1].energy).max() < 1e-13
+
+
+def test_armature_has_its_orders_and_keeps_the_energy() -> None:
+    loads = [Damper(1, 0.1), DryFriction(2, 0.1, 0.3), Spring(0, 2.0)]
+    for method, h, forces in (
+        (lm.LieRATTLE(), 0.01, loads),
+        (lm.Composition(lm.LieRATTLE(), order=4), 0.02, ()),
+    ):
+        arm = turret([0.1, 0.0, 0.4], forces)
+        start = arm.state(angles={0: 0.5, 1: -0.7, 2: 1.0}, rates={0: 1.0, 1: 2.0, 2: -3.0})
+        ends = []
+        for k in range(3):
+            steps = round(0.5 / h) * 2**k
+            run = lm.integrate(arm, method, start, h=h / 2**k, steps=steps, every=steps // 25)
+            ends.append([run.joint(j).angle[-1] for j in range(3)])
+        change = np.abs(np.diff(ends, axis=0)).max(axis=1)
+        assert abs(np.log2(change[0] / change[1]) - method.order) < 0.02
+    assert np.ptp(run.energy) < 1e-6 * np.abs(run.energy).max()
+
+
+def accelerations(arm: Linkage, start: Any) -> np.ndarray:
+    """q'' of hinges in a row, by index reduction."""
+    rate, mu = np.array(arm.rate(0.0, start)), lm.vec(*start.mu)
+    pull = np.array(arm.configurations.ad_star(arm.velocity(mu), mu)) + rate[len(rate) // 2 :]
+    speed = np.array(arm.velocity(lm.vec(*pull)))
+    return np.array([
+        sum(
+            np.dot(row, speed[6 * b : 6 * b + 6])
+            for row, b in zip(joint.motions(np.eye(4), np.eye(4))[0], (k, k - 1))
+            if b >= 0
+        )
+        for k, joint in enumerate(arm.joints)
+    ])  # fmt: skip
+
+
+def test_arm_with_armature_moves_as_in_mujoco() -> None:
+    # MuJoCo 4.0: qacc at the start, and qpos after 0.5 s by RK4, which is the same for steps of 1, 0.5
+    # and 0.25 ms to all digits.
+    arm = turret([0.1, 0.0, 0.4])
+    start = arm.state(angles={0: 0.5, 1: -0.7, 2: 1.0}, rates={0: 1.0, 1: 2.0, 2: -3.0})
+    wanted = [-4.496765043454654, 6.618789454998185, -1.03467372398506]
+    assert np.abs(accelerations(arm, start) - wanted).max() < 1e-12
+    run = lm.integrate(
+        arm, lm.Composition(lm.LieRATTLE(), order=4), start, h=1e-3, steps=500, every=500
+    )
+    ends = [run.joint(k).angle[-1] for k in range(3)]
+    there = [0.515340383662783, 0.5884677592061478, -0.649759561598089]
+    assert np.abs(np.array(ends) - there).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    "mimics, start, wanted, there",
+    [
+        (
+            [Mimic(2, 0, -0.7, 0.3)],
+            {"angles": {0: 0.5, 1: -0.7}, "rates": {0: 1.0, 1: 2.0}},
+            [-4.256129609317897, 6.6640986949694625, 0.7 * 4.256129609317897],
+            [0.5151042014044096, 0.6156631327711216],
+        ),
+        (
+            [Mimic(2, 0, -0.7, 0.3), Mimic(1, 0, 0.5, 0.1)],
+            {"angles": {0: 0.5}, "rates": {0: 1.0}},
+            [-3.0249557423998126, -0.5 * 3.0249557423998126, 0.7 * 3.0249557423998126],
+            [0.5546222961879044, 0.5 * 0.5546222961879044 + 0.1],
+        ),
+    ],
+)
+def test_joints_that_follow_others_move_as_in_minimal_coordinates(
+    mimics: Any, start: Any, wanted: Any, there: Any
+) -> None:
+    # MuJoCo's mass matrix M with armature, and bias, reduced to the free coordinates, q = G y + g:
+    # G^T M G y'' = -G^T bias, by SciPy's DOP853 at 1e-13.
+    arm = turret([0.1, 0.0, 0.4])
+    arm = Linkage(arm.links, arm.joints, mimics=mimics)
+    begun = arm.state(**start)
+    assert np.abs(accelerations(arm, begun) - wanted).max() < 1e-12
+    run = lm.integrate(
+        arm, lm.Composition(lm.LieRATTLE(), order=4), begun, h=2e-3, steps=250, every=10
+    )
+    q = [run.joint(k).angle for k in range(3)]
+    assert np.abs(np.array([q[k][-1] for k in range(len(there))]) - there).max() < 1e-11
+    assert np.abs(q[2] - (0.3 - 0.7 * q[0])).max() < 1e-13
+    assert np.ptp(run.energy) < 1e-9 * np.abs(run.energy).max()
+    once = lm.integrate(
+        arm, lm.Composition(lm.LieRATTLE(), order=4), begun, h=2e-3, steps=2, compiled=False
+    )
+    twice = lm.integrate(arm, lm.Composition(lm.LieRATTLE(), order=4), begun, h=2e-3, steps=2)
+    assert np.array_equal(once.mu, twice.mu) and np.array_equal(once.g, twice.g)
+
+
+def test_joints_that_cannot_follow_are_refused() -> None:
+    arm = turret([0.0, 0.0, 0.0])
+    with pytest.raises(lm.errors.InvalidInput, match="joint 2 follows joint 0 by gears, and their"):
+        Linkage(arm.links, arm.joints, mimics=[Mimic(2, 0)])
+    arm = turret([0.1, 0.0, 0.0])
+    for mimics in ([Mimic(0, 0)], [Mimic(1, 0), Mimic(2, 1)], [Mimic(1, 0), Mimic(1, 2)]):
+        with pytest.raises(lm.errors.InvalidInput, match="let all follow one that leads"):
+            Linkage(arm.links, arm.joints, mimics=mimics)
+    follows = Linkage(arm.links, arm.joints, mimics=[Mimic(2, 0)])
+    with pytest.raises(lm.errors.InvalidInput, match="joint 2 follows another joint; leave it out"):
+        follows.state(angles={2: 1.0})
+
+
+def test_motors_within_their_limits() -> None:
+    # Without gravity: 5 N m up to nine tenths of the speed, then a rate that creeps up to it.
+    motor = Limited(0, Motor(0, 20.0), 5.0, 0.5)
+    ends = [0, 0, 0.5], [0, 0, 0], TURN, TURN
+    arm = Linkage([Link(1.0, [0.1, 0.75, 0.02])], [RevoluteJoint(0, None, *ends)], 0.0, [motor])
+    run = lm.integrate(arm, lm.LieRATTLE(), arm.state(angles={}), h=0.01, steps=60, compiled=False)
+    joint, t = run.joint(0), run.t
+    assert np.abs(joint.rate - 5.0 * t)[t < 0.09 - 1e-9].max() < 1e-14
+    assert np.all(joint.torque <= 5.0) and np.all(joint.rate < 0.5 + 1e-14)
+    assert joint.rate[-1] > 0.499
+    braking = Limited(0, Motor(0, -20.0), 5.0, 0.5)
+    assert braking.effort(0.0, 0.0, 0.49) == -5.0 and braking.effort(0.0, 0.0, -0.6) == 0.0
+    for given, said in (((0, Motor(0, 1.0), 0.0), "limit must be"), ((0, 3.0, 1.0), "given is a")):
+        with pytest.raises((lm.errors.InvalidInput, lm.errors.InvalidType), match=said):
+            Limited(*given)  # type: ignore[arg-type]
+
+
+def test_armature_that_does_not_fit_is_refused() -> None:
+    with pytest.raises(lm.errors.InvalidInput, match="armature must be 0 or more"):
+        RevoluteJoint(0, None, armature=-1.0)
+    arm = turret([0.1, 0.0, 0.4])
+    with pytest.raises(lm.errors.InvalidInput, match="joint 0 has an armature and is in a given"):
+        Linkage(arm.links, arm.joints, motions={0: TABLE})

@@ -145,6 +145,45 @@ def test_native_code_of_joints_with_few_conditions_is_the_plain_formula(root: st
     assert np.array_equal(one.mu, other.mu) and np.array_equal(one.g, other.g)
 
 
+GRIPPER = f"""<robot name="gripper">
+  <link name="palm"/>
+  <link name="left">{INERTIAL.format("0 0.1 0", "0 0 0", 0.2)}</link>
+  <link name="right">{INERTIAL.format("0 -0.1 0", "0 0 0", 0.2)}</link>
+  <joint name="grip" type="revolute"><parent link="palm"/><child link="left"/>
+    <axis xyz="1 0 0"/><limit lower="0" upper="1" effort="3" velocity="2"/></joint>
+  <joint name="other" type="revolute"><parent link="palm"/><child link="right"/>
+    <axis xyz="1 0 0"/><limit lower="-1" upper="0" effort="3" velocity="2"/>
+    <mimic joint="grip" multiplier="-1" offset="0.1"/></joint>
+  <transmission name="drive"><joint name="grip"/><actuator name="motor">
+    <drake:rotor_inertia value="2e-5"/><drake:gear_ratio value="50"/></actuator></transmission>
+</robot>"""
+
+
+def test_a_gripper_with_a_motor_that_drives_both_fingers() -> None:
+    forces = [lm.joints.Motor("grip", 8.0), Damper("other", 0.1)]
+    hand = Linkage.from_urdf(GRIPPER, forces=forces, limits=True, gravity=0.0)
+    assert [joint.armature for joint in hand.joints] == [0.05, 0.0]
+    motor = lm.joints.Limited("grip", lm.joints.Motor("grip", 8.0), 3.0, 2.0)
+    assert hand.forces == (motor, forces[1])
+    start = hand.state(angles={"grip": 0.2})
+    run = lm.integrate(hand, lm.LieRATTLE(), start, h=0.002, steps=30, compiled=False)
+    grip, other = run.joint("grip"), run.joint("other")
+    assert np.abs(other.angle - (0.1 - grip.angle)).max() < 1e-14
+    # both fingers turn about the axis with J, and the motor turns them: (2 J + A) q'' = 3 - c q'
+    one = np.array(hand.links[0].inertia)[0, 0] + 0.2 * 0.1**2
+    total = 2.0 * one + 0.05
+    wanted = 30.0 * (1.0 - np.exp(-0.1 / total * run.t))
+    assert np.abs(grip.rate - wanted).max() < 1e-6
+    with pytest.raises(InvalidInput, match="joint 'other' follows joint 'grip' by gears, and"):
+        Linkage.from_urdf(GRIPPER.replace("2e-5", "0"))
+    heavy = Linkage.from_urdf(GRIPPER, armature={"grip": 0.3})
+    assert [joint.armature for joint in heavy.joints] == [0.3, 0.0]
+    with pytest.raises(InvalidInput, match="armature names 'gripp', which is no joint with one"):
+        Linkage.from_urdf(GRIPPER, armature={"gripp": 0.3})
+    with pytest.raises(InvalidInput, match="'grip' has effort=0 and velocity=2"):
+        Linkage.from_urdf(GRIPPER.replace('effort="3"', 'effort="0"'), forces=forces, limits=True)
+
+
 def test_damping_friction_and_limits_of_the_file() -> None:
     crane = CRANE.replace("ROOT", "fixed").replace('damping="0.7"', 'damping="0.7" friction="0.2"')
     plain = Linkage.from_urdf(crane)
@@ -224,7 +263,7 @@ BROKEN = {
     "several roots": (GOOD.replace("</robot>", '<link name="c"/></robot>'), "several roots.*: a, c"),
     "no type": (GOOD.replace(' type="revolute"', ""), "has no type"),
     "a wrong type": (GOOD.replace("revolute", "Revolute"), "the type 'Revolute'; URDF has revolute"),
-    "mimic": (GOOD.replace("</joint>", '<mimic joint="k"/></joint>'), 'name="j"> mimics another'),
+    "mimic": (GOOD.replace("</joint>", '<mimic joint="k"/></joint>'), "<mimic> follows the joint 'k'"),
     "nothing moves": (GOOD.replace("revolute", "fixed"), "no joint that moves; floating=True"),
     "no mass": (GOOD.replace('mass value="1"', 'mass value="0"'), '"b"> moves and has no mass'),
     "no inertial": ("<robot>" + '<link name="a"/><link name="b"/>' + JOINT + "</robot>", "no mass"),

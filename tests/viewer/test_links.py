@@ -138,3 +138,16 @@ def test_what_is_no_linkage_is_refused() -> None:
     assert not any(
         "trail" in path for path in Scene(rods(), show=Links(trail=None)).panels()[0].nodes
     )
+
+
+def test_a_joint_in_a_given_motion_is_where_its_first_body_is() -> None:
+    rod = library.joints.chain(1, axis=[0.0, 1.0, 0.0])
+    shaken = library.joints.Shaking([0.0, 0.0, 0.1], 20.0)
+    pendulum = library.joints.Linkage(rod.links, rod.joints, motions={None: shaken})
+    start = pendulum.state(angles={0: 3.0})
+    run = lm.integrate(pendulum, lm.LieRATTLE(), start, h=0.01, steps=6, compiled=False)
+    (panel,) = Scene(run).panels()
+    (joints,) = [node for path, node in panel.nodes.items() if path.endswith("/joints")]
+    found = joints.moving["cloud"][:, 0]
+    wanted = panel.inside(np.array([[0.0, 0.0, 0.1 * np.sin(20.0 * t)] for t in run.t]))
+    assert np.abs(found - wanted).max() < 1e-12

@@ -70,11 +70,12 @@ def linked_method(plan: Any) -> Any:
     if isinstance(method, Composition):
         base, shares = method.base, zip(method.tableau.gamma, method.tableau.nodes)
     if type(base) is RKMK and base is method and base.tableau.explicit:
-        return rkmk_of(base, site) if ending is None and not site.rheonomic else None
+        special = site.rheonomic or site.geared
+        return rkmk_of(base, site) if ending is None and not special else None
     if type(base) is Taylor and base is method:
-        plainly = ending is None and not site.rheonomic and site.on_all is None
-        return taylor_of(base, site) if plainly else None
-    if type(base) is MultipleTimeSteps and base is method and ending is None:
+        special = site.rheonomic or site.geared or site.on_all is not None
+        return taylor_of(base, site) if ending is None and not special else None
+    if type(base) is MultipleTimeSteps and base is method and ending is None and not site.geared:
         table, ratio = Table(np.array([1.0, 0.0])), float(base.ratios[0])
         fast = RattleOfLinks(Exponential(), table, 1.0, 1, site.most)
         return MultipleTimeStepsOfLinks(fast, ratio, repr(method))
