@@ -828,7 +828,10 @@ def correction_of_body(
 def answers(retraction: Any, group: Any, x: Vec, by_p: Any, inverse: Mat) -> tuple[Mat, Mat]:
     """A^-1 B with B = by_p (dtau_-x)*, and dtau_x A^-1 B, by columns, in blocks of three."""
     a, b, c = dtau_blocks(retraction, group, x)
-    d, e, f = [transpose(block) for block in dtau_blocks(retraction, group, -x)]
+    if type(retraction) is Exponential:
+        d, e, f = a, b, c  # of hat(-x), whose transpose is hat(x)
+    else:
+        d, e, f = [transpose(block) for block in dtau_blocks(retraction, group, -x)]
     p, q, r, s = quarters(inverse @ by_p if isinstance(by_p, vectors.Mat) else by_p * inverse)
     top, corner = p @ d, p @ e + q @ f
     low, last = r @ d, r @ e + s @ f

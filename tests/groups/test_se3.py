@@ -353,3 +353,15 @@ def test_a_stage_beyond_a_whole_turn_ends_the_run_in_both_worlds(group: lm.LieGr
             )
         assert caught.value.trajectory is not None
         assert np.isfinite(caught.value.trajectory.mu).all()
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-6, 0.3, 2.0, 5.0])
+def test_blocks_of_dexp_are_those_of_its_matrix_and_of_its_dual(size: float) -> None:
+    """dexp_xi = [[a, 0], [b, a]] and (dexp_-xi)* = [[a, b], [0, a]]."""
+    xi = np.array([0.3, -0.7, 0.6, 1.0, 2.0, -0.7]) * size
+    a, b = (np.array(m) for m in G.algebra.dexp_blocks(lm.formulas.vec(*xi.tolist())))
+    whole = np.transpose([G.algebra.dexp(xi, unit) for unit in UNITS])
+    dual = np.transpose([G.algebra.dexp_dual(-xi, unit) for unit in UNITS])
+    scale = 1.0 + size
+    assert np.abs(whole - np.block([[a, np.zeros((3, 3))], [b, a]])).max() < 4e-15 * scale
+    assert np.abs(dual - np.block([[a, b], [np.zeros((3, 3)), a]])).max() < 4e-15 * scale
