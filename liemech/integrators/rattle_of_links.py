@@ -478,7 +478,7 @@ class RattleOfLinks(Record):
                 before = below(sites, begun if turn == 1 else there)
                 self.loads(system, t, turn, h, sites, before, new, work, state)
             if turn == 1 and system.geared:
-                each(sites, dial_here, system, old, work, state)
+                each(sites, dial_here, system.at_time(t), old, work, state)
             if turn == 1:
                 each(sites, guessed, system, h, old, past, s, work, state)
                 self.solve(system, t, h, sites, old, work, state)

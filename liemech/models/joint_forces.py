@@ -298,6 +298,11 @@ class AtJoint(Record):
             *[dot(multipliers, vec(*row)) for row in joint.paces_by_coordinates(first, second)]
         )
 
+    def rotor(self, g: Vec, xi: Vec) -> Vec:
+        """The momentum of the joint's rotor, as a part of that of the bodies, A q' along its motion."""
+        push = self.joint.armature * rates_of(self.joint, g, xi)
+        return pushed([(self.joint, self.joint.motions(*both(self.joint, g)), push)], len(xi))
+
     def missed(self, t: float, g: Mat, k: Mat) -> Vec:
         """The conditions of the joint, which are zero, at the poses of its bodies."""
         return self.joint.at_time(t).value(g, k)

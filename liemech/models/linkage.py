@@ -32,11 +32,10 @@ from .joint_forces import (
     LinkageForce,
     LinkagePotential,
     acting,
-    pushed,
     rates_of,
 )
 from .joint_motion import JointAngle, JointMotion, LinkMotion
-from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors, both
+from .joints import BallJoint, Joint, Joints, Mimic, RevoluteJoint, WithRotors
 from .link import Frame, Link, LinkShape
 from .linked_joints import LinkedForm, linked
 from .mounting import (
@@ -737,13 +736,10 @@ class Linkage(ConstrainedBody):
         """Angular momentum about the origin and linear momentum of all bodies together, seen from
         space, (..., 6).
         """
-        mu, g = np.asarray(mu), np.asarray(g)
+        whole = np.asarray(mu)
         for joint in self._rotors:
-            push = joint.armature * rates_of(joint, g, self.velocity(mu))
-            mu = mu + np.asarray(
-                pushed([(joint, joint.motions(*both(joint, g)), push)], mu.shape[-1])
-            )
-        m = np.asarray(self.spatial_momentum(mu, g))
+            whole = whole + np.asarray(AtJoint(joint, ()).rotor(g, self.velocity(mu)))
+        m = np.asarray(self.spatial_momentum(whole, g))
         return m.reshape(*m.shape[:-1], len(self.links), 6).sum(axis=-2)
 
     def constants(self, states: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -722,3 +723,38 @@ def test_armature_that_does_not_fit_is_refused() -> None:
     arm = turret([0.1, 0.0, 0.4])
     with pytest.raises(lm.errors.InvalidInput, match="joint 0 has an armature and is in a given"):
         Linkage(arm.links, arm.joints, motions={0: TABLE})
+
+
+def test_the_momentum_of_a_free_pair_has_that_of_its_rotor() -> None:
+    # On a turntable the rotor takes part: J w + A q' about the axis is kept, J w alone is not.
+    up = [0.0, 0.0, 1.0]
+    joints = [
+        RevoluteJoint(0, None, [0, 0, 0], [0, 0, 0], up, up, armature=0.4),
+        RevoluteJoint(1, 0, [0.3, 0, 0], [0.2, 0, 0], [0, 1, 0], [0, 1, 0], armature=0.1),
+        RevoluteJoint(2, 1, [0, 0, 0.2], [-0.1, 0, 0], up, up, armature=0.2),
+    ]
+    links = [Link(1.0, [0.1, 0.2, 0.3]), Link(0.5, [0.1, 0.12, 0.1]), Link(0.3, [0.02, 0.03, 0.01])]
+    table = Linkage(links, joints, 0.0)
+    start = table.state(angles={1: 0.5, 2: 0.3}, rates={0: 2.0, 1: 1.0, 2: -3.0})
+    run = lm.integrate(table, lm.LieRATTLE(), start, h=0.01, steps=40, compiled=False)
+    whole = table.total_momentum(run.mu, run.g)[:, 2]
+    assert np.ptp(whole) < 1e-13 * np.abs(whole).max()
+    bodies = Linkage(links, [replace(one, armature=0.0) for one in joints], 0.0)
+    alone = bodies.total_momentum(run.mu, run.g)[:, 2]
+    assert np.abs(whole - alone - 0.4 * run.joint(0).rate).max() < 1e-13
+    assert np.ptp(alone) > 1e-3
+    assert str(run.drift()).split("spatial momentum")[1].split()[0] == "exact"
+
+
+def test_rotors_beside_a_joint_in_a_given_motion() -> None:
+    arm = turret([0.0, 0.2, 0.3])
+    shaken = Linkage(arm.links, arm.joints, motions={0: lm.joints.Shaking([0.0, 0.0, 0.05], 20.0)})
+    start, ends = shaken.state(angles={0: 0.5}, rates={1: 2.0, 2: -3.0}), []
+    for k in range(3):
+        steps = 10 * 2**k
+        run = lm.integrate(
+            shaken, lm.LieRATTLE(), start, h=0.1 / steps, steps=steps, compiled=False
+        )
+        ends.append([run.joint(j).angle[-1] for j in range(3)])
+    change = np.abs(np.diff(ends, axis=0)).max(axis=1)
+    assert abs(np.log2(change[0] / change[1]) - 2.0) < 0.05
