@@ -11,6 +11,7 @@ Reid, Direct Methods for Sparse Matrices, 2nd ed., chapter 9 (elimination).
 
 from __future__ import annotations
 
+from dataclasses import field
 from typing import Any, ClassVar
 
 from ..compiler.planes import at, below, each, load, put, save
@@ -199,7 +200,7 @@ class Links(System):
     pivots: Any
     belows: Any
     updates: Any
-    pulled: bool = True
+    pulled: bool = field(default=True, kw_only=True)
 
     @property
     def loaded(self) -> bool:
