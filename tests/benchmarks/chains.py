@@ -27,6 +27,7 @@ from harness import table, write
 from spins import least
 
 import liemech as lm
+from liemech.formulas import dot, sqrt, vec
 
 SOURCE, H = Path(__file__).with_name("chains.cpp"), 0.002
 
@@ -245,6 +246,57 @@ def hubs(chosen: Any) -> dict[str, float]:
     return found
 
 
+@lm.record
+class Charges(lm.Potential):
+    """Rods that repel each other from middle to middle, all pairs: V = k sum 1/sqrt(r^2 + a^2)."""
+
+    count: int
+    k: float
+
+    def energy(self, g: Any) -> Any:
+        """The sum over pairs."""
+        total = 0.0
+        for b in range(self.count):
+            for c in range(b):
+                apart = [g[16 * b + i] - g[16 * c + i] for i in (3, 7, 11)]
+                total = total + self.k / sqrt(dot(vec(*apart), vec(*apart)) + 0.01)
+        return total
+
+
+def several_rates(chosen: Any) -> dict[str, Any]:
+    """Processor time and error of a chain with stiff springs at its joints, and of the same with charges:
+    LieRATTLE, and n of its steps in one with the slow force.
+    """
+    kept, lines = {}, []  # type: dict[str, Any], list[Any]
+    n, turn, end = 16, [0.0, 1.0, 0.0], 0.4
+    rods = lm.joints.chain(n, axis=turn)
+    springs = [lm.joints.Spring(k, 2000.0) for k in range(n)]
+    made = lm.joints.Linkage(rods.links, rods.joints, forces=springs, potential=Charges(n, 2.0))
+    start = made.state(angles={0: 0.3, 4: 0.2})
+    exact = lm.integrate(made, lm.RKMK(order=8), start, h=end / 1600, steps=1600, progress=False).g[
+        -1
+    ]
+    runs: dict[str, Callable[[], Any]] = {}
+    errors = {}
+    for ratio, counts in ((1, (200, 400, 800)), (4, (50, 100, 200)), (16, (13, 25, 50))):
+        method: Any = lm.LieRATTLE() if ratio == 1 else lm.MultipleTimeSteps((ratio,))
+        for steps in counts[:1] if chosen.quick else counts:
+            plan = lm.Plan(made, method, h=end / steps, every=steps, compiled=True, progress=False)
+            name = f"{'LieRATTLE' if ratio == 1 else f'{ratio} fast steps in one'}, {steps}"
+            runs[name] = functools.partial(plan.run, start, steps=steps)
+            errors[name] = float(np.abs(runs[name]().g[-1] - exact).max())
+    times = least(runs, 3 if chosen.quick else 9)
+    for name in runs:
+        kept[name] = [1e3 * times[name], errors[name]]
+        lines.append([name, *kept[name]])
+    table(
+        f"{n} rods with stiff springs and charges, {end:g} s",
+        ["method, steps", "ms", "error, m"],
+        lines,
+    )
+    return kept
+
+
 COMPILED = """
 import sys, time
 import numpy as np
@@ -288,13 +340,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--peers", action="store_true", help="MuJoCo and Pinocchio, if installed")
-    parser.add_argument("--only", choices=["pace", "hubs", "reduced", "long", "compiling"])
+    parser.add_argument("--only", choices=["pace", "hubs", "reduced", "rates", "long", "compiling"])
     parser.add_argument("--out")
     chosen = parser.parse_args()
     parts = {
         "pace": pace,
         "hubs": hubs,
         "reduced": reduced,
+        "rates": several_rates,
         "long": long_run,
         "compiling": compiling,
     }

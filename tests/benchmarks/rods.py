@@ -168,6 +168,17 @@ def explicit(chosen: Any) -> dict[str, Any]:
             )
             energy = plan.run(start, steps=swing).energy
             bands["ours"] = float(np.ptp(energy) / energy[0])
+            wider = 4.0 * fine
+            plan = lm.Plan(
+                rod,
+                lm.KickDrift(order=4),
+                h=wider,
+                every=max(1, swing // 800),
+                record=("energy",),
+                progress=False,
+            )
+            energy = plan.run(start, steps=swing // 4).energy
+            bands["order 4"] = float(np.ptp(energy) / energy[0])
             if elastica is not None:
                 simulator, theirs = in_elastica(n, YOUNG, DENSITY, RADIUS)
                 energies = []
@@ -181,12 +192,13 @@ def explicit(chosen: Any) -> dict[str, Any]:
         lines.append(
             [n, ns["exp, summed"], ns["exp"], ns["Cayley, summed"], ns["Cayley"], ns["C++"], peer,
              ns["exp"] / ns["C++"], ns["Cayley"] / ns["C++"], peer and ns["exp"] / peer,
-             peer and ns["Cayley"] / peer, bands.get("ours"), bands.get("PyElastica")]
+             peer and ns["Cayley"] / peer, bands.get("ours"), bands.get("order 4"),
+             bands.get("PyElastica")]
         )  # fmt: skip
     table(
         "explicit steps: nanoseconds per element and step, ratios, and changes of the energy",
         ["elements", "exp, summed", "exp", "Cayley, summed", "Cayley", "C++", "PyElastica", "exp / C++",
-         "Cayley / C++", "exp / PyE.", "Cayley / PyE.", "energy", "PyElastica's"],
+         "Cayley / C++", "exp / PyE.", "Cayley / PyE.", "energy", "order 4, 4 h", "PyElastica's"],
         lines,
     )  # fmt: skip
     return kept

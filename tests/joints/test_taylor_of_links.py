@@ -6,9 +6,10 @@ from orders import slope
 from test_rkmk_of_links import TURN, Linkage, arm
 
 import liemech as lm
+from liemech.errors import IncompatibleSystem
 from liemech.formulas import mat, vec
 from liemech.formulas.series import Series
-from liemech.joints import BallJoint, Damper, Link, Motor, Spring
+from liemech.joints import BallJoint, Damper, Link, Motor, Shaking, Spring
 
 
 def mixed():
@@ -99,6 +100,16 @@ def test_logarithm_of_series():
         assert (
             np.abs(np.array([x[1] for x in slope]) - (ways[0] - ways[1]) / (2.0 * e)).max() < 1e-7
         )
+
+
+def test_what_is_refused():
+    rods = lm.joints.chain(3, axis=TURN)
+    start = rods.state(angles={0: 0.5})
+    with pytest.raises(IncompatibleSystem, match=r"no adaptive steps.*Exponential"):
+        lm.integrate(rods, lm.Taylor(order=6), start, t_end=0.1, rtol=1e-6)
+    shaken = Linkage(rods.links, rods.joints, motions={0: Shaking([0.0, 0.0, 0.1], 50.0)})
+    with pytest.raises(IncompatibleSystem, match="no joints in a given motion"):
+        lm.integrate(shaken, lm.Taylor(order=6), start, h=0.01, steps=2)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...compiler.planes import Planes
-from ...errors import InvalidInput, NoConvergence
+from ...errors import IncompatibleSystem, InvalidInput, NoConvergence
 from ...formulas import vec
 from ...formulas.pytree import layout_of
 from ...formulas.sites import rows_of
@@ -58,8 +58,10 @@ def linked_method(plan: Any) -> Any:
     such form.
     """
     system, site = plan._one, plan._one.site_form
-    if not isinstance(site, Links) or plan.adaptive or plan.fictive:
+    if not isinstance(site, Links) or plan.fictive:
         return None
+    if plan.adaptive:
+        return written_out(plan._steps.method, "adaptive steps")
     method = plan._steps.way_of(0)
     ending = None
     if isinstance(method, EndingAtJumps):
@@ -73,8 +75,15 @@ def linked_method(plan: Any) -> Any:
         special = site.rheonomic or site.geared
         return rkmk_of(base, site) if ending is None and not special else None
     if type(base) is Taylor and base is method:
-        special = site.rheonomic or site.geared or site.on_all is not None
-        return taylor_of(base, site) if ending is None and not special else None
+        if ending is not None:
+            return written_out(base, "steps that end where inputs jump")
+        if site.rheonomic:
+            return written_out(base, "joints in a given motion")
+        if site.geared:
+            return written_out(base, "rotors")
+        if site.on_all is not None:
+            return written_out(base, "potential or load of all bodies by one formula")
+        return taylor_of(base, site)
     if type(base) is MultipleTimeSteps and base is method and ending is None and not site.geared:
         table, ratio = Table(np.array([1.0, 0.0])), float(base.ratios[0])
         fast = RattleOfLinks(Exponential(), table, 1.0, 1, site.most)
@@ -87,6 +96,17 @@ def linked_method(plan: Any) -> Any:
     return RattleOfLinks(
         retraction, table, float(len(rows)), len(rows), site.most, repr(method), ending
     )
+
+
+def written_out(method: Any, what: str) -> None:
+    """Nothing: the equation is written out for all bodies.  Raises IncompatibleSystem for a Taylor method
+    in a chart that this equation has not.
+    """
+    if type(method) is Taylor and not isinstance(method.retraction, Exponential):
+        raise IncompatibleSystem(
+            f"{method!r}: by loops over bodies and joints there are no {what}. RKMK(order=5) may have them; "
+            f"Taylor(order={min(method.order, 14)}, retraction=Exponential()) writes the equation out for all bodies, slowly"
+        )
 
 
 def rkmk_of(method: RKMK, site: Links) -> RkmkOfLinks:
@@ -466,7 +486,7 @@ class LinksRun(SiteRun):
         if reached < 0.0:
             return NoConvergence(
                 f"{method}: at {label} conditions depend on those of other joints, so that there are no "
-                "multipliers: a dead point"
+                f"multipliers: a dead point{self._left}"
             )
         why = f"The step h = {self.h:g} is too long there; try {0.25 * self.h:g}"
         if isinstance(system, BoundBody) and system.conditions <= FEW:
@@ -480,6 +500,12 @@ class LinksRun(SiteRun):
             f"{method}: the solution that grows out of h = 0 ends at h = {reached * self.h:.3g}, at "
             f"{label}. {why}"
         )
+
+    @property
+    def _left(self) -> str:
+        """Another reason for it, of methods that leave the conditions."""
+        keeps = isinstance(self.shape.method, (RattleOfLinks, MultipleTimeStepsOfLinks))
+        return "" if keeps else f", or steps too long to stay near them; try h = {0.25 * self.h:g}"
 
     def _origin(self, error: Any, t: float) -> Any:
         """The error itself, which knows the joint."""

@@ -193,9 +193,6 @@ class SitesOfPlan:
             return "checkpoint of members"
         if plan.adaptive:
             return None
-        if self.chain is not None and (t_eval is not None or plan.options.dense or plan.events):
-            what = "events" if plan.events else "t_eval" if t_eval is not None else "dense=True"
-            return f"{what} of {plan.method!r} along a chain"
         method = uncut(steps.way_of(0))
         if method.noisy and (plan.events or t_eval is not None):
             return f"events and t_eval of {method!r}, {AT_ENDS}"
