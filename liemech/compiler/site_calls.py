@@ -44,6 +44,12 @@ class SiteCalls:
         found = self._notes[self._notes >= 0]
         return int(found.min()) if len(found) else -1
 
+    def overflowed(self) -> int | None:
+        """The first site of which a number that the last call worked with is not finite; it is forgotten."""
+        bad = ~np.isfinite(self.scratch[:, : self.count]).all(axis=0)
+        self.scratch[:] = 0.0
+        return int(np.argmax(bad)) if bad.any() else None
+
     def __call__(self, *args: Any) -> None:
         """One call, on these arguments."""
         laid_out: Any = self.kernel.on(*args)
