@@ -21,6 +21,11 @@ late, so that the next one comes to sleep as well, and all of them sleep at ever
 nobody may sleep because another was interrupted for a moment.
 """
 
+IN_TURN = 2**6
+"""Yields of all threads between two sleeps: where two share a processor, the one that wakes up is put on another
+one if that is free, which does not happen as long as they run in turn.
+"""
+
 REST = 20
 """Microseconds of a sleep."""
 
@@ -81,7 +86,12 @@ check:
   br i1 %asks, label %ask, label %pause
 pause:
   %very_long = icmp sgt i64 %k, {PATIENCE + YIELDS}
-  br i1 %very_long, label %rest, label %yield
+  %yields = getelementptr i64, ptr %crew, i64 8
+  %yielded = atomicrmw add ptr %yields, i64 1 monotonic
+  %many_times = and i64 %yielded, {IN_TURN - 1}
+  %often = icmp eq i64 %many_times, {IN_TURN - 1}
+  %sleepy = or i1 %very_long, %often
+  br i1 %sleepy, label %rest, label %yield
 yield:
   %nothing = call i32 @liemech_yield()
   br label %wait
@@ -101,7 +111,8 @@ through:
 """
 """Wait for all threads, and say what any of them says: flags.  The words of the crew: how many
 threads there are, how many have arrived, how often all have met, what they have said so far, what
-was said at the last two meetings, and whether one has given up waiting.
+was said at the last two meetings, whether one has given up waiting, a word for scratch memory, and how
+often threads have let others have their processor.
 """
 
 

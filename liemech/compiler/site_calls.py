@@ -44,6 +44,12 @@ class SiteCalls:
         found = self._notes[self._notes >= 0]
         return int(found.min()) if len(found) else -1
 
+    def overflowed(self) -> int | None:
+        """The first site of which a number that the last call worked with is not finite; it is forgotten."""
+        bad = ~np.isfinite(self.scratch[:, : self.count]).all(axis=0)
+        self.scratch[:] = 0.0
+        return int(np.argmax(bad)) if bad.any() else None
+
     def __call__(self, *args: Any) -> None:
         """One call, on these arguments."""
         laid_out: Any = self.kernel.on(*args)
@@ -54,7 +60,7 @@ class SiteCalls:
         """One call, on arguments that are laid out already."""
         self._notes[:] = -1
         crew = np.zeros(WORDS, dtype=np.int64)
-        crew[0], crew[-1] = len(self.shares), len(self.scratch)
+        crew[0], crew[7] = len(self.shares), len(self.scratch)
         works = [
             functools.partial(
                 self.kernel.run, numbers, integers, [*arrays, self.scratch, notes, crew], 1, *share
@@ -85,8 +91,8 @@ SHARE = 2**14
 PAIRS = 2**18
 """The same, where all pairs of sites meet, in numbers of sites times sites; many barriers divide them."""
 
-WORDS = 8
-"""Integers that threads share at their barriers; the last one says how many rows of scratch memory
+WORDS = 9
+"""Integers that threads share at their barriers; the eighth one says how many rows of scratch memory
 there are.
 """
 

@@ -497,6 +497,27 @@ def test_overflow_is_told() -> None:
         )
 
 
+@pytest.mark.parametrize("method", [lm.SublatticeSplitting(4), lm.BondSplitting()], ids=repr)
+@pytest.mark.parametrize("every", [1, 100])
+def test_the_site_that_overflows_is_named(method: Any, every: int) -> None:
+    fields = np.outer(np.arange(40) == 23, [0.0, 0.0, 1e200])
+    system = spins(40, Exchange(1.0).over(near.ring(40)), Zeeman(lm.each(fields)))
+    start = system.state(mu=directions(40))
+    with pytest.raises(IntegrationFailure, match=r"overflowed.*site 23, after step 0") as caught:
+        lm.integrate(system, method, start, h=0.1, steps=100, every=every, progress=False)
+    assert caught.value.trajectory.t[-1] == 0.0
+
+
+@pytest.mark.parametrize("method", [lm.SphericalMidpoint(), lm.ImplicitMidpoint()], ids=repr)
+def test_midpoints_name_a_site_beside_the_one_that_is_huge(method: Any) -> None:
+    if lm.compiler.kernel.available() is not None:
+        pytest.skip("needs llvmlite")
+    system, mu = spins(200, Exchange(1.0).over(near.ring(200))), directions(200)
+    mu[77] *= 1e200
+    with pytest.raises(IntegrationFailure, match=r"site 7[678], step 1 "):
+        lm.integrate(system, method, system.state(mu=mu), h=0.1, steps=5, progress=False)
+
+
 # ------------------------------------------------------------------ refusals
 
 

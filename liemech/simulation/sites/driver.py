@@ -221,7 +221,7 @@ def require_finite(value: Any) -> None:
     """Raise NotFinite where the sum of the numbers of a value is not finite."""
     total = added([*numbers(value)])
     if not total - total == 0.0:
-        raise NotFinite("the step overflowed or left the domain of a formula; a smaller h may help")
+        raise NotFinite(OVERFLOW)
 
 
 # ------------------------------------------------------------------ adaptive steps
@@ -401,6 +401,8 @@ class March(Record):
     begun: float
     why: float
 
+
+OVERFLOW = "the step overflowed or left the domain of a formula; a smaller h may help"
 
 MARCH = layout_of(March(0.0, 0.0, 0.0))
 

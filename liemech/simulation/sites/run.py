@@ -525,7 +525,7 @@ class SiteRun(Course):
             error = self._why(
                 failures, self.notes, lambda i: one_site(self.count, i, one_step, *given)
             )
-            raise self._ended(self._origin(error, t), at)
+            raise self._ended(self._overflowed(self._origin(error, t)), at)
         if clock[MARK] == STUCK and clock[ANEW] == 0.0:
             error = failures[-1] if failures else None
             raise (
@@ -591,6 +591,14 @@ class SiteRun(Course):
                 f"does not settle. The step h = {self.h:g} may be too large; try {0.25 * self.h:g}"
             )
         return None
+
+    def _overflowed(self, error: Any) -> Any:
+        """The error, with the first site whose numbers overflowed, where all sites failed together."""
+        calls = self.shape.stepping.on_sites(self.count, self.workers) if self.compiled else None
+        site = None if calls is None else calls.overflowed()
+        if site is not None and isinstance(error, NoConvergence) and not hasattr(error, "site"):
+            error.site = site  # type: ignore[attr-defined]
+        return error
 
     def _origin(self, error: Any, t: float) -> Any:
         """The error of the first site whose own velocity is not finite before the step that failed: in

@@ -4,6 +4,7 @@ memory, while the others rest, or all those with a bond of one colour turn at th
 
 from __future__ import annotations
 
+import bisect
 from typing import Any
 
 import numpy as np
@@ -25,12 +26,10 @@ from ...systems.tabulated import NEAR, during
 from ...systems.terms import at_time
 from ...systems.terms_at_site import at_this_site
 from ..compiled.control import MARK, STUCK, TAKEN, TIME
-from .driver import CROSSED
+from .driver import CROSSED, OVERFLOW
 from .execution import SiteExecution
 from .run import SiteRun
 from .totals import totals_in
-
-OVERFLOW = "the step overflowed or left the domain of a formula; a smaller h may help"
 
 ROWS = 2**21
 """Numbers of states that are made before they are looked into."""
@@ -285,7 +284,7 @@ class TurnsRun(SiteRun):
     clock: np.ndarray
     last: Any = None  # all states at the node, by their places
     old: Any = None  # those at the node before it
-    broken: Any = None  # states that are not finite, by their places
+    before: Any = None  # the sites and the clock before the last call, and how many steps it made
     torn = False  # are the sites further than the steps that were looked into?
 
     def _room_for(self, width: int) -> Planes:
@@ -325,7 +324,7 @@ class TurnsRun(SiteRun):
         self.clocks[TAKEN] += turns * good
         self.clocks[0] = self.t0 + self.clocks[TAKEN] * self.h
         if good < len(rows):
-            self.clocks[MARK], self.broken = STUCK, rows[good]
+            self.clocks[MARK] = STUCK
         if whole:
             self._show(first, self._seen(rows[:good]))
             self.made += good
@@ -403,7 +402,7 @@ class TurnsRun(SiteRun):
         self.clocks[TIME] = self.t0 + self.clocks[TAKEN] * self.h
         good = bool(np.isfinite(row).all())
         if not good:
-            self.clocks[MARK], self.broken = STUCK, row
+            self.clocks[MARK] = STUCK
         return good
 
     def _stand(self, totals: np.ndarray, begun: float | None = None) -> None:
@@ -519,6 +518,7 @@ class TurnsRun(SiteRun):
         seen = Planes.of_rows(width * samples * shown, count)
         arguments: Any = *turning.arguments, self.t0, turns, samples, shown, self.turned, seen
         self.notes, self.failures = -1, []
+        self.before = self.turned.array.copy(), self.clock.copy(), turns * samples
         self._make(arguments, self.clock)
         if not shown:
             self.last = None
@@ -553,11 +553,32 @@ class TurnsRun(SiteRun):
 
     def _fail(self) -> None:
         """A state that is not finite ends the run."""
-        step = self.taken
-        places = np.flatnonzero(~np.isfinite(self.broken).all(axis=0))
-        sites = np.unique(self.shape.turning.places.sites[places])
-        beside = len(sites) - 1
-        others = f"; so did {beside} other site{'s' * (beside > 1)}" if beside else ""
-        error: Any = NotFinite(OVERFLOW + others)
-        error.site = int(sites[0])
+        step, error = self.taken, NotFinite(OVERFLOW)
+        site = self._first_not_finite()
+        if site is not None:
+            error.site = site  # type: ignore[attr-defined]
         raise self._ended(error, f"after step {step}, t = {self.t0 + step * self.h:g}")
+
+    def _first_not_finite(self) -> int | None:
+        """The first of the sites whose states are not finite after the first turn that leads to any: the
+        last call is made anew, up to the first step that fails, and then that step turn by turn.
+        """
+        if self.before is None or self.turned is None:
+            return None
+        array, clock, total = self.before
+        turning, width, count = self.shape.turning, self.shape.started.width, self.turned.count
+        turns, layout, h, number = turning.arguments
+
+        def after(steps: int, number: int = number, shown: int = 1) -> tuple[Any, Any, int | None]:
+            """The sites, the clock, and the first site that is not finite, after so many turns of steps."""
+            sites, told = Planes(array.copy(), count), clock.copy()
+            seen = Planes.of_rows(width * shown, count)
+            self._make((turns, layout, h, number, self.t0, steps, 1, shown, sites, seen), told)
+            rows = np.concatenate([sites.array, seen.array])[:, :count]
+            bad = turning.places.sites[~np.isfinite(rows).all(axis=0)]
+            return sites.array, told, int(bad.min()) if len(bad) else None
+
+        step = bisect.bisect_left(range(1, total + 1), True, key=lambda k: after(k)[2] is not None)
+        array, clock, _ = after(step)
+        found = (after(1, k, 0)[2] for k in range(1, number + 1))
+        return next((site for site in found if site is not None), after(1)[2])
