@@ -167,16 +167,14 @@ def test_a_site_that_fails(compiled: Any) -> None:
 
 
 def test_a_site_that_fails_among_colours() -> None:
-    """Which overflowed is told of those that the turns of a step have reached, and of which member."""
+    """The site that overflowed is told, or a neighbour of it, and of which member."""
     mu = np.stack([directions(), directions()])
     mu[1, 17] *= 1e200
     system = spins()
-    with pytest.raises(
-        NotFinite, match=r"so did \d other sites \[site 1[567], after step 0"
-    ) as caught:
+    with pytest.raises(NotFinite, match=r"\[site 1[67], after step 0") as caught:
         lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=mu[1]), h=0.05, steps=30)
     assert caught.value.trajectory.mu.shape == (1, N, 3)
-    with pytest.warns(RuntimeWarning, match=r"member 1 after 0 steps.*\[site 1[567]"):
+    with pytest.warns(RuntimeWarning, match=r"member 1 after 0 steps.*\[site 1[67]"):
         both = lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=mu), h=0.05, steps=3)
     alone = lm.integrate(system, lm.SublatticeSplitting(), system.state(mu=mu[0]), h=0.05, steps=3)
     assert np.array_equal(both.mu[:, 0], alone.mu)

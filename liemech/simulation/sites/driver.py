@@ -88,7 +88,7 @@ class OverSites(Record):
 
     def settle(self, system: Any, t: float, here: int) -> None:
         """Find what is shown of the state to which steps have led, if the method does not always do so."""
-        if self.method.together and self.method.settles:
+        if self.method.settles:
             self.method.settle(system, t, self.sites, here, self.memory)
 
     def observe(self, place: Place) -> Nothing:
@@ -248,6 +248,7 @@ class Embedded(Record):
     method: Any
     curves: bool
     ending: ClassVar[None] = None
+    settles: ClassVar[bool] = False
 
     @property
     def shortens(self) -> bool:

@@ -140,8 +140,8 @@ class SitesOfPlan:
 
     @functools.cached_property
     def of_all(self) -> dict[str, Callable[..., Any]]:
-        """Recorded functions of the state of all sites together, by name."""
-        recorder = self.plan.recorder
+        """Recorded functions of the state of all sites together, by name; those of linkages are found at the end."""
+        recorder = self.plan.recorder if not isinstance(self.site, Links) else None
         quantities = {} if recorder is None else recorder.quantities
         return {
             name: x for name, of, x in self.functions if of not in OF_SITES and name in quantities
