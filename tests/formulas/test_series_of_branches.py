@@ -70,7 +70,7 @@ def test_series_pass_both_ways_of_a_branch(system: Any) -> None:
     [
         (Springs(), lm.Taylor(order=2)),
         (Arm(), lm.Taylor(order=3)),
-        (Arm(), lm.HamiltonJacobi(order=3)),
+        pytest.param(Arm(), lm.HamiltonJacobi(order=3), marks=pytest.mark.slow),
         pytest.param(Springs(), lm.HamiltonJacobi(order=3), marks=pytest.mark.slow),
     ],
     ids=lambda x: type(x).__name__,

@@ -746,6 +746,7 @@ def test_the_momentum_of_a_free_pair_has_that_of_its_rotor() -> None:
     assert str(run.drift()).split("spatial momentum")[1].split()[0] == "exact"
 
 
+@pytest.mark.slow
 def test_rotors_beside_a_joint_in_a_given_motion() -> None:
     arm = turret([0.0, 0.2, 0.3])
     shaken = Linkage(arm.links, arm.joints, motions={0: lm.joints.Shaking([0.0, 0.0, 0.05], 20.0)})

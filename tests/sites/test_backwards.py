@@ -532,6 +532,7 @@ def test_a_symplectic_step_in_plain_python() -> None:
     assert np.abs(back(plan, start, {1: w})[0] - wanted).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_few_adaptive_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """The map of the steps that were accepted, as where the system is written out."""
     start, w = spins(3).state(mu=directions(3)), np.arange(9.0)
