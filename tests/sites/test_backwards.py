@@ -532,6 +532,27 @@ def test_a_symplectic_step_in_plain_python() -> None:
     assert np.abs(back(plan, start, {1: w})[0] - wanted).max() < 1e-14
 
 
+@native
+@pytest.mark.slow
+def test_adaptive_taylor_steps() -> None:
+    """Without a way back: the derivative of the end, from that along every component of the start."""
+    system, v = spins(9), np.random.default_rng(3).normal(size=(9, 3))
+    m = directions(9)
+    plan = lm.Plan(system, lm.Taylor(8), rtol=1e-9, atol=1e-9, progress=False)
+    loss = lambda site: site.mu[0] ** 2 * site.mu[1]  # noqa: E731
+    by_start = plan.gradient(loss, system.state(mu=m), t_end=1.0, by=["start"])["start"]
+
+    def value(e: float) -> float:
+        accurate = plan.replace(rtol=1e-12, atol=1e-12)
+        end = accurate.run(system.state(mu=m + e * v), t_end=1.0).mu[-1]
+        return float(np.sum(end[:, 0] ** 2 * end[:, 1]))
+
+    slope = (value(1e-4) - value(-1e-4)) / 2e-4
+    assert by_start @ v.ravel() == pytest.approx(slope, rel=1e-6)
+    with pytest.raises(IncompatibleSystem, match="the end alone"):
+        plan.gradient(loss, system.state(mu=m), t_end=1.0, by=["start"], every=1, along=loss)
+
+
 @pytest.mark.slow
 def test_few_adaptive_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """The map of the steps that were accepted, as where the system is written out."""

@@ -181,6 +181,17 @@ def test_a_site_that_fails_among_colours() -> None:
 
 
 @native
+def test_functions_of_all_sites_beside_those_of_one() -> None:
+    """Few sites go by sites, too, where something is of one of them."""
+    wanted: Any = [("first", lambda t, state: state.mu[0]), ("spin", lambda t, site: site.mu)]
+    system = spins(9)
+    plan = lm.Plan(system, lm.RKMK(order=4), h=0.05, every=4, compiled=False)
+    run = plan.run(system.state(mu=directions(9)), steps=8)
+    found = plan.replace(record=wanted).run(system.state(mu=directions(9)), steps=8)
+    assert np.array_equal(found.first, run.mu[:, 0, 0])
+    assert np.allclose(found.spin, run.mu.sum(axis=1), rtol=0.0, atol=1e-14)
+
+
 def test_functions_of_all_sites() -> None:
     """Of more sites than are written out they are computed sample by sample, in plain Python."""
     n = 120

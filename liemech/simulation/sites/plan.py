@@ -232,7 +232,7 @@ class SitesOfPlan:
         numbers = state.width // (state.bodies or 1)
         if not self.takes(start):
             return None
-        few = fresh and numbers <= LARGE and self.as_one_body
+        few = fresh and numbers <= LARGE and self.as_one_body and self.of_sites is None
         why: Any = self.missing(t_eval, kept, state.bodies is not None, few)
         if why is None and state.bodies is not None:
             return self._members(state, steps, t_end, t0, t_eval)

@@ -41,6 +41,8 @@ def gradient_by_sites(
             f"Plan.{what}: many sites go member by member: give one start at a time"
         )
     state, ends = plan._sites.started(plan, start), None
+    asked = {"steps": steps, "t_end": t_end, "t0": t0}
+    adaptive = plan if plan.adaptive else None
     if plan.adaptive:
         plan, ends, _ = steps_of(plan._sites, state, steps, t_end, t0)
         steps, t0 = len(ends) - 1, 0.0
@@ -73,7 +75,14 @@ def gradient_by_sites(
         for k, n in enumerate(numbers if along is not None else []):
             more, slope = _of_sites(along, "along", shown, run, k)
             value, felt[n] = value + more, felt.get(n, 0.0) + slope
-    if by_directions:
+    if by_directions and adaptive is not None:
+        if [*felt] != [steps]:
+            raise IncompatibleSystem(
+                f"Plan.{what}: of adaptive steps of {plan.method!r} the derivative is that of the end alone"
+            )
+        made = adaptive.tangent(start, **asked, against=felt[steps])
+        by = {"start": made.tangent["against"][-1]}
+    elif by_directions:
         by = {"start": _by_directions(plan, start, t0, felt)}
     else:
         found, by = back.back(felt)
