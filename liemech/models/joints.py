@@ -645,6 +645,20 @@ class WithRotors(Constraint):
     rotors: tuple[tuple[Any, ...], ...]
     lightness: Vec
 
+    def at_time(self, t: float) -> WithRotors:
+        """These conditions at time t; joints with rotors follow no path."""
+        return with_fields(self, held=self.held.at_time(t))
+
+    @property
+    def rheonomic(self) -> bool:
+        """Do those of the joints change with time?"""
+        return self.held.rheonomic
+
+    def paces(self, g: Vec) -> list[Any]:
+        """dc/dt of the joints; rotors turn with what they find."""
+        found = self.held.paces(g)
+        return [*found, *[0.0 for _ in self.rotors]] if len(found) > 0 else found
+
     @property
     def yields(self) -> tuple[Any, ...]:
         """1/A of each condition; 0 of those of joints, and of those that follow another one."""

@@ -186,7 +186,10 @@ def linked(linkage: Any) -> LinkedForm:
     bent = on_all is not None and on_all.load is not None
     pushed = bent or any(one.loads for one in acts)
     moving = given.constraint.rheonomic
+    meshes: dict[tuple[int, int], float] = given.meshes if geared else {}
     hubs = hubs_in(ends)
+    if any(all(b < 0 or b in hubs for b in ends[j]) for j, _ in meshes):
+        hubs = []  # a joint of hubs alone has no block before them, and would be needed by what shares its rotor
     parts = -(-6 // most) if hubs else 0  # nodes of a hub
     rows = Rows.of(
         full,
@@ -209,7 +212,6 @@ def linked(linkage: Any) -> LinkedForm:
         inverse = np.linalg.inv(J) if full else 1.0 / J
         fixed[: rows.weight, b] = np.concatenate([J.ravel(), inverse.ravel()])
     fixed[rows.weight, : len(given.links)] = [link.mass * given.gravity for link in given.links]
-    meshes: dict[tuple[int, int], float] = given.meshes if geared else {}
     shared = {j: (SHARED + min(j, *[k for i, k in meshes if i == j]),) for j, _ in meshes}
     tables, blocks, ties, at_blocks = tables_of(
         [(*bodies_of, *shared.get(j, ())) for j, bodies_of in enumerate(ends)], hubs, parts, places

@@ -2,6 +2,8 @@
 minimal coordinates.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from orders import slope
@@ -266,3 +268,18 @@ def test_the_report_has_lines_for_joints_in_given_motions() -> None:
     assert str(run.drift()).count("exact") == 4
     off = lm.joints.Linkage(rods.links, rods.joints)  # which does not know of the motion
     assert np.abs(np.array(off.conditions_at(run.mu[-1], run.g[-1])[0])).max() > 1e-3
+
+
+def test_a_given_motion_brings_energy_to_rotors_too():
+    """The multipliers of a linkage with rotors see the motion: energy grows by its work, to h^2."""
+    rods = lm.joints.chain(3, axis=TURN)
+    geared = [*rods.joints[:2], replace(rods.joints[2], armature=0.3)]
+    linkage = lm.joints.Linkage(rods.links, geared, motions={0: Swing(0.7, 3.0)})
+    start = linkage.state(angles={1: 0.4}, rates={2: 1.0})
+    off = []
+    for steps in (20, 40):
+        run = lm.integrate(
+            linkage, lm.LieRATTLE(), start, h=0.2 / steps, steps=steps, compiled=False
+        )
+        off.append(run.energy[-1] - run.energy[0] - run.joint(0).given_work[-1])
+    assert abs(off[1]) < 1e-3 and off[0] / off[1] == pytest.approx(4.0, abs=0.3)

@@ -125,3 +125,24 @@ def test_work_of_a_hub_grows_like_its_joints() -> None:
     assert np.allclose(*cost, rtol=0.2)
     assert not hubs_in([(k, k - 1) for k in range(50)])  # a chain has none
     assert chain(9).linked.links.parts == 0
+
+
+def test_a_mimic_of_the_joint_that_holds_a_hub() -> None:
+    """The joint to the ground has no block before the motion of the hub: its rotor drives another one."""
+    n, errors = 8, []
+    hinges = [RevoluteJoint(0, None, [0, 0, 0.1], [0, 0, 0], TURN, TURN, armature=0.3)]
+    for k in range(n):
+        rim = [0.3 * np.cos(k), 0.0, 0.3 * np.sin(k)]
+        hinges.append(RevoluteJoint(k + 1, 0, [0, 0, 0.2], rim, TURN, TURN))
+    links = [Link(1.0, [0.1, 0.12, 0.09])] * (n + 1)
+    linkage = Linkage(links, hinges, mimics=[lm.joints.Mimic(2, 0, ratio=2.0)])
+    angles = {k + 1: 0.2 * k for k in range(n) if k != 1}
+    start = linkage.state(angles={0: 0.1, **angles}, rates={0: 1.0, 1: 0.5})
+    for steps in (5, 10):
+        run = lm.integrate(
+            linkage, lm.LieRATTLE(), start, h=0.1 / steps, steps=steps, compiled=False
+        )
+        errors.append(abs(run.energy[-1] - run.energy[0]))
+        turned = np.diff([run.joint(k).angle[[0, -1]] for k in (2, 0)])
+        assert abs(turned[0, 0] - 2.0 * turned[1, 0]) < 1e-13
+    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.2)
