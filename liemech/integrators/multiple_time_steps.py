@@ -262,7 +262,8 @@ class MultipleTimeSteps(Remembering):
             return None
         if isinstance(system.site_form, Links):
             raise IncompatibleSystem(
-                f"{self!r}: a linkage steps this way by loops over bodies and joints, in runs of fixed steps"
+                f"{self!r}: a linkage steps this way by loops over bodies and joints, in runs of fixed steps, "
+                "without inputs that jump and without rotors (armature=)"
             )
         if isinstance(system, MechanicalSystem):
             fastest, *slower = self._parts(system)
