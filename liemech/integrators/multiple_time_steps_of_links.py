@@ -25,16 +25,10 @@ from .rattle_of_links import (
     LinkMemory,
     RattleOfLinks,
     copied,
-    coupled,
-    excess_of,
-    factored,
+    found_off_the_constraint,
     joints_here,
     pull_on,
     pulled_together,
-    scattered,
-    solved,
-    tied,
-    wrench_of_impulses,
 )
 
 
@@ -100,15 +94,8 @@ class MultipleTimeStepsOfLinks(Record):
 
     def kick(self, system: Any, h: float, sites: Any, place: Any, work: Any, state: Layout) -> None:
         """A kick by the slow force, and impulses that take away what leads off the constraint."""
-        first, n = system.rows.first, system.most
         each(sites, slowly_kicked, system, h, place, work, state)
-        each(sites, excess_of, system, work)
-        each(sites, tied, system, first, n, work)
-        coupled(system, work, first, 1.0, n)
-        factored(system, work, 1.0, n)
-        solved(system, work, n)
-        each(sites, wrench_of_impulses, system, work)
-        scattered(system, work)
+        found_off_the_constraint(system, sites, work)
         each(sites, without_excess, system, place, work, state)
 
 

@@ -397,19 +397,13 @@ class RattleOfLinks(Record):
         """Find what is shown of the state to which steps have led: its momentum without what leads off
         the constraint, mu - G* l' with G J^-1 (mu - G* l') = 0.  Steps go on as if nobody had looked.
         """
-        (state, pasts, _), rows, n = memory.parts, system.rows, system.most
+        (state, pasts, _), rows = memory.parts, system.rows
         work, place = below(sites, 2 * memory.width), below(sites, here * memory.width)
         shown = below(place, state.width + pasts.width)
         if system.loaded:
             each(sites, shown_as_it_is, place, shown, state)
         elif at(below(work, rows.note), 0, 2, NUMBER) == READY:
-            each(sites, excess_of, system, work)
-            each(sites, tied, system, rows.first, n, work)
-            coupled(system, work, rows.first, 1.0, n)
-            factored(system, work, 1.0, n)
-            solved(system, work, n)
-            each(sites, wrench_of_impulses, system, work)
-            scattered(system, work)
+            found_off_the_constraint(system, sites, work)
             each(sites, shown_on_the_constraint, system, place, shown, work, state)
 
     def settle_anew(self, system: Any, t: float, sites: Any, here: int, memory: Layout) -> None:
@@ -1232,6 +1226,18 @@ def tied(system: Any, begins: int, n: int, work: Any) -> None:
 def chosen(second: float, a: Mat, b: Mat) -> Mat:
     """One of two matrices: the second one, if `second` is 1."""
     return mat(*[vec(*[where(second > 0.0, y, x) for x, y in zip(u, v)]) for u, v in zip(a, b)])
+
+
+def found_off_the_constraint(system: Any, sites: Any, work: Any) -> None:
+    """The impulses l' of what leads off the constraint, G J^-1 (mu - G* l') = 0, and their pull on bodies."""
+    first, n = system.rows.first, system.most
+    each(sites, excess_of, system, work)
+    each(sites, tied, system, first, n, work)
+    coupled(system, work, first, 1.0, n)
+    factored(system, work, 1.0, n)
+    solved(system, work, n)
+    each(sites, wrench_of_impulses, system, work)
+    scattered(system, work)
 
 
 def excess_of(system: Any, work: Any) -> None:
